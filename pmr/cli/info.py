@@ -45,6 +45,8 @@ def describe_file(file: Path) -> dict[str, str]:
 
 def describe_system(system: System) -> dict[str, str]:
     """Return lines, by name, about a system of several bodies: its bodies, paths, inputs, outputs and frequencies."""
+    from pmr.scene.keys import path_unit
+
     scene = system.provenance.get("scene")
     title = scene.get("title", "unknown") if isinstance(scene, dict) else "unknown"
     rows = {
@@ -55,7 +57,7 @@ def describe_system(system: System) -> dict[str, str]:
         rows[f"body {name}"] = f"{body.size} coordinates; outputs: {_describe_outputs(body)}"
     pushing = {True: "holds both ways", False: "only pushes"}
     contacts = [f"{contact.name} ({pushing[contact.clearance is None]})" for contact in system.contacts]
-    ranges = [f"{path} from {low:.4g} to {high:.4g} {_path_unit(path)}" for path, (low, high) in system.ranges.items()]
+    ranges = [f"{path} from {low:.4g} to {high:.4g} {path_unit(path)}" for path, (low, high) in system.ranges.items()]
     return rows | {
         **_describe_inputs(system.input_names, system.input_units),
         "contacts": f"{len(contacts)}: {_list_names(contacts)}",
@@ -72,13 +74,14 @@ def _frequencies(system: System) -> dict[str, str]:
     import numpy as np
 
     from pmr.errors import InputError, SimulationError
+    from pmr.scene.keys import path_unit
     from pmr.simulation.moving import path_ranges
     from pmr.system.assembly import Assembly
 
     rows, ranges = dict[str, str](), path_ranges(system)
     for end in (0, 1):
         s = {path: ends[end] for path, ends in ranges.items()}
-        where = ", ".join(f"{path} at {at:.4g} {_path_unit(path)}" for path, at in s.items()) or "at rest"
+        where = ", ".join(f"{path} at {at:.4g} {path_unit(path)}" for path, at in s.items()) or "at rest"
         try:
             hertz = Assembly(system).frequencies(system.side_coordinates(s), FREQUENCIES)
         except (InputError, SimulationError, np.linalg.LinAlgError):
@@ -86,13 +89,6 @@ def _frequencies(system: System) -> dict[str, str]:
         without = ", without second order" if system.terms else ""
         rows[f"frequencies, {where}{without}"] = f"{', '.join(f'{f:.4g}' for f in hertz if np.isfinite(f))} Hz"
     return rows
-
-
-def _path_unit(path: str) -> str:
-    """Return the unit of a path's coordinate, m or rad."""
-    from pmr.scene.keys import LUFFING
-
-    return "rad" if path == LUFFING else "m"
 
 
 def _list_names(names: list[str]) -> str:

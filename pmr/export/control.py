@@ -22,6 +22,7 @@ from pmr.export.state_space import PLACES, StateSpace, path_positions, saved_sys
 from pmr.files.arrays import Array
 from pmr.files.whole import replacement_file, write_text
 from pmr.scene.frame import INERTIA, MINUS_THE_ACCELERATION
+from pmr.scene.keys import LUFFING, path_unit
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
@@ -143,7 +144,7 @@ def _response_table(space: StateSpace, f: Array, response: NDArray[np.complex128
     There are S grid points; f (W,) are frequencies in Hz.
     """
     of = [f"{output} / {name}" for name in space.inputs]
-    places = ["s in m"] if len(space.paths) < 2 else [f'"{path} in m"' for path in space.paths]
+    places = ["s in m"] if len(space.paths) < 2 else [f'"{path} in {path_unit(path)}"' for path in space.paths]
     lines = [",".join([*places, "f in Hz", *(f'"{what} of {pair}"' for pair in of for what in ("gain", "phase"))])]
     gain, phase = np.abs(response), np.degrees(np.angle(response))
     for k, s in enumerate(space.grid.reshape(len(space.s), -1)):
@@ -157,13 +158,17 @@ def _draw(space: StateSpace, f: Array, gain: Array, output: str, target: Path) -
     """Draw the `gain` (S, W, i) over S grid points and frequencies f (W,) in Hz, as the .png file `target`.
 
     `output` names the output in titles.  There is one panel for each input.  Several paths are drawn over the sum of
-    their coordinates; if this sum is the same everywhere, a panel has a single curve.  Gains below the share `FLOOR` of
+    their extensions, or over the luffing angle if this sum is the same everywhere; if the angle is, too, a panel has a
+    single curve.  Gains below the share `FLOOR` of
     the largest are drawn as this share.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    together, axis = space.s.sum(axis=1), "s in m" if len(space.paths) < 2 else "sum of extensions in m"
+    extends = [path != LUFFING for path in space.paths]
+    together, axis = space.s[:, extends].sum(axis=1), "s in m" if len(space.paths) < 2 else "sum of extensions in m"
+    if LUFFING in space.paths and np.ptp(together) == 0.0:
+        together, axis = space.s[:, space.paths.index(LUFFING)], f"{LUFFING} in {path_unit(LUFFING)}"
     order = np.argsort(together, kind="stable")
     figure = Figure(figsize=(5.0 * len(space.inputs), 4.0), layout="constrained")
     FigureCanvasAgg(figure)

@@ -31,7 +31,7 @@ from pmr.export.formats import Options
 from pmr.files.arrays import Array, Mask
 from pmr.files.whole import write_text
 from pmr.scene.built import force_name
-from pmr.scene.keys import ALONE, LUFFING_CYLINDER, SLIDER
+from pmr.scene.keys import ALONE, LUFFING_CYLINDER, SLIDER, path_unit
 from pmr.simulation.modal import Modes, diagonalise, modal_damping
 from pmr.simulation.moving import path_ranges
 from pmr.system.assembly import Assembly
@@ -69,8 +69,9 @@ class StateSpace:
 
     def place(self, k: int) -> str:
         """Text of the path coordinates of the k-th grid point, with all digits."""
-        names = ("s",) if self.paths == (SLIDER,) else self.paths
-        return ", ".join(f"{name} = {float(at)!r} m" for name, at in zip(names, self.s[k], strict=True)) or "at rest"
+        names = {path: "s" if self.paths == (SLIDER,) else path for path in self.paths}
+        places = zip(self.paths, self.s[k].tolist(), strict=True)
+        return ", ".join(f"{names[path]} = {at!r} {path_unit(path)}" for path, at in places) or "at rest"
 
     @property
     def natural(self) -> Array:
@@ -167,7 +168,9 @@ class _HeldSystem:
         """
         soft, r, B = rows.select(~firm), len(omega2), assembly.B.toarray()
         names = [name for name, rigid in zip(assembly.system.contact_names, firm, strict=True) if not rigid]
-        where = ", ".join(f"{path} at {at:g} m" for path, at in zip(assembly.system.paths, s, strict=True))
+        where = ", ".join(
+            f"{path} at {at:g} {path_unit(path)}" for path, at in zip(assembly.system.paths, s, strict=True)
+        )
         check_determined(soft.F[None], names, lambda _: where)
         C = soft.C @ X
         answers = np.linalg.solve(soft.F, np.hstack([C, soft.H]))
@@ -243,7 +246,7 @@ def path_positions(system: System, text: str | None) -> Mapping[str, Array]:
         return {path: np.linspace(low, high, count) for path, (low, high) in ends.items()}
     if not ranges:
         raise InputError("command line", "--at", text, "none is allowed: nothing travels")
-    limits = ", ".join(f"{path} from {low:g} to {high:g} m" for path, (low, high) in ranges.items())
+    limits = ", ".join(f"{path} from {low:g} to {high:g} {path_unit(path)}" for path, (low, high) in ranges.items())
     of_each = ",".join(f"{path}={low:g}" for path, (low, _) in ranges.items())
     allowed = f"each path by its name, places separated by ;, is allowed, such as {of_each!r}: {limits}"
     alone, points = next(iter(ranges)) if len(ranges) == 1 and "=" not in text else "", list[dict[str, float]]()

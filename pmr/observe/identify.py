@@ -25,7 +25,7 @@ import scipy.optimize
 from pmr.errors import InputError, missing_file_reason
 from pmr.files.arrays import Array
 from pmr.results.quantities import QUANTITIES, unit_text
-from pmr.scene.keys import LUFFING
+from pmr.scene.keys import path_unit
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
@@ -203,11 +203,6 @@ def read_table(file: Path) -> NumberTable:
     return NumberTable(names, values, units)
 
 
-def _path_unit(path: str) -> str:
-    """Unit in which a place on a path is read."""
-    return "rad" if path == LUFFING else "m"
-
-
 @dataclass(frozen=True)
 class FrequencyTable:
     """Measured frequencies at k places of P paths."""
@@ -235,7 +230,7 @@ class FrequencyTable:
             allowed = f"columns by paths or {PLACE}, then f1, f2, ..., {further}, each once, are allowed"
             raise InputError(str(file), "columns", list(names), allowed)
         shares = dict.fromkeys((*ratios, HELD_OUT, DEVIATION), "1")
-        table.check_units(file, dict.fromkeys(modes, "Hz") | shares | {path: _path_unit(path) for path in paths})
+        table.check_units(file, dict.fromkeys(modes, "Hz") | shares | {path: path_unit(path) for path in paths})
         of = dict(zip(names, values.T, strict=True))
         held_out, deviation = of.get(HELD_OUT, np.zeros(len(values))), of.get(DEVIATION, np.full(len(values), np.nan))
         places, f, d = (values[:, [names.index(name) for name in columns]] for columns in (paths, modes, ratios))

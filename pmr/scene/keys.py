@@ -397,6 +397,11 @@ ALONE, SLIDER = "", "slider"
 LUFFING, LUFFING_CYLINDER = "luffing", "luffing cylinder"
 
 
+def path_unit(path: str) -> str:
+    """Return the unit of a coordinate on a path, m or rad."""
+    return "rad" if path == LUFFING else "m"
+
+
 def input_name(body: str, what: str) -> str:
     """Return the name of a body's input in a system, ``"BODY.WHAT"``; if `body` is empty, `what` itself."""
     return what if body == ALONE else f"{body}.{what}"

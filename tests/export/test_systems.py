@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.io
+import turning_cylinder
 from numpy.typing import NDArray
 from oracle import project, rich_body
 from state_spaces import frequency_response
@@ -132,6 +133,20 @@ def test_a_flexible_body_is_none_of_several_sections(to: str, tmp_path: Path, ru
     done = run_command("flexible", "boom_three", "--at", "2", "--to", to, "--out", str(target))
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1 and not target.exists()
     assert "sections = ['base', 'middle', 'fly']: one body is allowed: such a file holds nodes" in done.stderr
+
+
+def test_a_luffing_angle_is_in_rad(tmp_path: Path, run_command) -> None:
+    scene = turning_cylinder.boom({"kind": "smooth_ramp", "times": [0.0, 0.02], "values": [10.0, 60.0]}, "beam2d", 1e8)
+    system = pmr.reduce(scene).system
+    npz, target = system.save(tmp_path / "boom.npz"), tmp_path / "response.csv"
+    options = ("--to", "frequency-response", "--out", str(target), "--at")
+    assert run_command("export", str(npz), *options, "s1=4,luffing=0.2; s1=4,luffing=0.9").returncode == 0
+    header, first, *_ = target.read_text().splitlines()
+    assert header.startswith('"s1 in m","luffing in rad",f in Hz') and first.startswith("4,0.2,")
+    refused = run_command("export", str(npz), *options, "s1=4,luffing=30")
+    assert refused.returncode == 2 and "luffing from -3.14159 to 3.14159 rad" in refused.stderr
+    space = state_space(system, {"s1": 4.0, "luffing": 0.2}, "boom")
+    assert space.place(0) == "s1 = 4.0 m, luffing = 0.2 rad"
 
 
 @pytest.mark.slow

@@ -2,7 +2,8 @@
 
     from state_space import PATHS, S, nearest, system
 
-S (m) are the places, on each of several PATHS; `system(k)` is the state space at S[k], `nearest(s)` that next to s.
+S (m, a luffing angle in rad) are the places, on each of several PATHS; `system(k)` is the state space at S[k],
+`nearest(s)` that next to s.
 INTERPOLATION is by which share matrices that are interpolated halfway between two places are off, at most.
 Needs numpy, scipy and control, and the file state_space.mat in this folder.
 """
