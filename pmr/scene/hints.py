@@ -295,14 +295,13 @@ def _strength_effects(scene: Scene, at_rest: bool) -> list[str]:
     if any(traits_of(member).is_beam and member.pads for member in boxes):
         clauses.append("local bending of walls under pads in the stress of beams")
     if boxes:
-        clauses.append("buckling of plates")
-    clauses += ["how loads enter walls at lugs, hinges and the head"] if boxes else []
+        clauses += ["buckling of plates", "how loads enter walls at lugs, hinges and the head"]
     clauses += ["welds, bolts and cut-outs", "plastic deformation"]
     return clauses if scene.fatigue is not None and not at_rest else [*clauses, "fatigue"]
 
 
 def _walls(scene: Scene) -> list[str]:
-    """What stiff walls of beams leave out of the motion, if pads press on them."""
+    """Return what stiff walls of beams leave out of the motion; no clause if no pads press on walls that could give."""
     if not any(has_walls_that_could_give(member) and member.pads for member in members(scene)):
         return []
     return [
