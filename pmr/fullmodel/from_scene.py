@@ -237,7 +237,7 @@ def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBo
             file = Path(folder, "boom.msh")
             write(boom, file)
             try:
-                return read_mesh(file, kinds)
+                return replace(read_mesh(file, kinds), source="mesh of body.box")  # the user knows no file
             except InputError as error:  # of the temporary file, which the user does not know
                 raise NotDrawnError(error.allowed) from None
     except NotDrawnError as error:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pmr import InputError, RunResult, run
+from pmr import InputError, RunResult, full_model, run
 from pmr import scene as scenes
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.probes import Gauge
@@ -224,3 +224,11 @@ def test_a_support_that_gives_way_says_its_force() -> None:
     response = outcome.result.responses["reduced"]
     mass = 7850.0 * 2.0 * (0.3 + 0.4) * 0.008 * 6.0 + 250.0
     assert abs(response.force("force of cylinder", 0)[-1]) == pytest.approx(mass * 9.80665 * 0.5, rel=1e-3)
+
+
+def test_a_region_that_a_drawn_mesh_lacks_is_refused_without_the_name_of_a_file() -> None:
+    """The mesh of a box is drawn into a file of a temporary folder, which nobody can open afterwards."""
+    scene = scenes.load("boom_shell", [*COARSE, "body.regions.nose={thickness=0.02}"])
+    with pytest.raises(InputError, match="mesh of body.box has these regions: bottom, left, right, top") as caught:
+        full_model(scene)
+    assert ".msh" not in str(caught.value)
