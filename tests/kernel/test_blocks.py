@@ -171,6 +171,15 @@ def test_numbers_that_lead_beyond_an_array_are_refused(name: str) -> None:
                 Kernel(resealed(change))
 
 
+def test_arrays_with_entries_are_needed_but_for_names() -> None:
+    arrays = data().arrays
+    for name in (name for name, array in arrays.items() if np.size(array) and not name.startswith("names_")):
+        block = pack({other: array for other, array in arrays.items() if other != name})
+        seal(block, checksum(block[LINE:]))
+        with pytest.raises(InputError):
+            Kernel(block)
+
+
 def test_what_is_no_number_is_refused() -> None:
     def change(arrays: dict[str, np.ndarray]) -> None:
         arrays["omega2"] = np.full_like(arrays["omega2"], np.nan)

@@ -135,7 +135,7 @@ static int read_blocks(pmr_system *y, char *why)
 {
     if (!(y->block_list = pmr_block_take(y, "blocks", PMR_INTEGERS, (int64_t)y->blocks * PMR_BLOCK_NUMBERS, why)))
         return 1;
-    return !(y->pair_list = pmr_block_take(y, "pairs", PMR_INTEGERS, (int64_t)y->pairs * PMR_PAIR_NUMBERS, why));
+    return !(y->pair_list = pmr_block_take(y, "pairs", PMR_INTEGERS, -1, why));
 }
 
 /* Reactions of supports, the tip and the cylinder that raises the boom. */
@@ -372,7 +372,7 @@ static int read_arrays(pmr_system *y, char *why)
     TAKE(rope_paths, PMR_INTEGERS, y->ropes);
     TAKE(rope_slopes, PMR_NUMBERS, y->ropes * m * y->mp);
     TAKE(shares, PMR_NUMBERS, (int64_t)y->forces * y->mp);
-    TAKE(of_modes, PMR_INTEGERS, y->quasi_static);
+    TAKE(of_modes, PMR_INTEGERS, -1);
     TAKE(of_rows, PMR_INTEGERS, y->registers ? 3 * (r / PMR_LANES) : 0);
     TAKE(columns, PMR_INTEGERS, y->registers);
     TAKE(first_entry, PMR_INTEGERS, y->terms + 1);
