@@ -183,7 +183,9 @@ def read_table(file: Path) -> NumberTable:
     try:
         with file.open(newline="", encoding="utf-8-sig") as stream:
             rows = [row for row in csv.reader(stream) if row]
-    except (OSError, UnicodeDecodeError, csv.Error):
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(str(file), "", None, f"a table of text in UTF-8 is allowed: {error}") from None
+    except OSError:
         raise InputError(str(file), "", None, missing_file_reason(file)) from None
     headings = rows[0] if rows else []
     units = tuple(heading.partition(" [")[2].strip().removesuffix("]") for heading in headings)

@@ -69,6 +69,13 @@ def test_a_table_that_is_none_is_refused(tmp_path: Path, text: str, named: str) 
         read_measurements(tmp_path / "none.csv")
 
 
+def test_a_table_in_another_encoding_is_called_so(tmp_path: Path) -> None:
+    file = tmp_path / "day.csv"
+    file.write_bytes("t [s],a [m/s²]\n0.1,1\n0.2,2\n".encode("cp1252"))
+    with pytest.raises(InputError, match="a table of text in UTF-8 is allowed"):
+        read_measurements(file)
+
+
 @pytest.mark.parametrize(
     ("change", "named"),
     [
