@@ -5,13 +5,12 @@ Each function returns values by their keys, and warnings.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from pmr.compare.drives import extension_part, hoist_part, luffing_part
-from pmr.compare.dynamic_factors import dynamic_factors_part
 from pmr.compare.error_parts import ReductionError, SimulatedSystem, reduction_error, step_part
 from pmr.compare.errors import (
     ResponseFunction,
@@ -38,6 +37,7 @@ from pmr.compare.outputs import has_impulsive_force, section_columns
 from pmr.compare.responses import Simulations, check_installed, simulate
 from pmr.compare.simulated import excitation_of_scene, with_models_of
 from pmr.compare.space_energy import energy_part
+from pmr.compare.strength import dynamic_factors_part, fatigue_part, missed_stress_part
 from pmr.compare.trust import (
     RingingReference,
     distrust_warnings,
@@ -49,18 +49,12 @@ from pmr.compare.trust import (
 )
 from pmr.errors import environment
 from pmr.errors.environment import Clock
-from pmr.files.arrays import Array, Summary
+from pmr.files.arrays import Summary
 from pmr.results import BodyResult, Frequencies, Loads, Response, RunResult, Shapes
-from pmr.results.fatigue import SNLine, damage
-from pmr.results.quantities import with_unit
-from pmr.results.response import Output
 from pmr.results.run import SummaryPart, combine_parts
 from pmr.scene import Scene
-from pmr.scene.built import reaction_name
 from pmr.scene.hints import hints
-from pmr.scene.joints import BoomSection as Body
 from pmr.scene.keys import ALONE
-from pmr.scene.mechanism import AT_GROUND, AT_PIVOT
 from pmr.simulation import Excitation, contact_step
 from pmr.simulation.stepping import describe_lost_features, describe_overshoots
 from pmr.system.from_scene import with_hoist_of, with_terms_of
@@ -128,43 +122,6 @@ def impacts_part(system: System, excitation: Excitation, responses: Mapping[str,
     return SummaryPart({"impacts": {"band": highest, "pad_force": error}})
 
 
-#: Share by which a history exceeds its largest value at the times of recovery before a warning says so, and the least
-#: size of such a history as a share of the largest one of its kind and unit.
-MISSED, SMALL = 0.05, 0.2
-#: Kinds of outputs that have their peaks where stress has them, and beginnings of names of forces on the machine.
-STRESSING = ("pad", "support", "reaction", "probe")
-ON_MACHINE = tuple(reaction_name(f"{place} ") for place in (AT_PIVOT, AT_GROUND, "machine"))
-
-
-def missed_stress_part(scene: Scene, response: Response) -> SummaryPart:
-    """A warning where a pad, a support or a probe has its peak between the times at which stresses are recovered.
-
-    It names the history that exceeds its largest value at these times the most, by a share of `MISSED` or more.
-    Histories that are small beside others of the same kind and unit are left out.
-    """
-    steps, recovery = scene.recovered_steps, scene.recovery
-    if recovery is None or not recovery.stress or len(response.t) != scene.time.steps + 1:
-        return SummaryPart()
-    histories, largest = dict[Output, Array](), dict[tuple[str, str], float]()
-    for number, output in enumerate(response.outputs):
-        if output.kind in STRESSING and not output.name.startswith(ON_MACHINE):
-            histories[output] = np.abs(response.column(number))
-            of = output.kind, output.unit
-            largest[of] = max(largest.get(of, 0.0), float(histories[output].max()))
-    excess, missed = 1.0 + MISSED, None
-    for output, history in histories.items():
-        peak = float(history.max())
-        if peak > SMALL * largest[output.kind, output.unit] and peak > excess * history[steps].max():
-            excess, missed = peak / max(float(history[steps].max()), 1e-9 * peak), output
-    if missed is None:
-        return SummaryPart()
-    history = histories[missed]
-    most, at_most = (with_unit(float(of.max()), missed.unit) for of in (history, history[steps]))
-    when = response.when(response.t[np.argmax(history)])
-    line = f"the largest stress may be missed: {missed.name} has {most} {when}, and at most {at_most} at the times of "
-    return SummaryPart(warnings=[f"{line}recovery; recovery.every = {recovery.every:g} s, a smaller one shows more"])
-
-
 def sampling_part(excitation: Excitation) -> SummaryPart:
     """Warnings about paths and loads that the steps do not resolve."""
     signals, stepping = excitation.signals, excitation.stepping
@@ -186,80 +143,10 @@ def theory_part(scene: Scene, responses: Mapping[str, Response]) -> SummaryPart:
     return SummaryPart(grave=large_motion_warnings(length, responses.values()))
 
 
-def fatigue_part(scene: Scene, response: Response) -> SummaryPart:
-    r"""``fatigue`` of summary.json, a row for each probe's stress, the worst one first; empty unless it is wanted.
-
-    .. math:: D = \sum_l D(f_l\, \sigma, n_l)
-
-    for each stress component :math:`\sigma` by itself.  The lines l of the spectrum occur n_l times, with the factor
-    f_l on stresses; D is the damage by a history that is repeated (`pmr.results.fatigue.damage`).  ``life`` is the
-    number of times that the whole spectrum may occur until D is 1, and None if D is 0.  A warning names the worst
-    stress if its D is above 1.
-    """
-    settings = scene.fatigue
-    if settings is None:
-        return SummaryPart()
-    line = SNLine(settings.slope, settings.reference, settings.cut_off or 0.0)
-    damage_of_probe = dict[str, float]()
-    for output in response.outputs:
-        if output.kind == "probe" and output.unit == "Pa":
-            t, stress, lines = response.t, response.other(output.name), settings.spectrum_lines
-            damage_of_probe[output.name] = sum(damage(t, of.factor * stress, line, of.cycles) for of in lines)
-    worst_first = sorted(damage_of_probe.items(), key=lambda item: -item[1])
-    rows = [{"name": name, "damage": d, "life": 1.0 / d if d > 0.0 else None} for name, d in worst_first]
-    failed = [
-        f"{name} fails by fatigue: its damage is {d:.3g}, and 1 is allowed" for name, d in worst_first[:1] if d > 1.0
-    ]
-    return SummaryPart({"fatigue": rows}, grave=failed)
-
-
-def utilisation_part(scene: Scene, stresses: Mapping[str, Summary]) -> SummaryPart:
-    """Entry ``utilisation`` of summary.json, by model, for bodies whose material has a yield stress.
-
-    ``value`` is the largest stress over the yield stress of its material; ``stress`` and ``yield`` in Pa, ``t`` in s,
-    ``position`` in m in the axes of the ``section``.  A warning says if the yield stress is exceeded.
-
-    Parameters
-    ----------
-    stresses : mapping
-        By name of the body: result of `pmr.reduction.recovery.RecoveredBody.summary`.
-    """
-    largest = dict[str, dict[str, Any]]()
-    for part in scene.sections:
-        figures = stresses.get(part.name, {})
-        for model, peak in figures.get("stress_peak", {}).items():
-            for entry in _utilisations(part, peak, figures.get("stress_by_region", {}).get(model, {})):
-                if entry["value"] > largest.get(model, {"value": -1.0})["value"]:
-                    largest[model] = entry
-    if not largest:
-        return SummaryPart()
-    used = largest["reduced"]["value"]
-    over = f"the largest stress is {used:.3g} times the yield stress, but the model stays elastic"
-    return SummaryPart({"utilisation": largest}, grave=[over] * (used > 1.0))
-
-
 def masses_part(masses_of_bodies: Summary) -> SummaryPart:
     """Entry ``masses`` of summary.json: the ``name`` of each body, with `pmr.fullmodel.model.Masses.summary`."""
     rows = [{"name": name, **masses.summary()} for name, masses in masses_of_bodies.items() if masses is not None]
     return SummaryPart({"masses": rows} if rows else {})
-
-
-def _utilisations(part: Body, peak: Summary, regions: Summary) -> Iterator[dict[str, Any]]:
-    """Utilisation of the whole body, and of each region with a material of its own, as rows of ``utilisation``.
-
-    `peak` is the largest stress of the body, `regions` have the largest stress of each region by name.
-    """
-    materials = {name: region.material for name, region in part.body.regions.items() if region.material is not None}
-    if peak.get("region") in materials:  # else the largest stress is in the body's own material
-        own_regions = [of_region for name, of_region in regions.items() if name not in materials]
-        peak = max(own_regions, key=lambda of_region: float(of_region["value"]), default={})
-    peaks = [(peak, part.body.material)] if peak else []
-    peaks += [(regions[name], material) for name, material in materials.items() if name in regions]
-    for largest, material in peaks:
-        if material.yield_stress is not None:
-            used = {"value": largest["value"] / material.yield_stress, "stress": largest["value"]}
-            where = {key: largest[key] for key in ("t", "position", "face", "region")}
-            yield used | {"yield": material.yield_stress, "section": part.name} | where
 
 
 def parts_of_forces(scene: Scene, system: System, response: Response) -> list[SummaryPart]:

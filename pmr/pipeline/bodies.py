@@ -18,13 +18,13 @@ from pmr.compare.error_parts import (
 from pmr.compare.frequencies import WayPoints, frequencies_on_way, way_points
 from pmr.compare.moving_frame import decide_second_order
 from pmr.compare.responses import Simulations, compared_quantities, simulate
+from pmr.compare.strength import utilisation_part
 from pmr.compare.summary import (
     comparison_part,
     impacts_part,
     masses_part,
     parts_of_motion,
     sections_part,
-    utilisation_part,
 )
 from pmr.compare.trust import reduction_warnings, rigid_contacts
 from pmr.errors import ConvergenceError, InputError, call_on_first_rank

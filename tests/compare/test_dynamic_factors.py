@@ -6,7 +6,7 @@ import free_boom
 import pytest
 
 import pmr
-from pmr.compare.dynamic_factors import dynamic_factors_part
+from pmr.compare.strength import dynamic_factors_part
 
 pytestmark = pytest.mark.slow  # a boom is reduced
 

@@ -7,7 +7,7 @@ import pytest
 
 import pmr
 from pmr import RunResult
-from pmr.compare.summary import utilisation_part
+from pmr.compare.strength import utilisation_part
 from pmr.reduction.section_forces import PIECES
 from pmr.results.tables import build_tables
 from pmr.scene import Scene, load_any

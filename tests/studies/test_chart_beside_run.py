@@ -12,7 +12,7 @@ from random_machines import GIVING, SHELLS, G, random_machine
 from pmr import InputError
 from pmr.results.quantities import LIMITED
 from pmr.scene import Scene
-from pmr.studies.kinds.chart import _check_at_rest
+from pmr.studies.chart_points import check_at_rest
 from pmr.studies.limits import KINDS, Limit
 
 pytestmark = pytest.mark.slow
@@ -185,7 +185,7 @@ def test_what_moves_below_a_boom_is_refused() -> None:
     plain = planar(30.0)
     plain["frame"]["base"] = {"ry": {"kind": "sine", "amplitude": 3.0, "frequency": 0.1}}
     with pytest.raises(InputError, match=r"frame\.base\.ry.*a base that is inclined by a constant rx, ry or rz"):
-        _check_at_rest(Scene.model_validate(plain))
+        check_at_rest(Scene.model_validate(plain))
 
 
 def test_a_cylinder_bears_the_ropes_that_hang_on_it() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from functools import cached_property
 from itertools import compress
@@ -20,60 +20,23 @@ from pmr.results.quantities import UNBENT_WALLS, stress_remark
 from pmr.scene import Scene
 from pmr.scene.choice import is_planar
 from pmr.scene.hints import table_hints
-from pmr.scene.keys import SceneTable, Usual, key_error
+from pmr.scene.keys import Usual, key_error
 from pmr.scene.members import members
-from pmr.scene.signals import Constant
 from pmr.scene.tomlfiles import Change
 from pmr.simulation.statics.postures import HOOK, with_hook
 from pmr.studies import shared
 from pmr.studies.chart_models import compute_postures, compute_richer_postures
-from pmr.studies.chart_points import Stop, replaced_mass_warnings
+from pmr.studies.chart_points import Range, Stop, check_at_rest, replaced_mass_warnings
 from pmr.studies.charting import allow_row
 from pmr.studies.duty import CLASSES, NOT_LIMITED, ChartLoads, DutyTable, Hoist, LeastLoads, LoadCase, hoisting_factor
 from pmr.studies.limits import STABILITY, STABILITY_WORDS, Limit
-from pmr.studies.study import Count, StudyBase, StudyResults, csv_text
+from pmr.studies.study import StudyBase, StudyResults, csv_text
 from pmr.studies.tasks import Plan, Scalar, Task
 
 #: Limits on what the machine stands on.
 ON_GROUND = frozenset(("tipping", "outrigger", "lift-off", "overturning"))
 #: Most points of a chart.
 MOST_POINTS = 200_000
-
-
-class Range(SceneTable):
-    """Evenly spaced values from `least` to `most`."""
-
-    least: float = Field(description="First value, in m or the unit of the scene's angles")
-    most: float = Field(description="Last value")
-    count: Annotated[Count, Field(le=1000)] = Field(description="How many")
-    order: Literal["together", "in turn"] = Field(
-        default="together", description="Whether all sections telescope at once or one after the other"
-    )
-
-    @model_validator(mode="after")
-    def _check_order(self) -> Self:
-        """Refuse a `most` below `least`."""
-        if self.most < self.least:
-            raise key_error("most", self.most, f"at least {self.least:g}, which is `least`, is allowed")
-        return self
-
-    @property
-    def values(self) -> tuple[float, ...]:
-        """Evenly spaced values from `least` to `most`, `count` of them."""
-        return tuple(np.linspace(self.least, self.most, self.count).tolist())
-
-    def section_rows(self, names: Sequence[str]) -> list[dict[str, float]]:
-        """Return a mapping of extensions in m by section's name, for each of the `count` rows.
-
-        As `order` says, all sections telescope together, or one after the other in the order of `names`.
-        """
-        rows = list[dict[str, float]]()
-        for share in np.linspace(0.0, 1.0, self.count):
-            in_turn = np.clip(share * len(names) - np.arange(len(names)), 0.0, 1.0)
-            shares = in_turn if self.order == "in turn" else np.full(len(names), share)
-            values = self.least + shares * (self.most - self.least)
-            rows.append(dict(zip(names, values.tolist(), strict=True)))
-        return rows
 
 
 class Study(StudyBase):
@@ -355,7 +318,7 @@ class Study(StudyBase):
             raise InputError("study", "scene", str(self.scene), "a scene whose [frame] has a luffing angle is allowed")
         if scene.gravity is None:
             raise InputError("study", "scene", str(self.scene), "a scene with [gravity] is allowed")
-        _check_at_rest(scene)
+        check_at_rest(scene)
         if self.point is not None and is_planar(members(scene)[-1]):
             raise InputError("study", "point", list(self.point), "a model in space is allowed with a point")
         loads = [load for part in scene.sections for load in part.loads if load.name != HOOK]
@@ -434,27 +397,6 @@ class Study(StudyBase):
         if not angles:
             raise InputError("study", "luffing", None, "at least one angle is allowed")
         return angles
-
-
-def _check_at_rest(scene: Scene) -> None:
-    """Raise InputError for a machine that moves by itself, a hoist, or a base whose motion is not constant."""
-    assert scene.frame is not None
-    if scene.frame.machine is not None:
-        raise InputError("scene", "frame.machine", None, "a machine that stands still is allowed in a load chart")
-    if scene.hoist is not None:
-        raise InputError(
-            "scene", "hoist", None, "none is allowed in a load chart, which hangs its own loads at the tip"
-        )
-    if scene.extension_keys:
-        raise InputError("scene", scene.extension_keys[0], "free", "an extension over time is allowed in a load chart")
-    if scene.frame.luffing == "free":
-        raise InputError("scene", "frame.luffing", "free", "an angle over time is allowed in a load chart")
-    base = scene.frame.base
-    moving = [key for key, signal in (base.motions if base else {}).items() if not isinstance(signal, Constant)]
-    moving += [f"acceleration.{axis}" for axis in (base.accelerations if base else {})]
-    if moving:
-        allowed = "a base that is inclined by a constant rx, ry or rz is allowed in a load chart"
-        raise InputError("scene", f"frame.base.{moving[0]}", None, allowed)
 
 
 def _cell(value: float | str) -> str:

@@ -1,0 +1,195 @@
+"""What a motion does to a structure: dynamic factors of forces, use of the yield stress, fatigue, and missed peaks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from pmr.compare.simulated import simulate
+from pmr.errors import SimulationError
+from pmr.files.arrays import Array, Summary
+from pmr.results import Response
+from pmr.results.fatigue import SNLine, damage
+from pmr.results.quantities import with_unit
+from pmr.results.response import Output
+from pmr.results.run import SummaryPart
+from pmr.scene import Scene
+from pmr.scene.built import Load, reaction_name
+from pmr.scene.joints import BoomSection as Body
+from pmr.scene.keys import SLIDER
+from pmr.scene.mechanism import AT_GROUND, AT_PIVOT
+from pmr.scene.signals import Constant
+from pmr.simulation.at_rest import scene_at_rest
+from pmr.system.system import System
+
+#: Kinds of forces of which the largest one has a dynamic factor.
+KINDS = ("pad", "support", "cylinder", "outrigger")
+
+
+def dynamic_factors_part(scene: Scene, system: System, response: Response) -> SummaryPart:
+    """Entry ``dynamic_factors`` of summary.json: the largest force of each kind of `KINDS` over its value at rest.
+
+    Each row has the ``name`` of the force, its ``kind``, the time ``t`` in s and value ``largest`` in N of the largest
+    force, and its value ``rest`` in N at rest in the posture of this time, under the loads of this time and the full
+    weight.  The entry is missing for scenes without a frame, with a hoist, or with a base that moves or is inclined,
+    and for those that compute the motion of their machine, luffing angle or extension.
+    """
+    frame = scene.frame
+    if frame is None or scene.hoist is not None or scene.computed_key is not None or frame.base is not None:
+        return SummaryPart()
+    names, rows = [output.name for output in response.outputs], list[dict[str, Any]]()
+    for kind in KINDS:
+        of_kind = [k for k, output in enumerate(response.outputs) if output.kind == kind and output.unit == "N"]
+        largest, number = max(((float(np.abs(response.column(k)).max()), k) for k in of_kind), default=(0.0, -1))
+        if largest <= response.force_floor:
+            continue
+        values = response.column(number)
+        step = int(np.abs(values).argmax())
+        try:
+            still = simulate(_still(scene, float(response.t[step])), system)
+        except SimulationError:  # nothing holds the boom at rest in this posture
+            continue
+        rest = float(still.column([output.name for output in still.outputs].index(names[number]))[0])
+        if abs(rest) > response.force_floor:
+            rows.append({"name": names[number], "kind": kind, "t": float(response.t[step]),
+                         "largest": float(values[step]), "rest": rest})  # fmt: skip
+    return SummaryPart({"dynamic_factors": rows} if rows else {})
+
+
+def _still(scene: Scene, t: float) -> Scene:
+    """The scene at rest in its posture at the time `t`, under the loads of this time, for two steps."""
+    assert scene.frame is not None  # as the caller says
+    extensions = {
+        part.name: np.array([scene.extension(number).value(t)])
+        for number, part in enumerate(scene.sections)
+        if part.joint is not None
+    }
+    if len(scene.sections) == 1 and scene.sections[0].slider is not None:
+        extensions[SLIDER] = np.array([scene.sections[0].slider.path.value(t)])
+    luffing, slewing = (float(signal.value(t)) for signal in scene.frame.angles)
+    names = {load.name for part in scene.sections for load in part.loads}
+    still = scene_at_rest(scene, extensions, luffing, slewing, dict.fromkeys(names, 0.0))
+    sections = tuple(
+        rest.model_copy(update={"loads": tuple(_steady(load, t) for load in part.loads)})  # names may occur twice
+        for rest, part in zip(still.sections, scene.sections, strict=True)
+    )
+    time = still.time.model_copy(update={"end": 2.0 * still.time.step})
+    return still.model_copy(update={"sections": sections, "start": "equilibrium", "time": time})
+
+
+def _steady(load: Load, t: float) -> Load:
+    """The load with its value at the time `t` for ever."""
+    return load.model_copy(update={"signal": Constant(amount=float(load.signal.value(t)))})
+
+
+#: Share by which a history exceeds its largest value at the times of recovery before a warning says so, and the least
+#: size of such a history as a share of the largest one of its kind and unit.
+MISSED, SMALL = 0.05, 0.2
+
+
+#: Kinds of outputs that have their peaks where stress has them, and beginnings of names of forces on the machine.
+STRESSING = ("pad", "support", "reaction", "probe")
+
+
+ON_MACHINE = tuple(reaction_name(f"{place} ") for place in (AT_PIVOT, AT_GROUND, "machine"))
+
+
+def missed_stress_part(scene: Scene, response: Response) -> SummaryPart:
+    """A warning where a pad, a support or a probe has its peak between the times at which stresses are recovered.
+
+    It names the history that exceeds its largest value at these times the most, by a share of `MISSED` or more.
+    Histories that are small beside others of the same kind and unit are left out.
+    """
+    steps, recovery = scene.recovered_steps, scene.recovery
+    if recovery is None or not recovery.stress or len(response.t) != scene.time.steps + 1:
+        return SummaryPart()
+    histories, largest = dict[Output, Array](), dict[tuple[str, str], float]()
+    for number, output in enumerate(response.outputs):
+        if output.kind in STRESSING and not output.name.startswith(ON_MACHINE):
+            histories[output] = np.abs(response.column(number))
+            of = output.kind, output.unit
+            largest[of] = max(largest.get(of, 0.0), float(histories[output].max()))
+    excess, missed = 1.0 + MISSED, None
+    for output, history in histories.items():
+        peak = float(history.max())
+        if peak > SMALL * largest[output.kind, output.unit] and peak > excess * history[steps].max():
+            excess, missed = peak / max(float(history[steps].max()), 1e-9 * peak), output
+    if missed is None:
+        return SummaryPart()
+    history = histories[missed]
+    most, at_most = (with_unit(float(of.max()), missed.unit) for of in (history, history[steps]))
+    when = response.when(response.t[np.argmax(history)])
+    line = f"the largest stress may be missed: {missed.name} has {most} {when}, and at most {at_most} at the times of "
+    return SummaryPart(warnings=[f"{line}recovery; recovery.every = {recovery.every:g} s, a smaller one shows more"])
+
+
+def fatigue_part(scene: Scene, response: Response) -> SummaryPart:
+    r"""``fatigue`` of summary.json, a row for each probe's stress, the worst one first; empty unless it is wanted.
+
+    .. math:: D = \sum_l D(f_l\, \sigma, n_l)
+
+    for each stress component :math:`\sigma` by itself.  The lines l of the spectrum occur n_l times, with the factor
+    f_l on stresses; D is the damage by a history that is repeated (`pmr.results.fatigue.damage`).  ``life`` is the
+    number of times that the whole spectrum may occur until D is 1, and None if D is 0.  A warning names the worst
+    stress if its D is above 1.
+    """
+    settings = scene.fatigue
+    if settings is None:
+        return SummaryPart()
+    line = SNLine(settings.slope, settings.reference, settings.cut_off or 0.0)
+    damage_of_probe = dict[str, float]()
+    for output in response.outputs:
+        if output.kind == "probe" and output.unit == "Pa":
+            t, stress, lines = response.t, response.other(output.name), settings.spectrum_lines
+            damage_of_probe[output.name] = sum(damage(t, of.factor * stress, line, of.cycles) for of in lines)
+    worst_first = sorted(damage_of_probe.items(), key=lambda item: -item[1])
+    rows = [{"name": name, "damage": d, "life": 1.0 / d if d > 0.0 else None} for name, d in worst_first]
+    failed = [
+        f"{name} fails by fatigue: its damage is {d:.3g}, and 1 is allowed" for name, d in worst_first[:1] if d > 1.0
+    ]
+    return SummaryPart({"fatigue": rows}, grave=failed)
+
+
+def utilisation_part(scene: Scene, stresses: Mapping[str, Summary]) -> SummaryPart:
+    """Entry ``utilisation`` of summary.json, by model, for bodies whose material has a yield stress.
+
+    ``value`` is the largest stress over the yield stress of its material; ``stress`` and ``yield`` in Pa, ``t`` in s,
+    ``position`` in m in the axes of the ``section``.  A warning says if the yield stress is exceeded.
+
+    Parameters
+    ----------
+    stresses : mapping
+        By name of the body: result of `pmr.reduction.recovery.RecoveredBody.summary`.
+    """
+    largest = dict[str, dict[str, Any]]()
+    for part in scene.sections:
+        figures = stresses.get(part.name, {})
+        for model, peak in figures.get("stress_peak", {}).items():
+            for entry in _utilisations(part, peak, figures.get("stress_by_region", {}).get(model, {})):
+                if entry["value"] > largest.get(model, {"value": -1.0})["value"]:
+                    largest[model] = entry
+    if not largest:
+        return SummaryPart()
+    used = largest["reduced"]["value"]
+    over = f"the largest stress is {used:.3g} times the yield stress, but the model stays elastic"
+    return SummaryPart({"utilisation": largest}, grave=[over] * (used > 1.0))
+
+
+def _utilisations(part: Body, peak: Summary, regions: Summary) -> Iterator[dict[str, Any]]:
+    """Utilisation of the whole body, and of each region with a material of its own, as rows of ``utilisation``.
+
+    `peak` is the largest stress of the body, `regions` have the largest stress of each region by name.
+    """
+    materials = {name: region.material for name, region in part.body.regions.items() if region.material is not None}
+    if peak.get("region") in materials:  # else the largest stress is in the body's own material
+        own_regions = [of_region for name, of_region in regions.items() if name not in materials]
+        peak = max(own_regions, key=lambda of_region: float(of_region["value"]), default={})
+    peaks = [(peak, part.body.material)] if peak else []
+    peaks += [(regions[name], material) for name, material in materials.items() if name in regions]
+    for largest, material in peaks:
+        if material.yield_stress is not None:
+            used = {"value": largest["value"] / material.yield_stress, "stress": largest["value"]}
+            where = {key: largest[key] for key in ("t", "position", "face", "region")}
+            yield used | {"yield": material.yield_stress, "section": part.name} | where
