@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pmr import ReducedModel, System
 from pmr.compare import estimate as estimates
 from pmr.compare import step_error as steps
+from pmr.compare.evaluation import SimulatedSystem
 from pmr.compare.outputs import Outputs, outputs_of_run, run_from_start
 from pmr.compare.trials import Trials
 from pmr.files.arrays import Array
@@ -16,7 +17,7 @@ from pmr.system.body import SlidingBody
 
 def estimate(model: ReducedModel, excitation: Excitation) -> estimates.Estimate:
     """Estimate the error of a reduced model of a body alone."""
-    return estimates.estimate_error({ALONE: model}, System.of(model), excitation)
+    return estimates.estimate_error({ALONE: model}, SimulatedSystem(System.of(model), excitation))
 
 
 def step_error(body: SlidingBody, excitation: Excitation) -> steps.StepError:

@@ -1,4 +1,4 @@
-"""The command line: its commands, those to begin with (``new``, ``schema``), what a key is, and exit codes of errors."""
+"""The command line: its commands, those to begin with (``new``, ``schema``), what keys are, exit codes of errors."""
 
 from __future__ import annotations
 

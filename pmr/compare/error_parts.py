@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,10 +12,9 @@ from scipy.ndimage import maximum_filter1d
 
 from pmr.compare.attachment_loads import reason_without_estimate
 from pmr.compare.estimate import MARGIN, Estimate, UnsettledError, estimate_by_other_model, estimate_error
-from pmr.compare.evaluation import evaluate_motion
+from pmr.compare.evaluation import SimulatedSystem
 from pmr.compare.model_part import FREQUENCIES, evenly_spaced_steps, frequency_error
-from pmr.compare.outputs import OUTPUT_KINDS, fits_in_memory, has_impulsive_force, run_from_start, tip_columns
-from pmr.compare.responses import Simulations
+from pmr.compare.outputs import OUTPUT_KINDS, fits_in_memory, has_impulsive_force, tip_columns
 from pmr.compare.step_error import STEP_LIMIT, StepError, step_error
 from pmr.compare.trust import (
     AWAY_FROM_PROBES,
@@ -32,7 +31,6 @@ from pmr.compare.trust import (
 from pmr.errors import InputError, SimulationError, percent, two_digits
 from pmr.errors.environment import Clock
 from pmr.files.arrays import Array
-from pmr.results import Response
 from pmr.results.quantities import QUANTITIES
 from pmr.results.run import SummaryPart
 from pmr.scene import Reduction, Scene
@@ -46,7 +44,6 @@ from pmr.simulation.reactions import with_forces_on_machine
 from pmr.system.assembly import Assembly
 from pmr.system.attachment import has_frame_matrices
 from pmr.system.reduced_model import ReducedModel
-from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
 from pmr.system.truncation import extend
 
@@ -115,7 +112,7 @@ def reduction_error(
                 if other is not None:
                     estimated = estimate_by_other_model(system, other, excitation)
                 elif estimated is None:
-                    estimated = estimate_error(models, system, excitation, simulated.run, simulated.response)
+                    estimated = estimate_error(models, simulated)
         except (SimulationError, InputError) as error:  # other simulators may run systems that march refuses
             # forces that differ much between nearly equal models
             scattered = [error.warning] if isinstance(error, UnsettledError) and error.warning else []
@@ -162,35 +159,6 @@ def _effects_left_out(
         return [*stressed, *effects_not_covered(models[ALONE], excitation.signals, excitation.stepping, count)]
     damped = any(body.rayleigh is None and body.D.any() for body in system.reduced.values())
     return [AWAY_FROM_PROBES, *["the damping of what the modes leave out, which is not Rayleigh's"] * damped, *stressed]
-
-
-@dataclass(frozen=True)
-class SimulatedSystem:
-    """A system of reduced bodies, its excitation, and its motion.
-
-    If the motion was not kept, `recorded_run` is None, and the motion is simulated again when it is needed.
-    """
-
-    system: System
-    excitation: Excitation
-    recorded_run: SystemTrajectory | None = None
-    response: Response | None = None  # response to that motion, if known
-
-    @classmethod
-    def from_simulations(cls, system: System, excitation: Excitation, simulations: Simulations) -> SimulatedSystem:
-        """The system with motion and response of the scene's first simulator, and the parts of each of its steps.
-
-        If the simulator did not keep the motion, the result has the system and its excitation alone.
-        """
-        run = simulations.first.run
-        if run is None:
-            return cls(system, excitation)
-        return cls(system, excitation.with_stepping(simulations.time_grid), run, simulations.first.own_response)
-
-    @cached_property
-    def run(self) -> SystemTrajectory:
-        """Motion of the system at all steps."""
-        return self.recorded_run or run_from_start(self.system, self.excitation)
 
 
 def estimate_summary(estimated: Estimate, not_covered: Sequence[str] = ()) -> dict[str, Any]:
@@ -260,9 +228,10 @@ def step_part(
         return SummaryPart({"step": step_summary(None, str(error))}, messages)
     searched = scene.accuracy is not None
     messages = [] if searched else step_warnings(step_estimate, excitation.stepping, excitation.signals, natural)
-    response = simulated.response or evaluate_motion(system, simulated.run)
     exact = ("frequency", *["pad_force"] * impacts)  # frequencies have no step; impacts have their own line
-    lacking = quantities_not_covered(scene, with_forces_on_machine(scene, response), step_estimate.errors, exact)
+    lacking = quantities_not_covered(
+        scene, with_forces_on_machine(scene, simulated.response), step_estimate.errors, exact
+    )
     lacking = [SLIDER_IMPACTS] * impacts + lacking + unsettled_force_clauses(step_estimate.unsettled)
     return SummaryPart({"step": step_summary(step_estimate, not_covered=lacking)}, messages)
 

@@ -24,7 +24,7 @@ import numpy as np
 
 from pmr.compare.attachment_loads import carried_loads, reason_without_estimate
 from pmr.compare.errors import errors_between, relative_error
-from pmr.compare.evaluation import evaluate_motion
+from pmr.compare.evaluation import SimulatedSystem
 from pmr.compare.outputs import (
     OUTPUT_KINDS,
     Outputs,
@@ -34,7 +34,6 @@ from pmr.compare.outputs import (
     divide_steps,
     has_impulsive_force,
     lifts_off,
-    outputs_of_run,
     probe_differences,
     run_from_start,
 )
@@ -60,7 +59,6 @@ from pmr.system.attachment import LEFT_OUT, with_attachment_modes
 from pmr.system.body import Trajectory, length_outputs
 from pmr.system.polynomials import evaluate, select_columns
 from pmr.system.reduced_model import ReducedModel
-from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
 from pmr.system.truncation import extend
 
@@ -113,56 +111,23 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class _Simulation:
-    """A system, its motion in a run, the response to that motion and its outputs."""
-
-    system: System
-    run: SystemTrajectory
-    response: Response
-    outputs: Outputs
-
-    @classmethod
-    def simulate(
-        cls,
-        system: System,
-        excitation: Excitation,
-        run: SystemTrajectory | None = None,
-        response: Response | None = None,
-    ) -> _Simulation:
-        """Simulate the system under the excitation and evaluate its outputs.
-
-        If `run` or `response` are passed, they are used and not computed again.
-        """
-        run = run or run_from_start(system, excitation)
-        response = response or evaluate_motion(system, run)
-        return cls(system, run, response, outputs_of_run(system, run, excitation))
-
-
-@dataclass(frozen=True)
 class _RicherSimulation:
     """Simulation of a richer model, with enrichment and attachment modes."""
 
-    simulation: _Simulation
+    simulation: SimulatedSystem
     enrichment: int  # largest number of additional modes of a body
     unsettled: Collection[str] = ()  # kinds of outputs in which two richer models disagree
     scatter: str = ""  # as in `Estimate`
 
 
-def estimate_error(
-    models: Models,
-    system: System,
-    excitation: Excitation,
-    run: SystemTrajectory | None = None,
-    response: Response | None = None,
-) -> Estimate:
+def estimate_error(models: Models, first: SimulatedSystem) -> Estimate:
     """Estimate the error of a system of reduced bodies by a second run with enrichment modes and attachment modes.
 
-    `models` are the reduced bodies by name, on their modes alone; the bodies of `system` have further coordinates if
-    there are cylinders (`pmr.system.attachment`).  `run` is the motion of `system` under the excitation, and `response`
-    the response to it; each is computed if it is None.  The second run makes each step in the same substeps as `run`.
-    If pads lift off, a third run without enrichment modes shows for which kinds of outputs richer models disagree;
-    these kinds have no estimate.  The errors of the result are fractions with margin; its history `error` is the plain
-    difference between the displacements of the second run and those of `run`.
+    `models` are the reduced bodies by name, on their modes alone; the bodies of the system in the run `first` have
+    further coordinates if there are cylinders (`pmr.system.attachment`).  The second run makes each step in the same
+    substeps as the first.  If pads lift off, a third run without enrichment modes shows for which kinds of outputs
+    richer models disagree; these kinds have no estimate.  The errors of the result are fractions with margin; its
+    history `error` is the plain difference between the displacements of the second run and those of the first.
 
     Raises ValueError if there is no estimate (`reason_without_estimate`); InputError or SimulationError as for
     `pmr.simulation.SystemSimulator`; SimulationError too if the two richer models disagree on the motion after an
@@ -171,9 +136,9 @@ def estimate_error(
     begin = time.perf_counter()
     if why := reason_without_estimate(models):
         raise ValueError(f"no estimate: {why}")
-    first = _Simulation.simulate(system, excitation, run, response)
-    outputs, floors = first.outputs, RoundOffBounds.for_system(system, excitation, first.run.forces)
-    richer = _simulate_richer(models, first, excitation, floors)
+    system, excitation, outputs = first.system, first.excitation, first.outputs
+    floors = RoundOffBounds.for_system(system, excitation, first.run.forces)
+    richer = _simulate_richer(models, first, floors)
     better, indicator = richer.simulation.outputs, None
     unknown = {kind: UNSETTLED_KINDS[kind] for kind in richer.unsettled}
     for model in [models[ALONE]] if ALONE in models else []:
@@ -217,9 +182,7 @@ def _reason_without_forces(model: ReducedModel, excitation: Excitation, of_run: 
     return SLIDER_RINGING if of_run.force.size and is_ringing(of_run.force, richer.force) else None
 
 
-def _simulate_richer(
-    models: Models, first: _Simulation, excitation: Excitation, floors: RoundOffBounds
-) -> _RicherSimulation:
+def _simulate_richer(models: Models, first: SimulatedSystem, floors: RoundOffBounds) -> _RicherSimulation:
     """Simulate a richer model, with enrichment and attachment modes, than that of the run `first`.
 
     The attachment modes are responses to the contact forces and loads of the first run, whose parts of each step are
@@ -228,6 +191,7 @@ def _simulate_richer(
     a third run without enrichment modes shows in which kinds of outputs richer models disagree; an UnsettledError is
     raised if they disagree in displacements.
     """
+    excitation = first.excitation
     if not excitation.stepping.schedule:
         excitation = divide_steps(first.system, excitation, first.run)
     loads = carried_loads(first.system, first.run)
@@ -235,11 +199,12 @@ def _simulate_richer(
     count = max(0 if model.enrichment is None else model.enrichment.count for model in models.values())
     left_out = LEFT_OUT
 
-    def richer(count: int) -> _Simulation:
+    def richer(count: int) -> SimulatedSystem:
         """Simulate models with up to `count` enrichment modes of each body."""
         enriched = {name: _with_enrichment(model, count) for name, model in models.items()}
         bodies = {name: with_attachment_modes(model, loads[name], left_out) for name, model in enriched.items()}
-        return _Simulation.simulate(first.system.with_bodies(bodies), excitation)
+        system = first.system.with_bodies(bodies)
+        return SimulatedSystem(system, excitation, run_from_start(system, excitation))
 
     while True:
         try:
@@ -314,8 +279,8 @@ def estimate_by_other_model(system: System, reference: ReducedModel, excitation:
     begin = time.perf_counter()
     terms = () if system.terms_of is None else system.terms_of({ALONE: reference})
     systems = [system, replace(System.of(reference), terms=terms)]
-    of_better = estimate_error({ALONE: reference}, systems[1], excitation)
-    runs = [_Simulation.simulate(of, excitation) for of in systems]
+    runs = [SimulatedSystem(of, excitation) for of in systems]
+    of_better = estimate_error({ALONE: reference}, runs[1])
     # a force is missing in a run if the basis does not move the row of its contact: such rows are left out of a model
     names = [run.response.force_names for run in runs]
     common = [name for name in names[1] if name in names[0]]

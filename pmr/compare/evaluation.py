@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from pmr.compare.errors import refuse_infinite
-from pmr.compare.outputs import output_contacts
+from pmr.compare.outputs import Outputs, output_contacts, outputs_of_run, run_from_start
 from pmr.compare.round_off import force_round_off, round_off
 from pmr.files.arrays import Array
 from pmr.results import Energy, Response
@@ -18,6 +19,7 @@ from pmr.scene import Scene
 from pmr.scene.built import force_name, friction_name, reaction_name
 from pmr.scene.hoist import KINDS, OUTPUTS
 from pmr.scene.keys import ALONE, LUFFING_CYLINDER
+from pmr.simulation import Excitation
 from pmr.simulation.balance import load_potential, row_blocks
 from pmr.simulation.frame_motion import ComputedMotion, MotionSamples
 from pmr.simulation.native import systems
@@ -44,6 +46,34 @@ def evaluate_motion(system: System, trajectory: SystemTrajectory) -> Response:
     for block in row_blocks(len(trajectory.t)):
         evaluation(block.start, trajectory.select(block))
     return evaluation.response(SimulationEnd(trajectory.seconds, trajectory.surplus))
+
+
+@dataclass(frozen=True)
+class SimulatedSystem:
+    """A system under an excitation; its motion, the response to it and its outputs are computed when they are needed.
+
+    A motion or response that is known already is passed and not computed again.
+    """
+
+    system: System
+    excitation: Excitation
+    recorded_run: SystemTrajectory | None = None  # at all steps
+    recorded_response: Response | None = None
+
+    @cached_property
+    def run(self) -> SystemTrajectory:
+        """Motion of the system at all steps, by the compiled simulator."""
+        return self.recorded_run or run_from_start(self.system, self.excitation)
+
+    @cached_property
+    def response(self) -> Response:
+        """Response to the motion."""
+        return self.recorded_response or evaluate_motion(self.system, self.run)
+
+    @cached_property
+    def outputs(self) -> Outputs:
+        """Outputs at all steps, with velocities."""
+        return outputs_of_run(self.system, self.run, self.excitation)
 
 
 class Evaluation:

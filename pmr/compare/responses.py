@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pmr.compare.errors import ResponseFunction, observed_quantities
-from pmr.compare.evaluation import Evaluation, append_machine, evaluate_motion
+from pmr.compare.evaluation import Evaluation, SimulatedSystem, append_machine, evaluate_motion
 from pmr.compare.outputs import boom_quantities, fits_in_memory
 from pmr.errors import GrowthError, InputError, environment
 from pmr.errors.environment import Clock, import_package
@@ -70,6 +70,13 @@ class Simulations:
     agreement: Mapping[str, float]  # m: largest difference of displacements between two simulators, by pair
     time_grid: TimeStepping  # with the first simulation's parts of each step if contacts only push
     contact_frequency: float  # rad/s: largest one of contacts that only push (`pmr.simulation.contact_step`)
+
+    def simulated_system(self, system: System, excitation: Excitation) -> SimulatedSystem:
+        """The system with motion and response of the first simulator, and the parts of each of its steps."""
+        if self.first.run is None:
+            return SimulatedSystem(system, excitation)
+        stepped = excitation.with_stepping(self.time_grid)
+        return SimulatedSystem(system, stepped, self.first.run, self.first.own_response)
 
 
 def simulate(

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from pmr.compare.drives import extension_part, hoist_part, luffing_part
-from pmr.compare.error_parts import ReductionError, SimulatedSystem, reduction_error, step_part
+from pmr.compare.error_parts import ReductionError, reduction_error, step_part
 from pmr.compare.errors import (
     ResponseFunction,
     absolute_error,
@@ -22,6 +22,7 @@ from pmr.compare.errors import (
     relative_error,
     with_common_forces,
 )
+from pmr.compare.evaluation import SimulatedSystem
 from pmr.compare.forces import forces_part, ropes_part
 from pmr.compare.frequencies import (
     frequencies_on_way,
@@ -246,7 +247,7 @@ def simulate_saved(system: System, scene: Scene) -> RunResult:
     results = simulate(scene, system, excitation, clock)
     responses, response = {"reduced": results.first.response}, results.first.response
     natural = frequencies_on_way(scene, system, excitation, way_points(scene, excitation, 0))
-    motion = SimulatedSystem.from_simulations(system, excitation, results)
+    motion = results.simulated_system(system, excitation)
     by_frequency = response_on_way(scene, system, excitation)
     error = _error(scene, motion, clock)
     with clock.stage("step"):

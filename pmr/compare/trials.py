@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from pmr.compare.estimate import MARGIN, Estimate, estimate_error
+from pmr.compare.evaluation import SimulatedSystem
 from pmr.compare.outputs import (
     OUTPUT_KINDS,
     Outputs,
@@ -269,7 +270,8 @@ class Trials:
         if (sizes, steps) not in self._estimates:
             try:
                 run = self._run(sizes, steps)
-                run_estimate = estimate_error(self.models(sizes), self.system(sizes), self.with_steps(steps), run)
+                simulated = SimulatedSystem(self.system(sizes), self.with_steps(steps), run)
+                run_estimate = estimate_error(self.models(sizes), simulated)
             except FAILURES:
                 run_estimate = None
             self._estimates[sizes, steps] = run_estimate

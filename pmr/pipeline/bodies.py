@@ -9,12 +9,12 @@ from typing import Any
 from pmr.compare.accuracy import Choice, Search, prepare_scene, scene_on_other_mesh
 from pmr.compare.error_parts import (
     ReductionError,
-    SimulatedSystem,
     needs_other_model,
     other_model_scene,
     reduction_error,
     step_part,
 )
+from pmr.compare.evaluation import SimulatedSystem
 from pmr.compare.frequencies import WayPoints, frequencies_on_way, way_points
 from pmr.compare.moving_frame import decide_second_order
 from pmr.compare.responses import Simulations, compared_quantities, simulate
@@ -156,7 +156,7 @@ class Bodies:
             references = References(self.shared.references, {}, {})
         simulated = None
         if simulations is not None:
-            simulated = SimulatedSystem.from_simulations(self.system, self.excitation, simulations)
+            simulated = simulations.simulated_system(self.system, self.excitation)
         error = call_on_first_rank(self._comm, lambda: None if simulated is None else self._estimate_error(simulated))
         recovered: Mapping[str, RecoveredBody] = {}
         if self.scene.recovery is not None:

@@ -18,8 +18,9 @@ from pmr import InputError, reduce, run, simulate
 from pmr.cli.run import _tolerance_overrides
 from pmr.compare import mesh_part
 from pmr.compare.accuracy import Choice, accuracy_warnings
-from pmr.compare.error_parts import SimulatedSystem, reduction_error
+from pmr.compare.error_parts import reduction_error
 from pmr.compare.errors import relative_error
+from pmr.compare.evaluation import SimulatedSystem
 from pmr.compare.trials import Sizes, Trial, Trials
 from pmr.errors.environment import Clock
 from pmr.models.mesh_drawing import graded_nodes

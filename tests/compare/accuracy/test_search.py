@@ -143,16 +143,16 @@ def test_a_step_whose_error_is_not_settled_is_shortened(monkeypatch: pytest.Monk
 def test_its_own_step_is_not_refused_where_more_modes_grow_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """With rho_inf = 1 nothing damps modes that the step does not resolve: fewer of them judge the reduction then."""
     tried = trials(RICH, driven(250, rho_inf=1.0))
-    made, grown = estimates.evaluate_motion, list[int]()
+    made, grown = estimates.run_from_start, list[int]()
 
-    def grows(system: System, run):
+    def grows(system: System, excitation):
         size = sum(body.size for body in system.bodies.values())
         if size > 20:
             grown.append(size)
             raise GrowthError("march: the motion grows without bound")
-        return made(system, run)
+        return made(system, excitation)
 
-    monkeypatch.setattr(estimates, "evaluate_motion", grows)
+    monkeypatch.setattr(estimates, "run_from_start", grows)
     trial = tried.estimate_trial(tried.own, 250)
     assert grown and trial.estimate is not None and 0 < trial.estimate.enrichment < 30
     assert 0.0 < trial.reduction["beam"] < 0.1
