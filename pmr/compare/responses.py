@@ -6,7 +6,6 @@ import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cache
 from itertools import combinations
 from typing import TYPE_CHECKING
 
@@ -114,19 +113,25 @@ def simulate_by(
 ) -> Simulation:
     """Simulate by one simulator and record states at the `steps`.
 
-    Short simulations are repeated as the scene says, and the shortest solver time is reported.
+    Short simulations are repeated as the scene says, and the shortest solver time is reported.  The compiled simulator
+    keeps the motion of reduced bodies at all steps, that of a single body without terms if it fits in memory
+    (`fits_in_memory`).
     """
-    prepared = _prepare_simulation(system, excitation, simulator, np.asarray(steps, np.int64))
-    result = prepared.run(done)
-    first = result.own_response.seconds
-    seconds = min([first, *(prepared.seconds(scene.simulation.repeats - 1) if first <= SHORT else [])])
-    return replace(result, response=replace(with_forces_on_machine(scene, result.own_response), seconds=seconds))
+    numbers, repeats = np.asarray(steps, np.int64), scene.simulation.repeats
+    if simulator == "march":
+        reduced = all(isinstance(body, ReducedModel) for body in system.bodies.values())
+        every = reduced and (not _is_alone(system) or fits_in_memory(system, excitation.stepping))
+        recorded_steps = np.arange(len(excitation.times)) if every else numbers
+        result = _march(system, excitation, numbers, recorded_steps, repeats, done)
+    else:
+        result = _simulate_by_exudyn(system, excitation, simulator, numbers, repeats, done)
+    return replace(result, response=with_forces_on_machine(scene, result.own_response))
 
 
 def march_once(scene: Scene, system: System, excitation: Excitation) -> Response:
     """Response by the compiled simulator, simulated once; states are not recorded."""
     nothing = np.empty(0, np.int64)
-    return with_forces_on_machine(scene, _prepare_march(system, excitation, nothing, nothing).run(None).response)
+    return with_forces_on_machine(scene, _march(system, excitation, nothing, nothing).response)
 
 
 def agreement(responses: Mapping[str, Response]) -> dict[str, float]:
@@ -184,74 +189,68 @@ def full_simulator(scene: Scene, size: int) -> str:
     return "march" if size <= (MARCHED_UP_TO if len(scene.bodies) == 1 else SECTIONS_MARCHED_UP_TO) else "petsc"
 
 
-@dataclass(frozen=True)
-class PreparedSimulation:
-    """A simulation whose set-up is done, so that it can be repeated."""
+def _simulate_by_exudyn(
+    system: System, excitation: Excitation, simulator: str, steps: Indices, repeats: int, done: Progress | None
+) -> Simulation:
+    """Simulate by Exudyn, evaluate the response, and record states at the `steps`; arguments as of `_march`.
 
-    run: Callable[[Progress | None], Simulation]
-    seconds: Callable[[int], list[float]]  # repeats the solver alone this many times; seconds of each
-
-
-def _prepare_simulation(system: System, excitation: Excitation, simulator: str, steps: Indices) -> PreparedSimulation:
-    """Prepare a simulator, so that repeated runs of the system under the excitation share its set-up.
-
-    States are recorded at the `steps`.  The motion at all steps is kept as well, with these exceptions: full bodies
-    with ``march``, and a single body without terms if Exudyn simulates it or if its motion does not fit in memory
-    (`fits_in_memory`).
+    The motion at all steps is kept, too, unless the system is a single body without terms.
     """
-    alone = ALONE in system.bodies and not system.terms
-    if simulator == "march":
-        reduced = all(isinstance(body, ReducedModel) for body in system.bodies.values())
-        every = reduced and (not alone or fits_in_memory(system, excitation.stepping))
-        return _prepare_march(system, excitation, steps, np.arange(len(excitation.times)) if every else steps)
     start, formulation = systems.start_of(system, excitation), exudyn.FORMULATIONS[simulator]
-
-    def run(done: Progress | None) -> Simulation:
-        """Simulate by Exudyn and evaluate the response."""
-        trajectory = exudyn.simulate_system(system, excitation, start, done, formulation)
-        states, response = states_of(system, trajectory, steps), evaluate_motion(system, trajectory)
-        loads = excitation.forces(system.input_names)  # Exudyn knows no hoist
-        return Simulation(response, states, trajectory.parts, None if alone else trajectory, response, loads)
-
-    def repeat(count: int) -> list[float]:
-        """Repeat the simulation by Exudyn `count` times and return the solver's seconds of each."""
-        return [exudyn.simulate_system(system, excitation, start, None, formulation).seconds for _ in range(count)]
-
-    return PreparedSimulation(run, repeat)
+    trajectory = exudyn.simulate_system(system, excitation, start, done, formulation)
+    response = _with_shortest_time(
+        evaluate_motion(system, trajectory),
+        repeats,
+        lambda: exudyn.simulate_system(system, excitation, start, None, formulation).seconds,
+    )
+    states, recorded_run = states_of(system, trajectory, steps), None if _is_alone(system) else trajectory
+    loads = excitation.forces(system.input_names)  # Exudyn knows no hoist
+    return Simulation(response, states, trajectory.parts, recorded_run, response, loads)
 
 
-def _prepare_march(
-    system: System, excitation: Excitation, steps: Indices, recorded_steps: Indices
-) -> PreparedSimulation:
-    """Prepare the compiled simulator (``march``); the response is evaluated block by block.
+def _is_alone(system: System) -> bool:
+    """Whether a system is a single body without terms."""
+    return ALONE in system.bodies and not system.terms
 
-    The motion is kept at the `recorded_steps`.  States are returned at the `steps`, all of which are recorded.
+
+def _march(
+    system: System,
+    excitation: Excitation,
+    steps: Indices,
+    recorded_steps: Indices,
+    repeats: int = 1,
+    done: Progress | None = None,
+) -> Simulation:
+    """Simulate by the compiled simulator (``march``), and evaluate the response block by block.
+
+    The motion is kept at the `recorded_steps`.  States are returned at the `steps`, all of which are recorded.  A short
+    simulation is made `repeats` times, and the shortest time counts.
     """
-    form = SystemForm.of(system)
-    f, every = excitation.forces(system.input_names), len(recorded_steps) == len(excitation.times)
-    march = cache(lambda: March(form, excitation))
+    march, f = March(SystemForm.of(system), excitation), excitation.forces(system.input_names)
+    every = len(recorded_steps) == len(excitation.times)
+    evaluation, recorder = Evaluation(system, excitation.times, f), Recorder(recorded_steps)
+    parts, loads = np.ones(len(excitation.times), np.int64), f.copy() if system.hoist else f
 
-    def run(done: Progress | None) -> Simulation:
-        """Simulate, evaluate the response block by block, and record states."""
-        evaluation, recorder = Evaluation(system, excitation.times, f), Recorder(recorded_steps)
-        parts, loads = np.ones(len(excitation.times), np.int64), f.copy() if system.hoist else f
+    def take(first: int, part: SystemTrajectory) -> None:
+        """Evaluate consecutive steps from the one with the number `first` on, and record their states and parts."""
+        evaluation(first, part)
+        rows = slice(first, first + len(part.t))
+        parts[rows] = part.parts
+        if system.hoist:  # `f` has the hanging weight, and the motion the rope's pulls
+            loads[rows] = part.loads
+        recorder(first, part)
 
-        def take(first: int, part: SystemTrajectory) -> None:
-            """Evaluate consecutive steps from the one with the number `first` on, and record their states and parts."""
-            evaluation(first, part)
-            rows = slice(first, first + len(part.t))
-            parts[rows] = part.parts
-            if system.hoist:  # `f` has the hanging weight, and the motion the rope's pulls
-                loads[rows] = part.loads
-            recorder(first, part)
+    ended = systems.follow(march, take, done)
+    trajectory = recorder.trajectory(ended)
+    states = states_of(system, trajectory, steps if every else np.arange(len(recorded_steps)))
+    response = _with_shortest_time(evaluation.response(ended), repeats, march.rerun)
+    return Simulation(response, states, parts, trajectory if every else None, response, loads)
 
-        ended = systems.follow(march(), take, done)
-        trajectory = recorder.trajectory(ended)
-        numbers = steps if every else np.arange(len(recorded_steps))
-        response, states = evaluation.response(ended), states_of(system, trajectory, numbers)
-        return Simulation(response, states, parts, trajectory if every else None, response, loads)
 
-    return PreparedSimulation(run, lambda count: [march().rerun() for _ in range(count)])
+def _with_shortest_time(response: Response, repeats: int, rerun: Callable[[], float]) -> Response:
+    """The response with the shortest solver time; `rerun` repeats a simulation of at most `SHORT` s, and times it."""
+    more = repeats - 1 if response.seconds <= SHORT else 0
+    return replace(response, seconds=min([response.seconds, *(rerun() for _ in range(more))]))
 
 
 _log = logging.getLogger(__name__)
