@@ -15,7 +15,7 @@ from pmr.results.quantities import QUANTITIES, with_unit
 from pmr.results.response import LUFFING_ANGLE, Extremes
 from pmr.results.run import SummaryPart
 from pmr.scene import Scene
-from pmr.scene.cylinder import Oil
+from pmr.scene.cylinder import LuffingCylinder, Oil
 from pmr.scene.drive_checks import misplaced_supports
 from pmr.scene.frame_checks import distance_along
 from pmr.scene.hoist import HEIGHT, KEYS, KINDS, Hoist
@@ -51,7 +51,8 @@ def luffing_part(scene: Scene, response: Response) -> SummaryPart:
     keeps the angle, whatever holds the base in the scene.
 
     If a cylinder's force drives the angle, all columns are taken from the response, pressures, flows and volumes of oil
-    among them; ``stops`` and warnings are as those of `extension_part`.  The part is empty if the scene has no such
+    among them; ``stops`` and warnings are as those of `extension_part`.  If the scene has the largest force of the
+    cylinder, or its rod, ``use`` is the share of it that is used.  The part is empty if the scene has no such
     cylinder, or if its force is not known.
     """
     if scene.frame is None or scene.frame.cylinder is None or CYLINDER not in response.other_names:
@@ -64,6 +65,7 @@ def luffing_part(scene: Scene, response: Response) -> SummaryPart:
         length, stroke = histories["length"], cylinder.stroke or (0.0, np.inf)
         stop = length - np.clip(length, *stroke)
         drive = _Drive(LUFFING_CYLINDER, f"the {LUFFING_CYLINDER}", "length", cylinder.oil)
+        histories |= _use_of_cylinder(cylinder, histories["force"], length)
         return _driven_part(
             drive, histories, stop, response, along, turning_warnings(scene, response.other(LUFFING_ANGLE))
         )
@@ -71,7 +73,19 @@ def luffing_part(scene: Scene, response: Response) -> SummaryPart:
     length, arm = cylinder.length_and_arm(angle.value(t))
     speed = arm * angle.rate(t)
     histories = {"force": force, "length": length, "speed": speed, "power": force * speed}
+    histories |= _use_of_cylinder(cylinder, force, length)
     return _cylinder_part(LUFFING_CYLINDER, histories, response, along, turning_warnings(scene, angle.value(t)))
+
+
+def _use_of_cylinder(cylinder: LuffingCylinder, force: Array, length: Array) -> dict[str, Array]:
+    """Return ``use``: the share (T,) of the allowed push or pull that a force (T,) in N uses at lengths (T,) in m.
+
+    The result is empty if the scene allows any force.
+    """
+    if not cylinder.has_allowed_forces:
+        return {}
+    allowed = cylinder.allowed_forces(length)
+    return {"use": np.maximum(force / allowed.push, -force / allowed.pull)}
 
 
 def extension_part(scene: Scene, response: Response) -> SummaryPart:

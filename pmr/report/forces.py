@@ -241,7 +241,8 @@ def _driven_grids(result: RunResult, key: str) -> tuple[Grid, ...]:
     if (cylinder := result.summary.get(key)) is None:
         return ()
     extremes = {name.replace("_", " "): Extremes.from_summary(of) for name, of in cylinder.items() if name != "stops"}
-    keys = {name: "luffing_force" if name == "force" else f"driven_{name.split()[0]}" for name in extremes}
+    by_name = {"force": "luffing_force", "use": "luffing_use"}
+    keys = {name: by_name.get(name) or f"driven_{name.split()[0]}" for name in extremes}
     units = {name: QUANTITIES[quantity].unit for name, quantity in keys.items()}
     raises = key == "luffing_cylinder"
     what = "The luffing cylinder, hinged as frame.cylinder says" if raises else "What drives the extension"

@@ -53,6 +53,7 @@ def force_rows(result: RunResult) -> LargestValues:
     yield from _indentation_rows(result)
     yield from _hoist_rows(result)
     yield from _forces_by_kind_rows(result)
+    yield from _support_use_rows(result)
     yield from _dynamic_factor_rows(result)
     yield from _machine_rows(result)
     yield from _ground_rows(result)
@@ -71,6 +72,12 @@ def _driven_rows(result: RunResult) -> LargestValues:
         yield LargestValue(QUANTITIES[f"{way}_force"].reported, text)
         if way == "luffing":
             yield _luffing_length_row(result, length)
+        if use := cylinder.get("use"):
+            most = Extremes.from_summary(use).highest
+            text = f"{format_percent(most.value)} of the force that it bears, {extreme_clause(result, most)}"
+            yield LargestValue(
+                QUANTITIES["luffing_use"].reported, f"{text}; {_allowed_forces_words(result)}", most.value
+            )
         pressures = {side: Extremes.from_summary(of) for side in OIL_SIDES if (of := cylinder.get(f"pressure_{side}"))}
         for side in sorted(pressures, key=lambda side: pressures[side].most)[-1:]:
             most = pressures[side].largest
@@ -80,6 +87,37 @@ def _driven_rows(result: RunResult) -> LargestValues:
             most, power = Extremes.from_summary(flow).largest, cylinder["power_supply"]["max"]
             text = f"{format_quantity(most.value, 'm^3/s')}, {format_quantity(power, 'W')} at most"
             yield LargestValue("largest flow from the supply", f"{text}, {extreme_clause(result, most)}")
+
+
+def _allowed_forces_words(result: RunResult) -> str:
+    """Words for the forces that the luffing cylinder bears: push, pull, and the least force that buckles its rod."""
+    frame = result.scene.frame
+    assert frame is not None and frame.cylinder is not None  # as its force is known
+    cylinder, greatest = frame.cylinder, result.summary["luffing_cylinder"]["length"]["max"]
+    forces = {"push": cylinder.allowed_push, "pull": cylinder.allowed_pull}
+    words = [f"{format_quantity(force, 'N')} of {way}" for way, force in forces.items() if force is not None]
+    if cylinder.rod is not None:
+        of_rod = cylinder.model_copy(update={"allowed_push": None})
+        buckles = float(of_rod.allowed_forces(greatest).push)
+        words.append(f"its rod buckles from {format_quantity(buckles, 'N')} on at {format_length(greatest)}")
+    return ", ".join(words)
+
+
+def _support_use_rows(result: RunResult) -> LargestValues:
+    """Yield a row with the support of whose allowed force the largest share is used; none without an allowed force."""
+    extremes = {of["name"]: Extremes.from_summary(of) for of in result.summary.get("supports", ())}
+    allowed = {
+        name: support.allowed_force
+        for body, part in result.scene.bodies.items()
+        for support in part.supports
+        if support.allowed_force is not None and (name := qualified_name(body, support.name)) in extremes
+    }
+    if allowed:
+        name = max(allowed, key=lambda name: extremes[name].size / allowed[name])
+        largest, share = extremes[name].largest, extremes[name].size / allowed[name]
+        of_allowed = f"{format_percent(share)} of {format_quantity(allowed[name], 'N')}"
+        text = f"{of_allowed}, {_bearer_words('support', name)}, {extreme_clause(result, largest)}"
+        yield LargestValue(QUANTITIES["support_use"].reported, text, share)
 
 
 def _luffing_length_row(result: RunResult, length: Summary) -> LargestValue:

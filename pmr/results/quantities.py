@@ -403,6 +403,10 @@ QUANTITIES: Mapping[str, Quantity] = {
             limit=ChartLimit("luffing", _luffing_measure, "forces of cylinders"),
         ),
         Quantity(
+            "luffing_use", "use of the luffing cylinder", "1", "cylinder", (), "largest use of the luffing cylinder",
+            "most",
+        ),
+        Quantity(
             "extension_force", "forces on the free extension", "N", "cylinder", (),
             "largest force on the free extension", sign=PUSHES,
         ),
@@ -437,6 +441,7 @@ QUANTITIES: Mapping[str, Quantity] = {
             "support", "forces of supports", "N", "support", ("support", "reaction"), "largest force of a support",
             limit=ChartLimit("support", _support_measure, "forces of supports"),
         ),
+        Quantity("support_use", "use of supports", "1", "support", (), "largest use of a support", "most"),
         Quantity("support_moment", "moments of supports", "N m", "support", (), "largest moment of a support"),
         Quantity(
             "machine_force", "forces on the machine", "N", "machine", (),

@@ -215,6 +215,9 @@ class Support(SceneTable):
     points: Literal["mean", "all"] = Field(
         default="mean", description="Whether the mean motion of the group is held, or every point of it"
     )
+    allowed_force: Annotated[float, Quantity("N", 1e-3, 1e15), Usual(1e3, 1e8)] | None = Field(
+        default=None, description="Largest force of the support; the first page has the share that is used"
+    )
 
     @model_validator(mode="after")
     def _check_points(self) -> Support:

@@ -38,6 +38,9 @@ Part = Annotated[float, Field(ge=0.0, lt=1.0), Quantity("1", 0.0, 1.0)]
 PilotRatio = Annotated[float, Quantity("1", 0.0, 100.0)]
 Force = Annotated[float, Quantity("N", 0.0, 1e15), Usual(0.0, 1e7)]
 Rate = Annotated[float, Quantity("m/s", -1e6, 1e6), Usual(0.0, 10.0)]
+AllowedForce = Annotated[float, Quantity("N", 1e-3, 1e15), Usual(1e3, 1e8)]
+#: Young's modulus of the steel of rods, Pa.
+STEEL = 210e9
 #: Largest opening of a valve, in either direction.
 OPEN = 1.0
 
@@ -173,6 +176,13 @@ class LengthAndArm(NamedTuple):
     arm: NDArray[np.float64]
 
 
+class AllowedForces(NamedTuple):
+    """Largest forces in N, (...) each, with which a cylinder may push and pull."""
+
+    push: NDArray[np.float64]
+    pull: NDArray[np.float64]
+
+
 class LuffingCylinder(DrivenCylinder):
     r"""Hinges of the cylinder that raises the boom: x and z from the pivot, z upwards when the boom lies level.
 
@@ -196,6 +206,37 @@ class LuffingCylinder(DrivenCylinder):
     stroke: tuple[Length, Length] | None = Field(
         default=None, description="Shortest and greatest length from hinge to hinge, where stops act"
     )
+    allowed_push: AllowedForce | None = Field(
+        default=None, description="Largest force with which it may push; the first page has the share that is used"
+    )
+    allowed_pull: AllowedForce | None = Field(
+        default=None, description="Largest force with which it may pull; the first page has the share that is used"
+    )
+    rod: Annotated[Length, Usual(0.005, 1.0)] | None = Field(
+        default=None,
+        description="Diameter of the rod of steel, for the push at which it buckles by Euler, between both hinges",
+    )
+
+    def allowed_forces(self, length: ArrayLike) -> AllowedForces:
+        r"""Return the largest push and pull in N, (...) each, at lengths L (...) in m from hinge to hinge.
+
+        The push is at most that of Euler, with Young's modulus E of steel and the diameter d of the rod,
+
+        .. math:: F = \frac{\pi^2 E}{L^2} \frac{\pi d^4}{64}
+
+        as if the cylinder were as slender as its rod all along.  A force that nothing limits is infinite.
+        """
+        shape = np.shape(length)
+        push = np.full(shape, np.inf if self.allowed_push is None else self.allowed_push)
+        pull = np.full(shape, np.inf if self.allowed_pull is None else self.allowed_pull)
+        if self.rod is not None:
+            push = np.minimum(push, np.pi**3 * STEEL * self.rod**4 / (64.0 * np.square(length)))
+        return AllowedForces(push, pull)
+
+    @property
+    def has_allowed_forces(self) -> bool:
+        """Whether a key limits its force."""
+        return not self.allowed_push is self.allowed_pull is self.rod is None
 
     @model_validator(mode="after")
     def _check_stroke(self) -> Self:

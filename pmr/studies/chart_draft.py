@@ -36,6 +36,8 @@ TEMPLATES = jinja2.Environment(
 )
 #: Key that TOML takes without quotes.
 BARE_KEY = re.compile("[A-Za-z0-9_-]+")
+#: Luffing angles at which the force that buckles the rod of the luffing cylinder is looked at.
+LUFFING_PLACES = 200
 #: Factor on the mass of a boom without a machine for the largest load that a chart looks for.
 BOOMS = 5.0
 
@@ -152,6 +154,16 @@ def check_chart(file: Path, scene: Scene, up_to: float) -> None:
         raise InputError("command line", "--up-to", up_to, "a load above 0 kg is allowed")
 
 
+def _allowed_luffing_force(scene: Scene) -> float | None:
+    """Return the least force in N that the luffing cylinder bears over the scene's luffing angles; None if any."""
+    frame = scene.frame
+    if frame is None or frame.cylinder is None or not frame.cylinder.has_allowed_forces:
+        return None
+    angles = np.linspace(*frame.angles.luffing.bounds(0.0, scene.time.end), LUFFING_PLACES)
+    allowed = frame.cylinder.allowed_forces(frame.cylinder.length_and_arm(angles).length)
+    return float(min(allowed.push.min(), allowed.pull.min()))
+
+
 def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
     """Return the text of a study file for a load chart, over the ranges of the scene's extensions and luffing angle.
 
@@ -188,4 +200,5 @@ def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
         tips=scene.frame.ground is not None,
         stress=1e-6 * min(filter(None, yields)) if yields and all(yields) else None,  # MPa
         walls=_wall_limits(scene),
+        push=_allowed_luffing_force(scene),
     )

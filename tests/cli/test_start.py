@@ -259,6 +259,25 @@ def test_limits_of_walls_take_the_pads_of_their_joint_alone(
     assert [len(names) for names in taken] == [16, 16] and sorted(sum(taken, [])) == sorted(pads)
 
 
+def test_a_force_that_the_luffing_cylinder_bears_is_a_limit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_command
+) -> None:
+    """A slender rod buckles where the cylinder is longest; without keys of the cylinder there is no limit."""
+    _only_write_charts(monkeypatch, ("middle", "fly"))
+    monkeypatch.chdir(tmp_path)
+    template, stiffness = (TEMPLATES / "crane.toml").read_text(), "stiffness = 1e8 }"
+    longest = scenes.load_any(TEMPLATES / "crane.toml").frame.cylinder.length_and_arm(np.deg2rad(60.0)).length
+    euler = np.pi**3 * 210e9 * 0.06**4 / (64.0 * longest**2)
+    for keys, force in (("", None), (", allowed_push = 3e5, allowed_pull = 2e5", 2e5), (", rod = 0.06", euler)):
+        assert stiffness in template
+        (tmp_path / "crane.toml").write_text(template.replace(stiffness, f"stiffness = 1e8{keys} }}"))
+        run_command("chart", "crane.toml", "--up-to", "20000", "--out", str(tmp_path / f"out{len(keys)}"))
+        limits = call.load(tmp_path / f"out{len(keys)}" / "chart.toml").parts[0].study.limits
+        assert [limit.most for limit in limits if limit.of == "luffing"] == pytest.approx(
+            [force] if force else [], rel=1e-5
+        )
+
+
 def test_without_fenicsx_walls_are_not_limited_and_what_needs_it_is_refused_before_a_folder_is_made(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, run_command
 ) -> None:

@@ -278,6 +278,30 @@ def test_only_a_given_angle_beyond_the_stroke_makes_a_length_more_than_is_allowe
     assert text == f"1.2 to 2{SPACE}m; its stroke is 1 to 2{SPACE}m" and not overload_sentences(on_stop)
 
 
+def test_shares_of_forces_that_cylinder_and_pin_bear_stand_first(make_space: MakeSpace) -> None:
+    """The rod of 0.1 m buckles from pi^3 210e9 0.1^4 / (64 2^2) N on at a length of 2 m."""
+    times = {"t_max": 0.1, "s_max": 1.5, "t_min": 0.2, "s_min": 2.0}
+    cylinder = {"foot": [0.5, -1.0], "lug": [1.5, -0.2], "allowed_push": 1e5, "allowed_pull": 2e5, "rod": 0.1}
+    frame = {"pivot": [0.0, 0.0, 0.0], "cylinder": cylinder, "luffing": 0.3}
+    supports = [{"name": "pin", "on": "tail", "directions": ["x", "z"], "allowed_force": 4e4}]
+    luffing = {
+        "force": {"unit": "N", "max": 9e4, "min": -1e3, **times}, "length": {"min": 1.2, "max": 2.0},
+        "use": {"unit": "1", "max": 0.9, "min": 0.1, **times},
+    }  # fmt: skip
+    pin = {"name": "pin", "unit": "N", "max": 5e4, "min": 0.0, **times}
+    summary = SUMMARY | {"luffing_cylinder": luffing, "supports": [pin]}
+    page = make_space(frame=frame, supports=supports, summary=summary)
+    first, second = list(largest_value_rows(page))[:2]
+    assert first[0] == "largest use of a support" and first[1].startswith(f"125{SPACE}% of 40.0{SPACE}kN, pin, at 0.1")
+    assert second[0] == "largest use of the luffing cylinder"
+    assert second[1].startswith(f"90.0{SPACE}% of the force that it bears, at 0.1{SPACE}s")
+    euler = np.pi**3 * 210e9 * 0.1**4 / 256.0
+    allowed = f"; 100{SPACE}kN of push, 200{SPACE}kN of pull, its rod buckles from "
+    assert second[1].endswith(f"{allowed}{1e-6 * euler:.2f}{SPACE}MN on at 2.00{SPACE}m")
+    (over,) = overload_sentences(page)
+    assert over.startswith("largest use of a support: ")
+
+
 FORCE = "largest force of the luffing cylinder"
 MACHINE = {
     "mass": 12e3,

@@ -70,12 +70,14 @@ def test_what_hangs_on_the_hoist_stands_on_the_first_page() -> None:
 
 def test_oil_has_its_pressure_and_flow_on_the_first_page() -> None:
     """Litres per minute are cubic metres per second times 60,000."""
-    result = short_run("luffing_oil", *SHORT, "time.end=1.0")
+    result = short_run("luffing_oil", *SHORT, "time.end=1.0", "frame.cylinder.allowed_push=3e5")
     asked, carries = rows(result, "What was asked"), rows(result, "Largest values of this motion")
     assert asked["luffing"].endswith(
         f", computed: oil of 21.0{SPACE}MPa through a valve and a counterbalance valve drives it"
     )
     cylinder = result.summary["luffing_cylinder"]
+    assert cylinder["use"]["max"] == pytest.approx(cylinder["force"]["max"] / 3e5)
+    assert carries["largest use of the luffing cylinder"].startswith(f"{cylinder['use']['max']:.1%}"[:-1] + SPACE)
     rod, flow = cylinder["pressure_rod"]["max"], 6e4 * cylinder["flow_supply"]["max"]
     assert rod > cylinder["pressure_bore"]["max"]
     pressure = carries["largest pressure of oil"]
@@ -88,7 +90,7 @@ def test_oil_has_its_pressure_and_flow_on_the_first_page() -> None:
     assert block is not None
     assert [drawing.name.rpartition("-")[2] for drawing in block.drawings] == ["pressure", "flow", "power"]
     names = [row[0] for grid in forces.pivot_block(result, "case-1").grids for row in grid.rows]
-    assert {"flow supply", "volume bore"} <= set(names)
+    assert {"flow supply", "volume bore", "use"} <= set(names)
     assert "luffing cylinder, by the moment about the pivot" in names and "luffing cylinder" not in names
 
 
