@@ -38,7 +38,6 @@ from pmr.pipeline.model_errors import (
     reduce_scene,
     start_richer,
 )
-from pmr.pipeline.stress_at_pads import stress_at_pads
 from pmr.reduction.bodies import Reduction
 from pmr.reduction.cache import Cache, cache_in
 from pmr.reduction.from_scene import Vectors, with_array_basis
@@ -271,6 +270,8 @@ def _stress_at_pads(bodies: Bodies, motions: Motions) -> Summary:
     scene, comm = bodies.scene, next(iter(bodies.built.values())).model.comm
     if scene.recovery is None or not scene.recovery.stress:
         return {}
+    from pmr.pipeline.stress_at_pads import stress_at_pads  # FEniCSx, which bodies of given matrices go without
+
     states = comm.bcast(None if motions.reduced is None else motions.reduced.first.states)
     return stress_at_pads(scene, bodies.built, bodies.bodies, states)
 
