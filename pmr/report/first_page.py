@@ -37,6 +37,7 @@ from pmr.report.subject import (
     has_pushing_pads,
     is_alone,
     is_raised,
+    no_play_clause,
     wall_stress_words,
 )
 from pmr.results import RunResult
@@ -88,8 +89,32 @@ def largest_value_rows(result: RunResult) -> Rows:
 
 
 def largest_values(result: RunResult) -> list[LargestValue]:
-    """Rows of the table of largest values: first those with an allowed value, of which the largest share is used."""
-    return sorted(_largest_values(result), key=lambda row: 0.0 if row.share is None else -row.share)
+    """Rows of the table of largest values: first those with an allowed value, of which the largest share is used.
+
+    The others follow by the part that they are of, in the order of `PLACES`.
+    """
+    return sorted(
+        _largest_values(result), key=lambda row: (0, -row.share) if row.share is not None else (1, _rank(row))
+    )
+
+
+#: Places of quantities in the order of their rows on the first page.
+PLACES = ("support", "machine", "ground", "cylinder", "rope", "hoist", "pad", "section", "probe", "tip", "boom")
+#: Places of rows that are no quantities, by the beginnings of their names.
+OTHER_PLACES = {
+    "dynamic factors": "machine",
+    "length of the luffing cylinder": "cylinder",
+    "height of the hook": "hoist",
+    "largest flow from the supply": "cylinder",
+    "stress": "section",
+}
+
+
+def _rank(row: LargestValue) -> int:
+    """Return the number in `PLACES` of the part that a row is of; rows of no such part are last."""
+    places = {of.reported: of.place for of in QUANTITIES.values() if of.reported} | OTHER_PLACES
+    names = [name for name in places if row.name.startswith(name)]
+    return PLACES.index(places[max(names, key=len)]) if names else len(PLACES)
 
 
 def _largest_values(result: RunResult) -> LargestValues:
@@ -229,7 +254,7 @@ def _deflection_rows(result: RunResult) -> LargestValues:
         if direction == "z" and is_turned:  # neither up nor down in space
             side = "above" if largest.value > 0.0 else "below"
             size = f"{format_length(abs(largest.value))} {side} its straight axis"
-        yield LargestValue(row, f"{size}, {extreme_clause(result, largest)}")
+        yield LargestValue(row, f"{size}, {extreme_clause(result, largest)}{no_play_clause(result)}")
         if direction == "z" and is_turned and (angles := elevation(result, response.t)) is not None:
             of = values * np.cos(angles)
             largest = Extremes.from_history(of, response.t, result.abscissa_at(response.t)).largest

@@ -11,7 +11,14 @@ from pmr.report import errors
 from pmr.report.extremes import LargestValue, LargestValues, extreme_clause
 from pmr.report.numbers import SPACE, format_length, format_percent, format_quantity, significant
 from pmr.report.overview import format_range
-from pmr.report.subject import drive_of, has_free_luffing, joint_section, luffing_support_names, shown_force_name
+from pmr.report.subject import (
+    drive_of,
+    has_free_luffing,
+    joint_section,
+    luffing_support_names,
+    no_play_clause,
+    shown_force_name,
+)
 from pmr.results import RunResult
 from pmr.results.quantities import QUANTITIES
 from pmr.results.response import Extreme, Extremes
@@ -201,7 +208,8 @@ def _forces_by_kind_rows(result: RunResult) -> LargestValues:
             yield LargestValue(row, f"{text}, {extreme_clause(result, largest)}")
         else:
             text = f"{format_quantity(largest.value, unit)}, {_bearer_words(key, name)}"
-            yield LargestValue(row, f"{text}, {extreme_clause(result, largest)}")
+            play = no_play_clause(result) if key == "pad_force" else ""
+            yield LargestValue(row, f"{text}, {extreme_clause(result, largest)}{play}")
             if key == "pad_force":
                 yield from _yield_rows(result, forces)
 

@@ -50,6 +50,13 @@ class AppliedLoad:
     unit: str = "N"  # of the whole load: N, N m, K or Pa
 
 
+def no_play_clause(result: RunResult) -> str:
+    """Clause that a figure lacks the play of pads, for a boom whose pads only push and have none; else empty."""
+    rings = [ring for part in result.scene.sections for ring in part.rings if ring.unilateral]
+    gaps = [max(ring.clearance.values()) if isinstance(ring.clearance, dict) else ring.clearance for ring in rings]
+    return "; without play of pads, which no error bar has in it" if rings and not any(gaps) else ""
+
+
 def walls_clause(result: RunResult) -> str:
     """Clause of a caption on the stress in walls, which no picture of beams shows; empty if it is not known."""
     walls = wall_stress(result.summary)

@@ -6,21 +6,24 @@ import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from boom_results import SUMMARY, MakeSpace
 
-from pmr.report import columns
+from pmr.report import columns, first_page
 from pmr.report.blocks import Chapter, Drawing, KeyNumber, Notices, Table
 from pmr.report.document import render_runs as rendered
 from pmr.report.errors import rows as error_rows
 from pmr.report.errors import summed_errors
+from pmr.report.extremes import LargestValue
 from pmr.report.figures import space
 from pmr.report.figures.canvas import INK, drawn_text
 from pmr.report.first_page import first_page_tables, largest_value_rows, overload_sentences
 from pmr.report.sections import accuracy_block, chapter
 from pmr.report.sentences import key_numbers
+from pmr.report.subject import no_play_clause
 from pmr.results import Response, RunResult
 from pmr.results.response import LUFFING_ANGLE, Output
 from pmr.scene import Scene
@@ -572,3 +575,26 @@ def test_a_sum_names_the_sources_that_are_in_it_and_those_that_are_not(make_spac
     assert number.note == f"in displacements of the tip, {at_tip}"
     added = rows(compared, "How far to trust it")["added up"]
     assert added.endswith(f"; not in it: reduction in {REACTIONS}; not in it: time step in displacements of the tip")
+
+
+def test_rows_follow_by_share_then_supports_pads_tip_and_frequency(monkeypatch: pytest.MonkeyPatch) -> None:
+    names = {
+        "largest stress over yield stress": 0.4, "largest speeds": None, "lowest natural frequency": None,
+        "largest deflection of the tip, lateral, y": None, "largest pad force": None, "dynamic factors": None,
+        "largest force of a support": None, "largest use of the support polygon": 0.9,
+    }  # fmt: skip
+    shown = [LargestValue(name, "", share) for name, share in names.items()]
+    monkeypatch.setattr(first_page, "_largest_values", lambda result: iter(shown))
+    assert [list(names).index(row.name) for row in first_page.largest_values(None)] == [7, 0, 6, 5, 4, 3, 2, 1]
+
+
+@pytest.mark.parametrize(("clearance", "said"), [(0.0, True), (1e-3, False), ({"left": 0.0, "right": 1e-3}, False)])
+def test_figures_say_where_pads_have_no_play(clearance: object, said: bool) -> None:
+    ring, tight = (SimpleNamespace(unilateral=True, clearance=of) for of in (clearance, 0.0))
+    both_ways = SimpleNamespace(unilateral=False, clearance=0.0)
+
+    def clause(*rings: object) -> str:
+        return no_play_clause(SimpleNamespace(scene=SimpleNamespace(sections=[SimpleNamespace(rings=rings)])))
+
+    assert (clause(tight, ring) == "; without play of pads, which no error bar has in it") is said
+    assert clause() == clause(both_ways) == ""
