@@ -165,7 +165,7 @@ def matrices(
     coordinates = f"{body.size} coordinates of {len(body.points)} nodes{amplitudes}"
     out.text(f"{coordinates}; groups: {', '.join(body.groups) or 'none'}")
     x, y, z = (round(float(c), 9) + 0.0 for c in body.centre)
-    free = " of what supports inside the matrices leave free" if body.lacks else ""
+    free = " of what supports inside the matrices leave free" if body.lacks_displacements else ""
     centre = f"centre of mass at ({x:.4g}, {y:.4g}, {z:.4g}) m"
     out.text(f"{body.mass:.4g} kg{free}, {centre}; {_held_motions_text(len(body.held))}")
     if body.D is not None:
@@ -177,7 +177,10 @@ def matrices(
 
 
 def _held_motions_text(count: int) -> str:
-    """Return a clause on the number `count` of rigid motions that supports and springs in a stiffness hold."""
+    """Return a clause that tells how many rigid motions, `count` of six, a stiffness matrix resists.
+
+    Supports and springs whose stiffness the matrix contains hold these motions.
+    """
     if not count:
         return "free to move as a rigid body"
     return f"supports and springs in its stiffness hold {count} of 6 rigid motions"

@@ -67,9 +67,9 @@ def run(
 ) -> None:
     """Compute scenes: reduced model, simulation, comparison, report.
 
-    DIR then has report.html, report.pdf, summary.json, trajectories.npz and the reduced model: reduced.npz, of several
-    sections system.npz.  With recovery it also has fields.npz and fields.pvd, which ParaView opens.  Several scenes
-    have one report, and a folder each for all else.
+    DIR then has report.html, report.pdf, summary.json, trajectories.npz and the reduced model.  The reduced model is
+    reduced.npz for a single body and system.npz for several sections.  With recovery DIR also has fields.npz and
+    fields.pvd, which ParaView opens.  Several scenes have one report, and each has a folder for its other files.
 
     A run that is killed leaves the old results as they were.  If it is killed in its last step, which measures the
     errors of mesh and model, it leaves the new results without their report.  The simulation of a full model in PETSc

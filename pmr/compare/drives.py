@@ -245,10 +245,10 @@ def turning_warnings(scene: Scene, angles: Array) -> list[str]:
 
 
 def _pin_warnings(scene: Scene, held: PinAndCylinder | None) -> list[str]:
-    """A warning if forces of the base's supports are not those of a pin at the pivot, or if the pin is not there.
+    """Warning that the supports of the base do not act as a pin at the pivot, or that their pin is away from the pivot.
 
-    `held` is the pin and the cylinder's support among the base's supports.  The list is empty if the cylinder itself
-    holds the boom, or if the pin is at the pivot.
+    `held` is the pin and the cylinder's support among the base's supports; None if the supports are others.  The list
+    is empty if the pin is at the pivot, or if a cylinder of the model, and no support, holds the boom.
     """
     base = scene.names[0]
     if scene.holding_cylinder is not None:

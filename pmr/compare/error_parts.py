@@ -79,9 +79,9 @@ def needs_other_model(scene: Scene, reduced: ReducedModel) -> bool:
 
 
 def other_model_scene(scene: Scene, reduced: ReducedModel) -> Scene:
-    """The scene with the reduction of the other model: free modes with residual flexibility, and enough coordinates.
+    """The scene with another reduction: free modes with residual flexibility, and no fewer coordinates than `reduced`.
 
-    It has at least as many coordinates as `reduced`.
+    The number of coordinates is that of `reduced`, but at least `FEWEST`.
     """
     choice = scene.reduction
     other = Reduction(basis="free_modes", coordinates=max(FEWEST, reduced.size), solver=choice.solver)

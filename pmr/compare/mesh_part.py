@@ -115,10 +115,12 @@ def coarser_walls(scene: Scene) -> Scene:
 def mesh_budget(scene: Scene, simulate_other: Callable[[Callable[[], Scene], str], Summary]) -> dict[str, Any]:
     """Entries ``mesh`` and ``mesh_reason`` of the error budget: the mesh's error by kind, or why there is none.
 
-    `simulate_other` runs another scene.  Its arguments are a function that returns that scene, and a name for it; it
-    returns differences to the motion of `scene` by kind, as fractions of that motion.  The error is a share of these
-    (`OtherMesh.share`).  ``frequency`` is left out if cells are long beside a pad (`mesh_warnings`), as both meshes
-    then lack the walls' bending under it.
+    `simulate_other` runs a scene on another mesh.  Its arguments are a function that returns that scene, and a name for
+    it.  It returns the differences to the motion of `scene` by kind, as fractions of that motion.
+
+    Each error in ``mesh`` is such a difference times `OtherMesh.share`.  The keys are those of `COMPARED`, ``probe``
+    and ``probes``, which holds the errors of probes by name.  ``frequency`` is left out if cells are long compared with
+    a pad (`mesh_warnings`): both meshes then lack the bending of walls under the pad.
     """
     try:
         other = other_mesh(scene)

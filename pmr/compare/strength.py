@@ -29,12 +29,14 @@ KINDS = ("pad", "support", "cylinder", "outrigger")
 
 
 def dynamic_factors_part(scene: Scene, system: System, response: Response) -> SummaryPart:
-    """Entry ``dynamic_factors`` of summary.json: the largest force of each kind of `KINDS` over its value at rest.
+    """Entry ``dynamic_factors`` of summary.json: the largest force of each kind of `KINDS`, and this force at rest.
 
-    Each row has the ``name`` of the force, its ``kind``, the time ``t`` in s and value ``largest`` in N of the largest
-    force, and its value ``rest`` in N at rest in the posture of this time, under the loads of this time and the full
-    weight.  The entry is missing for scenes without a frame, with a hoist, or with a base that moves or is inclined,
-    and for those that compute the motion of their machine, luffing angle or extension.
+    Each row has the ``name`` of the force, its ``kind``, the time ``t`` in s and value ``largest`` in N of the force of
+    the largest magnitude, and its value ``rest`` in N at rest.  The boom at rest has the posture and the loads of this
+    time, and its full weight.  A kind is left out if one of both forces is within the round-off.
+
+    The entry is missing for scenes without a frame, with a hoist, or with a base that moves or is inclined, and for
+    those that compute the motion of their machine, luffing angle or extension.
     """
     frame = scene.frame
     if frame is None or scene.hoist is not None or scene.computed_key is not None or frame.base is not None:

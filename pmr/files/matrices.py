@@ -134,10 +134,10 @@ class GivenMatrices:
         return np.asarray(R.T @ (self.M @ R))
 
     @property
-    def lacks(self) -> bool:
-        """Whether some displacements of nodes have no coordinate.
+    def lacks_displacements(self) -> bool:
+        """Whether a node's displacement along some axis has no coordinate.
 
-        This is so at supports, and at nodes that belong to no element.
+        Supports remove coordinates, and so do nodes that belong to no element.
         """
         return int(np.isin(self.direction, (0, 1, 2)).sum()) < 3 * len(self.points)
 

@@ -304,16 +304,19 @@ def _remove_rounding(
 ) -> RoundedSums:
     """Return sums (n, 3) with entries within rounding set to zero, and the rounding (n,) of each row.
 
+    The rounding is estimated as a share of `sizes`, between the two `limits`.  The least limit is used if the estimate
+    exceeds the largest one, as the rows then hold more than rounding.
+
     Parameters
     ----------
     sums : (n, 3) array
         Sums over the entries of n rows, for three motions.
     sizes : (n,) array
-        For each row, the sum of the magnitudes of the terms of its sums.
+        For each row, the sum of the magnitudes of the numbers that are added.
     limits : pair of float
         Least and largest rounding, as a share of `sizes`.
     part : float
-        Share of the rows that are taken to have sums of rounding only; the rounding is estimated from these rows.
+        Share of the rows, those with the smallest sums, whose sums are taken to be rounding alone.
     free : (n,) mask, optional
         Rows that the estimate is based on; by default all rows.
     """

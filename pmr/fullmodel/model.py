@@ -137,7 +137,11 @@ class FullModel(FullOrderBody):
 
     @cached_property
     def D(self) -> PETSc.Mat:
-        """Damping matrix (n, n) with as many entries as K, assembled when it is first used; collective."""
+        """Damping matrix (n, n); collective.
+
+        Rayleigh damping is assembled when it is first used, with entries where K has them.  A damping matrix that was
+        passed in is returned as it is.
+        """
         if self.rayleigh is None:
             return self.damping
         D = self.K.duplicate(copy=True)

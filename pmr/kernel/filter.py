@@ -24,7 +24,7 @@ MOST_SQUARE = float(lib.PMR_MOST_SQUARE)
 
 @dataclass(frozen=True)
 class FilterData:
-    """Sizes, numbers and arrays of a filter, by their names in `pmr_filter` (src/pmr_kernel.h), and its first state."""
+    """Data of a Kalman filter by their names in `pmr_filter` (src/pmr_kernel.h), and the estimate at its start."""
 
     sizes: Mapping[str, int]
     numbers: Mapping[str, float]

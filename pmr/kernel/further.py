@@ -149,7 +149,12 @@ def _no_flexibility(body: ReducedModel) -> Flexibility:
 def support_arrays(
     system: System, supports: Sequence[Supports], forms: Sequence[Modal], modes: Sequence[slice], width: int
 ) -> Arrays:
-    """Arrays with the contributions of rates and terms to reactions; negligible entries of terms are left out.
+    """Arrays with the reactions of supports to the rates of modes and to the system's terms.
+
+    ``reaction_rates`` (r, width) holds the reaction per rate of each of r modes.  ``support_first`` holds where the
+    entries of each term begin.  ``support_entries`` (e, 2) holds the numbers of reaction and mode of each entry; r is
+    added to the mode's number if the entry is multiplied by the mode's rate.  ``support_values`` (e,) holds the
+    entries; negligible ones are left out.
 
     `supports`, the modal `forms` and `modes` have an entry for each body.  `modes` are the slices of each body's modes,
     padding included; `width` is the number of reactions, padding included.

@@ -248,11 +248,12 @@ class Stand:
     def columns(self, wrench: Array) -> Array:
         """Return force and moment on the ground, forces of outriggers, margins over edges and use of the polygon.
 
-        They are side by side in this order, (T, 6 + n + e + 1).  `wrench` (T, 6) are the force and the moment about the
-        pivot by which boom and machine press on the ground, along the axes of the machine.  A SimulationError is raised
-        if the search for the outriggers that lift off does not end, or if forces are not finite.
+        The result (T, 6 + n + e + 1) has these quantities as columns, in this order.  `wrench` (T, 6) are the force and
+        the moment about the pivot by which boom and machine press on the ground, along the axes of the machine.  A
+        SimulationError is raised if the search for the outriggers that lift off does not end, or if forces are not
+        finite.
         """
-        return self._under(lib.pmr_stand_columns, wrench, 7 + len(self.places) + len(self.corners))
+        return self._call_kernel(lib.pmr_stand_columns, wrench, 7 + len(self.places) + len(self.corners))
 
     def forces(self, loads: Array) -> Array:
         """Return the forces (T, n) in N of the outriggers under loads within the support polygon.
@@ -260,16 +261,19 @@ class Stand:
         `loads` (T, 3) are the sum of the forces in N, and the sums of the forces times x and times y in N m.  Errors as
         `columns`.
         """
-        return self._under(lib.pmr_stand_forces, loads, len(self.places))
+        return self._call_kernel(lib.pmr_stand_forces, loads, len(self.places))
 
-    def _under(self, law: Any, loads: Array, width: int) -> Array:
-        """Columns (T, width) of a law of the kernel under loads (T, any)."""
+    def _call_kernel(self, function: Any, loads: Array, width: int) -> Array:
+        """Return the results (T, width) of a `function` of the kernel for these outriggers under T loads.
+
+        `loads` has a row for each of the T steps.  Raises SimulationError as `columns` does.
+        """
         counts = {"outriggers": len(self.places), "corners": len(self.corners), "height": self.height}
         arrays = {"places": self.places, "stiffness": self.stiffness, "at_corners": self.corners, "edges": self.edges}
         stand = structure("pmr_stand", counts | arrays)
         loads = np.ascontiguousarray(loads, float)
         columns = np.zeros((len(loads), width))
-        if failed := law(stand, len(loads), pointer(loads), pointer(columns)):
+        if failed := function(stand, len(loads), pointer(loads), pointer(columns)):
             finite = failed != lib.PMR_NOT_FINITE
             raise SimulationError("which outriggers lift off was not found" if finite else "forces are not finite")
         return columns

@@ -104,7 +104,7 @@ class Beam(FiniteElementModel, ABC):
     @property
     @abstractmethod
     def section_stiffness(self) -> dict[str, Array]:
-        """For each section force, by its name, the force (E, v) per unit of each of v `strains` in E elements."""
+        """Section forces (E, v) in E elements per unit of each of v `strains`, by name, such as ``normal force``."""
 
     @abstractmethod
     def on_nodes(self, stations: Array) -> Beam:

@@ -241,7 +241,11 @@ class Beam2D(Beam):
 
     @property
     def section_stiffness(self) -> dict[str, Array]:
-        """Bending moment about y and, with axial coordinates, normal force, by name: (E, v) per unit of v `strains`."""
+        """Section forces (E, v) in E elements per unit of each of v `strains`, by name.
+
+        The keys are ``bending moment y`` and, if there are axial coordinates, ``normal force``.  A positive curvature
+        w'' has a negative moment -EI w''.
+        """
         of, rows = self.stiffnesses, {}
         bent = -of.bending[self.number]
         if of.axial is None:

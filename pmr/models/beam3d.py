@@ -338,7 +338,10 @@ class Beam3D(Beam):
 
     @property
     def section_stiffness(self) -> dict[str, Array]:
-        """Normal force, torque and both bending moments, by name: (E, 4) per unit of the four strains in E elements."""
+        """Section forces (E, 4) in E elements per unit of each of the four `strains`, by name.
+
+        The keys are ``normal force``, ``torque``, ``bending moment y`` and ``bending moment z``.
+        """
         material, sections, number = self.body.material, self.sections, self.number
         # moments about z and y per unit of the curvatures along the principal axes
         bent = material.young * np.einsum("kji,kj->kij", sections.principal, sections.second_moments)[number]

@@ -359,7 +359,11 @@ class Observer:
         return np.array([*deviations, *filter(None, errors)])
 
     def filter_data(self) -> FilterData:
-        """Sizes and numbers of the filter, and its first state: the boom stands in equilibrium with what is unknown."""
+        """Return the filter's sizes, constants, indices and arrays, and its estimate of the N states at the start.
+
+        The mean x (N,) is zero, apart from the means of the parameters.  The covariance P (N, N) is that of a boom in
+        static equilibrium with the unknown loads and payload.
+        """
         model, h, n, payload = self.model, self.model.step, self._first_unknown, self.payload
         outputs = np.array([model.output_number(sensor.output) for sensor in self.sensors])
         biased, scaled = (np.nonzero([getattr(s, key) for s in self.sensors])[0] for key in ("bias", "gain"))

@@ -233,9 +233,14 @@ def _hold_body(built: AssembledBody, s: float) -> _HeldModel:
 
 
 def _static_response(model: _HeldModel, G: sp.csr_matrix, solver: str) -> Array:
-    """Static response Psi (n, 6 F) to unit motions G (6 F, n) of F frames, by the direct solver `solver`.
+    r"""Static displacements Psi (n, 6 F) of a held body if one frame motion is 1 and the others are 0.
 
-    Raises InputError if the body is not held, or if a frame is at a clamped place.
+    The rows of G (6 F, n) are the motions of F frames in terms of the body's coordinates:
+
+    .. math:: \Psi = K^{-1} G^T (G K^{-1} G^T)^{-1}
+
+    K is factorised by the direct solver `solver`.  Raises InputError if the body is not held, or if a frame is at a
+    clamped place.
     """
     try:
         static = static_solver(model.full, model.rows, solver)

@@ -321,7 +321,10 @@ def _with_shown_labels(result: RunResult, errors: Mapping[str, float]) -> dict[s
 
 
 def _errors_by_source(summary: Summary) -> dict[str, dict[str, float]]:
-    """Relative errors by the labels of quantities, of each source: model, mesh, time step and reduction."""
+    """Relative errors of each source, by the label of the quantity.
+
+    The keys are ``model``, ``mesh``, ``time step`` and ``reduction``.  A source without an estimate has no labels.
+    """
     budget = summary.get("budget") or {}
     mesh = budget.get("mesh")
     return {

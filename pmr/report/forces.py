@@ -373,12 +373,13 @@ def extremes_grid(
     return Grid(f"{caption}, when they occur{there}.{remark}", ("", "least", "largest"), tuple(rows))
 
 
-def _extreme_cells(of: Extremes, unit: Unit, nothing: float, placed: bool) -> Iterator[str]:
+def _extreme_cells(of: Extremes, unit: Unit, negligible: float, placed: bool) -> Iterator[str]:
     """Yield a cell for the least and one for the largest value in `unit`, each with its time and, if `placed`, place.
 
-    A value of at most `nothing`, given in the unit without prefix, is printed as ``0`` without time and place.
+    A value whose magnitude does not exceed `negligible` is printed as ``0`` without time and place.  `negligible` is in
+    the unit without prefix.
     """
     for extreme in (of.lowest, of.highest):
         place = f", {format_input(round(extreme.s, 2), 'm')}" if placed else ""
         value = f"{significant(extreme.value / unit.size)}{SPACE}{unit.name}".rstrip(SPACE)
-        yield f"{value} at {format_time(extreme.t)}{place}" if abs(extreme.value) > nothing else "0"
+        yield f"{value} at {format_time(extreme.t)}{place}" if abs(extreme.value) > negligible else "0"

@@ -112,7 +112,11 @@ def _with_band(last: Mapping[str, float], unit: str) -> str:
 
 
 def _estimate_caption(name: str, figures: Summary) -> str:
-    """Caption of the figure of the estimate `name`, with the share of true values within its band if it is given."""
+    """Caption of the figure of the estimate `name`.
+
+    It tells the share of true values within the band, if `figures` has this share, and whether the error budget of the
+    run covers the estimate.
+    """
     share = figures["coverage"].get(name)
     covered = "" if share is None else f" {format_percent(share)} of the true values lie within the band."
     missing = " No part of the run's error budget covers it." if name in figures["not_covered"] else ""

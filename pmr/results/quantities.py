@@ -285,8 +285,8 @@ def _rope_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure 
 def _drive_measure(rows: Sequence[Array]) -> Measure | None:
     """Return a function from the values (T, c) of all columns to the largest absolute force (T,) of several drives.
 
-    The force of a drive is the sum of the columns with the shares (c,) in one of `rows`.  None is returned if there are
-    no rows.
+    Each of `rows` holds the weights (c,) of the columns whose weighted sum is the force of one drive.  None is returned
+    if there are no rows.
     """
     if not rows:
         return None

@@ -398,7 +398,12 @@ def _read_loads(values: Array, columns: Columns) -> Loads:
 
 
 def _frequency_arrays(frequencies: Frequencies, alone: bool) -> dict[str, NDArray[Any]]:
-    """Return the arrays of frequencies for trajectories.npz: for a body alone in rad/s over s, for a boom in Hz."""
+    """Return the arrays of frequencies for trajectories.npz; a body `alone` has other keys and units than a boom.
+
+    A body alone has ``frequencies.s`` in m, ``frequencies.reduced``, ``frequencies.full`` and
+    ``frequencies.closed_form`` in rad/s, with no columns if there are none, and ``frequencies.t`` in s if times are
+    known.  A boom has the fields of `Frequencies` in Hz after ``frequencies.``, with the names of `_RENAMED`.
+    """
     if alone:
         none = np.empty((len(frequencies.along), 0))
         circular = {f"frequencies.{name}": TURN * frequencies.models.get(name, none) for name in _MODELS}

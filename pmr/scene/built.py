@@ -246,7 +246,11 @@ class Support(SceneTable):
         return "pinned" if "x" in self.held_directions else "roller"
 
     def row_name(self, direction: str) -> str:
-        """Return the name of the support's row along or about one direction."""
+        """Return the name of the support's row along or about one direction.
+
+        The direction follows the support's name, such as ``lug z``, unless the support holds no other direction.  A
+        support without a name has rows such as ``support z on tail`` or ``support z at 2 m``.
+        """
         if not self.name:
             return f"support {direction} " + (f"on {self.on}" if isinstance(self.on, str) else f"at {self.on:g} m")
         return self.name if len(self.held_directions) == 1 else f"{self.name} {direction}"

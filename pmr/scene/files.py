@@ -242,7 +242,7 @@ def load_any(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
 def vary(path: str | Path, changes: Sequence[Change]) -> Scene:
     """Load the scene at `path` and lay `changes` over its tables in order.
 
-    Published results are kept only as far as they hold for the changed scene.
+    If the scene's hash changes, only the frequencies of its published results are kept.
     """
     file, as_it_stands = _read_file(path), ""
     with suppress(InputError):  # a later change may mend the error

@@ -238,7 +238,7 @@ def left_out(scene: Scene, at_rest: bool = False) -> dict[str, str]:
     """
     clauses = {
         "strength": _strength_effects(scene, at_rest),
-        "walls": _walls(scene),
+        "walls": _wall_effects(scene),
         "pads": _pad_effects(scene, at_rest),
         "masses": _masses(scene),
         "loads": _load_effects(scene),
@@ -300,8 +300,11 @@ def _strength_effects(scene: Scene, at_rest: bool) -> list[str]:
     return clauses if scene.fatigue is not None and not at_rest else [*clauses, "fatigue"]
 
 
-def _walls(scene: Scene) -> list[str]:
-    """Return what stiff walls of beams leave out of the motion; no clause if no pads press on walls that could give."""
+def _wall_effects(scene: Scene) -> list[str]:
+    """Return the hint that beam models leave out the bending of walls under pads.
+
+    The list is empty if no pad presses on a beam whose walls could be modelled as compliant.
+    """
     if not any(has_walls_that_could_give(member) and member.pads for member in members(scene)):
         return []
     return [

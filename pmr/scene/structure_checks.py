@@ -102,7 +102,10 @@ def _check_points_wind_and_temperatures(member: Member) -> None:
 
 
 def _check_places(member: Member) -> None:
-    """Refuse loads, supports and observed positions off the body; models other than beams need observed positions."""
+    """Raise an InputError if a load, support, mass or observed place is not on the body, or can't be on its model.
+
+    A model other than a beam also needs observed places, and ``observe.end`` must not be less than ``observe.start``.
+    """
     observe, length = member.part.observe, member.part.body.length
     observed_places(member)  # refuses models whose places are not known
     places = [(f"loads[{i}].on", load.on) for i, load in enumerate(member.part.loads)]

@@ -228,16 +228,17 @@ def field_products(field: str, number: int, pivot: Sequence[float], shaken: bool
     return tuple(products)
 
 
-def rotation_products(of: str, component: str) -> Products:
-    """Products of the effect `of` of the frame's rotation, for a `component` of one or two axes.
+def rotation_products(effect: str, component: str) -> Products:
+    """Products of the frame's angular velocity and acceleration whose sum is the amplitude of an inertia effect.
 
-    With the angular velocity w of the frame and the axes j and k of the component: ``rotation`` is 2 w_j; ``turning``
-    is the angular acceleration along j; ``carried`` is 2 w_j w_k for j != k, and w_j^2 - w . w for j = k.
+    The `component` names one axis j, such as ``y``, or two axes j and k, such as ``xy``.  With the frame's angular
+    velocity w, the amplitude is 2 w_j for the `effect` ``rotation``, and the angular acceleration along j for
+    ``turning``.  For ``carried`` it is 2 w_j w_k with j != k, and w_j^2 - w . w with j = k.
     """
     first, last = "xyz".index(component[0]), "xyz".index(component[-1])
-    if of == "rotation":
+    if effect == "rotation":
         return (Product(2.0, (("velocity", first),)),)
-    if of == "turning":
+    if effect == "turning":
         return (Product(1.0, (("turning", first),)),)
     if first != last:
         return (Product(2.0, (("velocity", first), ("velocity", last))),)

@@ -99,13 +99,13 @@ class Chart:
         enriched, above = self.places(models.enriched, k), models.stiffness_excess
         buckling = [n for n, limit in enumerate(self.limits) if limit.of == "buckling"]
         at_rest = [n for n, limit in enumerate(self.limits) if limit.kind.eigenvalue_load is None]
-        error = self._differences(enriched, range(len(self.limits)), loads)
+        error = self._load_differences(enriched, range(len(self.limits)), loads)
         sooner = [self.limits[n].model_copy(update={"factor": self.limits[n].factor * (1.0 + above)}) for n in buckling]
         early = self.least_loads(replace(self, limits=sooner).loads(enriched, loads[:, [*buckling, -1]]))
         early[-1] /= 1.0 + above * (early[-1] < self.up_to)  # of one that is not met nothing is known
         differences = np.abs(early - self.least_loads(loads)[[*buckling, -1]])
         error[[*buckling, -1]] = np.maximum(error[[*buckling, -1]], differences)
-        of_run = self._differences(self.places(models.with_tip_mass, k), at_rest, loads)[:-1]
+        of_run = self._load_differences(self.places(models.with_tip_mass, k), at_rest, loads)[:-1]
         at_rest_errors = MARGIN * (error[at_rest] + np.maximum(error[at_rest], of_run))
         error *= MARGIN_OF_BUCKLING
         error[at_rest] = at_rest_errors
@@ -123,17 +123,19 @@ class Chart:
         if (other := models.comparisons.get(part)) is not None:
             which = [n for n, limit in enumerate(self.limits) if part == "mesh" or limit.kind.in_richer_model]
             try:
-                differences = self._differences(self.places(other.postures, k), which, loads)
+                differences = self._load_differences(self.places(other.postures, k), which, loads)
             except InputError as error:
                 allowed = f"{error.allowed} in the {other.label} that the scene is compared with"
                 raise InputError(error.source, error.key, error.value, allowed) from None
             errors[[*which, -1]] = other.share * differences
         return errors
 
-    def _differences(self, places: Sequence[Place], which: Sequence[int], loads: Array) -> Array:
-        """Return differences in kg between two models' smallest loads of the limits `which`, then of stability.
+    def _load_differences(self, places: Sequence[Place], which: Sequence[int], loads: Array) -> Array:
+        """Return by how many kg the smallest load that another model allows differs from that of the reduced model.
 
-        `loads` (c, l) in kg are the loads that the reduced model allows; `places` are the places of the other model.
+        The result (w + 1,) holds magnitudes, for each of w limits with the numbers `which` and last for stability.  The
+        smallest load is that over c cases, of which the other model has the `places`.  The reduced model allows `loads`
+        (c, l) in kg; their columns are all limits and last stability.
         """
         compared, columns = replace(self, limits=[self.limits[n] for n in which]), [*which, -1]
         other = self.least_loads(compared.loads(places, loads[:, columns]))

@@ -28,8 +28,8 @@ KEY = re.compile(rf"[A-Za-z0-9][A-Za-z0-9._=,+-]{{0,{LONGEST - 1}}}")
 def task_key(text: str) -> str:
     """Return a task key that resembles `text`: characters that keys can't contain are replaced by ``_``.
 
-    The end of a text that is too long is replaced by a digest of the text; a ``0`` is put before a sign at the
-    beginning.
+    The end of a text that is too long is replaced by a digest of the text.  A text that does not begin with a letter or
+    a digit gets a ``0`` before it.
     """
     key = re.sub(r"[^A-Za-z0-9._=,+-]+", "_", text)
     key = key if key[:1].isalnum() else f"0{key}"

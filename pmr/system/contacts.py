@@ -255,7 +255,10 @@ class Compliance:
 
 @dataclass(frozen=True)
 class Friction:
-    """The n pads with friction among m contacts, grouped by joint, and the cylinders of the J joints with such pads."""
+    """The n pads with friction among m contacts, and the cylinders that drive the J joints with such pads.
+
+    The pads are grouped by joint.
+    """
 
     joints: tuple[str, ...]  # names of the sections that slide, which are the names of their paths too
     pads: Indices  # (n,): numbers of the pads' contacts

@@ -215,7 +215,10 @@ class ReducedModel(HeldModel):
         return tuple(units.get(name, "N") for name in self.input_names)
 
     def ensure_whole(self, source: str) -> None:
-        """Raise an InputError about `source` if this is a section of a boom, without the joints that hold it."""
+        """Raise an InputError about `source` if this is a section of a boom with rows for its joints to other sections.
+
+        A section none of whose joints has a row can be used by itself.
+        """
         if self.section is not None and set(self.row_names) & set(self.section.joints):
             allowed = f"the model of a whole body is allowed: this is a section of {self.section.boom!r} without what "
             allowed += "joins it to the others; `pmr run` and pmr.simulate(boom, models) know that"

@@ -234,22 +234,23 @@ def _cylinders(result: RunResult, steps: NDArray[np.intp]) -> list[Array]:
     ]
 
 
-def _label_times(ax: Axes, axes: Array, t: Array, first: int) -> None:
-    """Write the time beside the end of each of the drawn `axes` (S, n, 2) in m, at times t (S,) in s.
+def _label_times(ax: Axes, lines: Array, t: Array, most_stressed: int) -> None:
+    """Write the time next to the end of each drawn body axis, one of `lines` (S, n, 2) in m, at times t (S,) in s.
 
-    A label that would come near another one is left out.  The moment with the number `first` has the largest stress and
-    is always labelled; the last moment comes next, and the moments in between come last.
+    A label that would come near another one is left out.  Labels are written first for the number `most_stressed`, then
+    for the last time, then for the others in order.
     """
     labelled = list[Array]()
-    for k in dict.fromkeys([first, len(t) - 1, *range(len(t))]):
-        at = np.asarray(ax.transData.transform(axes[k, -1])) / ax.figure.dpi
+    for k in dict.fromkeys([most_stressed, len(t) - 1, *range(len(t))]):
+        at = np.asarray(ax.transData.transform(lines[k, -1])) / ax.figure.dpi
         if all(float(np.linalg.norm(at - other)) >= APART for other in labelled):
             labelled.append(at)
-            aside = 6.0 * (axes[k, -1] - axes[k, -2]) / max(float(np.linalg.norm(axes[k, -1] - axes[k, -2])), 1e-300)
-            where = "left" if aside[0] > 2.0 else "right" if aside[0] < -2.0 else "center"
-            up = "center" if abs(aside[1]) < 4.0 else "bottom"
+            direction = lines[k, -1] - lines[k, -2]
+            offset = 6.0 * direction / max(float(np.linalg.norm(direction)), 1e-300)
+            where = "left" if offset[0] > 2.0 else "right" if offset[0] < -2.0 else "center"
+            up = "center" if abs(offset[1]) < 4.0 else "bottom"
             text, box = f"{float(t[k]):.3g}{SPACE}s", {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
-            ax.annotate(text, axes[k, -1], aside, textcoords="offset points", ha=where, va=up, fontsize=7.0,
+            ax.annotate(text, lines[k, -1], offset, textcoords="offset points", ha=where, va=up, fontsize=7.0,
                         zorder=3.0, bbox=box)  # fmt: skip
 
 
