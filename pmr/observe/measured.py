@@ -140,6 +140,7 @@ class Observation:
     without: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     truth: Mapping[str, Array] = field(default_factory=dict)  # (T,) at the steps of the model, NaN where not known
     title: str = ""
+    beyond: Mapping[str, int] = field(default_factory=dict)  # numbers of values beyond the motion, by sensor
 
     @classmethod
     def compute(
@@ -179,15 +180,21 @@ class Observation:
                 for name in names
                 if name in (*fewer.unknowns, *fewer.outputs)
             }
-        return cls(observer, estimates, sampled, observability, without, true, title)
+        first, last = observer.model.t[[0, -1]] + np.array([-1.5, 1.5]) * observer.model.step
+        beyond = {
+            name: int(np.sum(np.isfinite(values) & ((times < first) | (times > last))))
+            for name, (times, values) in measured.items()
+        }
+        return cls(observer, estimates, sampled, observability, without, true, title, beyond)
 
     def summary(self) -> dict[str, Any]:
         """Summary for ``observe.json``: last estimates, observability, whiteness, alarms, budget, sensors left out.
 
         ``first_alarm`` has the time in s of each sensor's first alarm; sensors without an alarm are left out.
         ``excluded`` has, for each sensor that was excluded, when it was in s, from and to, or null at the end.
-        ``payload_drift`` is the first time in s at which the payload's estimate drifts, or null.  ``faults`` says all
-        three in sentences.
+        ``payload_drift`` is the first time in s at which the payload's estimate drifts, or null.  ``beyond`` has the
+        numbers of measured values that are not used because the scene's motion does not cover their times.  ``faults``
+        says all four in sentences.
         ``coverage`` and ``rms_error`` have the share of true values within bands of 90 %, and the RMS error, of each
         estimate with true values.
         """
@@ -206,6 +213,7 @@ class Observation:
             "first_alarm": alarms,
             "excluded": {name: spans for name, spans in excluded.items() if spans},
             "payload_drift": float(t[np.argmax(estimates.drift)]) if estimates.drift.any() else None,
+            "beyond": {name: count for name, count in self.beyond.items() if count},
         }
         return {
             "title": self.title,
@@ -215,7 +223,7 @@ class Observation:
             "observability": dict(self.observability),
             "whiteness": {name: p if np.isfinite(p) else None for name, p in estimates.whiteness().items()},
             **faults,
-            "faults": describe_faults(faults),
+            "faults": describe_faults(faults, t),
             "errors_of_model": {part: dict(of) for part, of in self.observer.errors.items()},
             "not_covered": sorted({name for name in estimates.outputs if not self._is_covered(name)}),
             "coverage": {name: estimates.coverage(name, values) for name, values in self.truth.items()},
@@ -266,8 +274,11 @@ def _spans(t: Array, mask: NDArray[np.bool_]) -> list[list[float | None]]:
     ]
 
 
-def describe_faults(figures: Summary) -> list[str]:
-    """Sentences on faulty sensors and on a payload that drifts, from entries of ``observe.json``."""
+def describe_faults(figures: Summary, times: Array) -> list[str]:
+    """Sentences on faulty sensors, on a payload that drifts and on values beyond the motion.
+
+    They follow from entries of ``observe.json``; the motion has the `times` (T,) in s.
+    """
     sentences = [
         f"{name} disagrees with the model, is stuck or silent from {t:.3g} s on"
         for name, t in figures["first_alarm"].items()
@@ -278,6 +289,10 @@ def describe_faults(figures: Summary) -> list[str]:
     if figures["payload_drift"] is not None:
         cause = "the payload changes, or a sensor has an error that grows slowly"
         sentences.append(f"the payload's estimate drifts at {figures['payload_drift']:.3g} s: {cause}")
+    for name, count in figures["beyond"].items():
+        values = f"1 measured value of {name} is" if count == 1 else f"{count} measured values of {name} are"
+        cause = f"beyond the times of the scene's motion, {times[0]:.4g} to {times[-1]:.4g} s"
+        sentences.append(f"{values} not used, {cause}")
     return sentences
 
 

@@ -189,9 +189,23 @@ def test_the_command_estimates_a_payload(tmp_path: Path, undrawn: None, run_comm
 
 def test_faults_are_said_with_their_times() -> None:
     figures = {"first_alarm": {"tip": 2.0}, "excluded": {"tip": [[2.25, 5.5], [7.0, None]]}, "payload_drift": 4.0}
-    assert describe_faults(figures) == [
+    t = np.array([0.0, 8.0])
+    assert describe_faults({**figures, "beyond": {"tip": 3}}, t) == [
         "tip disagrees with the model, is stuck or silent from 2 s on",
         "tip was at fault and was not used from 2.25 s to 5.5 s, from 7 s on",
         "the payload's estimate drifts at 4 s: the payload changes, or a sensor has an error that grows slowly",
+        "3 measured values of tip are not used, beyond the times of the scene's motion, 0 to 8 s",
     ]
-    assert describe_faults({"first_alarm": {}, "excluded": {}, "payload_drift": None}) == []
+    assert describe_faults({"first_alarm": {}, "excluded": {}, "payload_drift": None, "beyond": {}}, t) == []
+
+
+def test_values_beyond_the_motion_are_counted(tmp_path: Path) -> None:
+    model = oscillator(60)
+    t, y = np.arange(90) * H, np.sin(np.arange(90.0))  # from 0 s on; the model's steps are 0.01 s to 0.6 s
+    y[[65, 70]] = np.nan  # nothing was measured
+    observer = Observer(model, [Sensor(OUTPUTS[0], 0.05), Sensor(OUTPUTS[1], 1e-5)])
+    data = {OUTPUTS[0]: (t, y), OUTPUTS[1]: (t[:62], y[:62])}
+    _, figures = Observation.compute(observer, data).write(tmp_path)
+    summary = json.loads(figures.read_text())
+    assert summary["beyond"] == {OUTPUTS[0]: 26}
+    assert summary["faults"][-1].startswith(f"26 measured values of {OUTPUTS[0]} are not used")
