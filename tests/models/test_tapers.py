@@ -60,7 +60,7 @@ def test_a_tapered_cantilever_bends_as_the_integral_of_its_flexibility_to_the_se
 @pytest.mark.slow
 def test_the_wedge_of_one_wall_is_the_textbooks() -> None:
     """Thin walls, all but the height constant: I = t h^2 (h / 6 + b / 2), of a height that is linear in x."""
-    b, h, t = 0.3, 0.4, 1e-6
+    b, h, t = 0.3, 0.4, 2e-6
     box = Box(length=LENGTH, width=b, height=h, wall=t, tip_taper={"length": LENGTH, "height": 0.1})
     x = np.linspace(0.0, LENGTH, 20001)
     height = h - 0.3 * x / LENGTH
