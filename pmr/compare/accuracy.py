@@ -86,13 +86,13 @@ def prepare_scene(scene: Scene) -> Scene:
 
 
 def trials_of(scene: Scene, models: Mapping[str, ReducedModel]) -> Trials:
-    """Trials of models of all sizes, with any step, that the reductions `models` of a scene's bodies contain."""
+    """Trials of all models that the reductions `models` of a scene's bodies contain, with any step."""
     kinds = ("beam", "tip") if scene.goal is None else scene.goal.outputs
     return Trials(models, partial(_join_models, scene), Excitation.from_scene(scene), kinds)
 
 
 def _join_models(scene: Scene, models: Mapping[str, ReducedModel]) -> System:
-    """System of these models, by name of the body, as it is simulated."""
+    """System that is simulated, from the `models` of its bodies by name."""
     stressed = any(frame_terms(scene))
     return system_of(scene, {name: simulated_model(model, stressed) for name, model in models.items()})
 
@@ -183,8 +183,8 @@ class Search:
 def scene_on_other_mesh(scene: Scene, trial: Trial) -> mesh_part.OtherMesh:
     """The scene with a trial's step, on the mesh by which the error of the scene's own mesh is estimated.
 
-    A single body has `COORDINATES` coordinates, doubled until it has as many as the trial, so that most choices share
-    one scene.  Raises an `InputError` with the reason if there is no other mesh.
+    A single body has `COORDINATES` coordinates, doubled until it has no fewer than the trial, so that most choices
+    share one scene.  Raises an `InputError` with the reason if there is no other mesh.
     """
     other = mesh_part.other_mesh(_with_step(scene, trial.steps))
     if len(scene.bodies) > 1:

@@ -26,7 +26,7 @@ SECOND_ORDER = 4.0
 
 
 def worst_ratio(errors: Mapping[str, float], allowed: Allowed) -> float:
-    """Largest ratio, over all kinds of outputs, of the error to the allowed error."""
+    """Largest ratio of the error to the allowed error; of all kinds of outputs the worst one counts."""
     return max(errors[kind] / size for kind, size in allowed.items())
 
 
@@ -71,7 +71,7 @@ def _step_ratio(trials: Trials, sizes: Sizes, steps: int, allowed: Allowed) -> f
 
 
 def reduce_cost(trials: Trials, trial: Trial, allowed: Allowed, coarsest: int) -> Trial:
-    """Trial with as few coordinates, then as few steps, as possible whose errors are still allowed.
+    """Trial whose errors are allowed, with the fewest coordinates possible and then with the fewest steps.
 
     The search begins with `trial`; `coarsest` is the smallest number of steps.
     """
@@ -91,11 +91,11 @@ def reduce_cost(trials: Trials, trial: Trial, allowed: Allowed, coarsest: int) -
 
 
 def find_best_affordable(trials: Trials, budget: Budget, coarsest: int) -> Trial:
-    """Trial with the smallest error within a budget of coordinates, of the time of a step, or of real time.
+    """Trial with the smallest error within a budget: of coordinates, of the time of a step, or of real time.
 
-    For coordinates or the time of a step, it has the most coordinates possible, and the longest step whose error is no
-    larger than that of the reduction.  For real time, trials are made with `coarsest` steps and more; each has as many
-    coordinates as there is time for.  Raises InputError if the smallest model exceeds the budget.
+    For coordinates or the time of a step, it has the most coordinates possible, and the longest step whose error does
+    not exceed that of the reduction.  For real time, trials are made with `coarsest` steps and more; each has the most
+    coordinates for which there is time.  Raises InputError if the smallest model exceeds the budget.
     """
     key = "microseconds_per_step" if budget.real_time is None else "real_time"
     if budget.coordinates is not None:
@@ -122,7 +122,7 @@ def explain_trial(trials: Trials, trial: Trial, coarsest: int, allowed: Allowed)
     coarse = trials.fewest_resolving_steps(steps)
 
     def error_of_fewer(sizes: Sizes) -> float:
-        """Largest error, over all kinds of outputs, of models of smaller sizes against the trial."""
+        """Difference of models of smaller sizes to the trial; of all kinds of outputs the largest one counts."""
         return max(trials.difference_to_trial(trial, sizes, coarse).values())
 
     if fewer := min(trials.neighbouring_sizes(trial.sizes, -1), key=error_of_fewer, default=None):
@@ -144,15 +144,17 @@ def explain_trial(trials: Trials, trial: Trial, coarsest: int, allowed: Allowed)
 
 
 def _fewest_modes(trials: Trials, trial: Trial, allowed: Allowed) -> Sizes:
-    """Smallest sizes with an error against the trial of at most `allowed` less the error of the trial's step.
+    """Smallest sizes with which the errors of the trial stay allowed.
 
-    Modes are left out of all bodies first, then of each body.  The runs have the fewest steps that resolve the motion.
+    The error of smaller models is their difference to the trial.  It may use what the error of the trial's step leaves
+    of `allowed`.  Modes are left out of all bodies first, then of each body.  The runs have the fewest steps that
+    resolve the motion.
     """
     margin = {kind: size - trial.step[kind] for kind, size in allowed.items()}
     steps = trials.fewest_resolving_steps(trial.steps)
 
     def enough(sizes: Sizes) -> bool:
-        """Whether the error of these sizes against the trial is at most the part of `allowed` that its step leaves."""
+        """Whether models of these sizes differ from the trial by no more than its step's error leaves of `allowed`."""
         return worst_ratio(trials.difference_to_trial(trial, sizes, steps), margin) <= 1.0
 
     low, high = trials.least - 1, trials.most_elastic_modes(trial.sizes)
@@ -169,7 +171,7 @@ def _fewest_modes(trials: Trials, trial: Trial, allowed: Allowed) -> Sizes:
 def _longest_steps(
     trials: Trials, trial: Trial, coarsest: int, suits: Callable[[Mapping[str, float], Mapping[str, float]], bool]
 ) -> Trial:
-    """Trial with as few steps as its errors allow; the number of steps is halved repeatedly.
+    """Trial with the fewest steps with which its errors are allowed; the number of steps is halved repeatedly.
 
     `suits` says whether errors of reduction and step, by kind, are allowed; `coarsest` is the smallest number of steps.
     """
@@ -186,9 +188,9 @@ def _longest_steps(
 
 
 def _balance_errors(trials: Trials, sizes: Sizes, coarsest: int) -> Trial:
-    """Trial with the longest step whose error is no larger than that of the reduction, else with the shortest step.
+    """Trial with the longest step whose error does not exceed that of the reduction.
 
-    Steps are no longer than with `coarsest` steps in the run.
+    If no step is that accurate, the trial has the shortest step.  The run has at least `coarsest` steps.
     """
 
     def suits(reduction: Mapping[str, float], step: Mapping[str, float]) -> bool:
@@ -218,7 +220,8 @@ def _real_time_trials(trials: Trials, ratio: float, coarsest: int) -> Iterator[T
 def _largest_sizes(trials: Trials, seconds: float) -> Sizes | None:
     """Sizes with the most elastic modes with which a step takes at most `seconds`.
 
-    All bodies have equally many elastic modes, or all of theirs.  None if a step takes longer with the fewest modes.
+    All bodies have the same number of elastic modes, or all elastic modes that they have.  None if a step takes longer
+    with the fewest modes.
     """
     low, high = trials.least - 1, trials.most_elastic_modes(trials.most) + 1
     middle = high - 1

@@ -49,8 +49,9 @@ class AxialForce(NamedTuple):
 def axial_part(scene: Scene, system: System, excitation: Excitation, masses: Mapping[str, float]) -> SummaryPart:
     """A warning if axial forces matter that second order leaves out; a grave one beyond the buckling load.
 
-    Without a frame these are all axial forces, beside a frame those of loads that do not act at a tip.  `masses` are
-    those of the bodies in kg by name, without what is attached to them; a body that is left out has no weight here.
+    Without a frame these are all axial forces.  With a frame they are those of loads that do not act at a tip.
+    `masses` are those of the bodies in kg by name, without what is attached to them; a body that is missing among them
+    has no weight here.
     """
     if scene.computed_key is not None:
         return SummaryPart()
@@ -81,9 +82,9 @@ def axial_part(scene: Scene, system: System, excitation: Excitation, masses: Map
 
 
 def axial_forces(member: Member, body: SlidingBody, mass: float) -> Iterator[AxialForce]:
-    """Yield the axial force by each load along the axis of a body, and by its weight; in a frame not those on the tip.
+    """Yield the axial force by each load along the axis of a body, and by its weight.
 
-    `mass` in kg is that of the body without what is attached to it.
+    In a frame, loads at the tip are left out.  `mass` in kg is that of the body without what is attached to it.
     """
     part, tip = member.part, float(np.max(body.output_positions, initial=0.0))
 

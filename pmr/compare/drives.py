@@ -178,9 +178,9 @@ def _stop_spans(t: Array, stop: Array, histories: Mapping[str, Array]) -> list[d
 
 
 def _spans(holds: Mask) -> list[tuple[int, int]]:
-    """First step of each span in which a condition holds, and the first step behind the span.
+    """First step of each span in which a condition holds, and the first step after the span.
 
-    `holds` (T,) says at which steps it holds.
+    `holds` (T,) says at which steps the condition holds.
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]])))
     return [(first, last) for first, last in edges.reshape(-1, 2).tolist()]
@@ -269,10 +269,10 @@ def _pin_warnings(scene: Scene, held: PinAndCylinder | None) -> list[str]:
 
 
 def slack_spans(t: Array, force: Array) -> list[dict[str, float]]:
-    """Spans in which a rope is slack, with ``start`` and ``end`` in s and the largest force in N behind the span.
+    """Spans in which a rope is slack: ``start`` and ``end`` in s, and the largest force ``snatch`` in N after it.
 
-    `force` (T,) in N is that of the rope at the times t (T,) in s.  The force behind a span, ``snatch``, is the largest
-    one until the rope is slack again or the run ends.
+    `force` (T,) in N is that of the rope at the times t (T,) in s.  The ``snatch`` is the largest force until the rope
+    is slack again or the run ends.
     """
     spans, listed = _spans(force <= 0.0), list[dict[str, float]]()
     for (start, end), (following, _) in pairwise([*spans, (len(t), len(t))]):
@@ -367,7 +367,7 @@ def boiling_warnings(cylinder: str, extremes: Mapping[str, Extremes], response: 
 def supply_warnings(
     cylinder: str, oil: Oil, histories: Mapping[str, Array], stop: Array, response: Response
 ) -> list[str]:
-    """Warnings where the oil in a chamber of a `cylinder` has a higher pressure than the supply; two at most a chamber.
+    """At most two warnings for each chamber of a `cylinder` whose oil has a higher pressure than the supply.
 
     The first warning is for times at which the valve connects the chamber to the supply: the supply is too weak for the
     load, and oil flows back unless a counterbalance valve stops it.  The second is for all other times: a real relief

@@ -305,5 +305,5 @@ def _motion_clause(band: float, h: float, natural: Array) -> str:
 
 
 def _steps_per_period(frequency: float, h: float) -> str:
-    """How many steps of h in s a period of `frequency` in Hz takes, in words; "no period" for 0."""
+    """Text with the number of steps of h in s in a period of `frequency` in Hz; "no period" for 0."""
     return f"{two_digits(1.0 / (frequency * h))} steps a period" if frequency > 0.0 else "no period"

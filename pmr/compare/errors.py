@@ -49,7 +49,7 @@ def nrms(signal: Array, reference: Array) -> float:
 
 
 def relative_error(signal: Array, reference: Array) -> float:
-    """RMS of the difference over the RMS of the reference, averaged over all components that move; a fraction.
+    """RMS of the difference divided by the RMS of the reference, the mean of all components that move; a fraction.
 
     It is e_NRMS without the limit of 1, so a growing motion can be recognised.  Signal and reference have the shape
     (T,) or (T, M): times, components.  If squares of the values would leave the range of double precision, both are
@@ -73,12 +73,12 @@ def relative_error(signal: Array, reference: Array) -> float:
 
 
 def _norms_over_time(values: Array) -> Any:
-    """Euclidean norm (...) over all T steps of each component of `values` (T, ...)."""
+    """Euclidean norm (...) of the T values of each component of `values` (T, ...)."""
     return np.sqrt(np.einsum("t...,t...->...", values, values))
 
 
 def absolute_error(signal: Array, reference: Array) -> float:
-    """Error e_abs, the Euclidean norm of `signal` - `reference` over all steps and components, in their unit.
+    """Error e_abs in the unit of the signals: the norm of `signal` - `reference`, of all steps and components.
 
     Raises SimulationError if a value of the difference, or its norm, is not finite.
     """

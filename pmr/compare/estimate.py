@@ -96,7 +96,7 @@ class Estimate:
 
     @property
     def beam(self) -> float:
-        """Error over all displacements, a fraction with margin."""
+        """Error of all displacements together, a fraction with margin."""
         return self.error_of("beam")
 
     @property

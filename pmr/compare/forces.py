@@ -199,11 +199,11 @@ def _pad_force(response: Response, name: str) -> Array | None:
 
 
 def pulled_pad_warnings(scene: Scene, contacts: Sequence[Contact], response: Response) -> list[str]:
-    """Warnings about pads that hold both ways and are pulled: one a ring for a single body, one for all joints.
+    """Warnings about pads that hold both ways and are pulled: one per ring of a single body, or one for all joints.
 
     `contacts` are all contacts of the system.  Each warning says how many pads pull, which pad pulls most, and which
-    key to set.  Beside a motion that is computed, pads that only push are refused, so there the key is that of the
-    faces.  Points that hold a planar beam both ways are meant to pull, so only pads count.
+    key to set.  With a computed motion, pads that only push are refused, so the key is then that of the faces.  Points
+    that hold a planar beam both ways are meant to pull, so only pads count.
     """
     computed = _computed_motion(scene)
     loads, lines = pad_extremes(scene, response), list[str]()
@@ -220,7 +220,10 @@ def pulled_pad_warnings(scene: Scene, contacts: Sequence[Contact], response: Res
 
 
 def _computed_motion(scene: Scene) -> str | None:
-    """The key, with its value, beside which pads that only push are refused; None if the frame's motion is given."""
+    """Key and value of a computed motion of the frame, with which pads that only push are refused.
+
+    None if the frame's motion is given.
+    """
     frame = scene.frame
     if frame is None or frame.machine is not None:
         return None if frame is None else "frame.machine"
@@ -267,10 +270,11 @@ def _ring_warning(ring: PadRing, pulling: Mapping[str, Extremes], response: Resp
 def _joints_warning(
     contacts: Sequence[Contact], pulling: Mapping[str, Extremes], response: Response, computed: str | None
 ) -> str:
-    """Warning that pads between sections pull: which pulls most, its force and when, and how many others pull.
+    """Warning that pads between sections pull.
 
-    `contacts` are the contacts of all of these pads.  `pulling` maps each contact's name to the extremes of its force.
-    `computed` is as `_computed_motion` says.
+    It names the pad that pulls most, its force and its time, and says how many others pull.  `contacts` are the
+    contacts of all of these pads.  `pulling` maps each contact's name to the extremes of its force.  `computed` is as
+    `_computed_motion` says.
     """
     pad = min((contact.name for contact in contacts), key=lambda name: pulling[name].least)
     sections = list(dict.fromkeys(contact.inner.body for contact in contacts))

@@ -88,7 +88,7 @@ def finer_beams(scene: Scene) -> Scene:
     """The scene with twice as many elements of all beams."""
 
     def halve_elements(part: BoomSection) -> dict[str, object]:
-        """Keys of a section whose elements are halved.
+        """Change of a section's keys that halves its elements: the key ``mesh`` with its new values.
 
         As lengths grow from element to element by the root of the former factor, all nodes stay, and each element gets
         one more.
@@ -101,10 +101,10 @@ def finer_beams(scene: Scene) -> Scene:
 
 
 def coarser_walls(scene: Scene) -> Scene:
-    """The scene on cells twice as long; beams have half as many elements."""
+    """The scene with cells of twice the length; beams have half the number of elements."""
 
     def double_cells(part: BoomSection) -> dict[str, object]:
-        """Keys of a section whose cells are twice as long."""
+        """Change of a section's keys that doubles the length of its cells: the key ``mesh`` with its new values."""
         sizes = {"size": COARSER * part.mesh.size, "tail_layer": COARSER * part.mesh.tail_layer}
         along = None if part.mesh.along is None else COARSER * part.mesh.along
         return {"mesh": sizes | {"along": along, "elements": max(2, part.mesh.elements // 2)}}

@@ -149,10 +149,11 @@ def evenly_spaced_steps(excitation: Excitation) -> list[int]:
 
 
 def model_budget(scene: Scene, motion: Motion, richer: Motion, richer_name: str) -> dict[str, Any]:
-    """Entry ``budget.model`` of summary.json: errors of `motion` against the motion `richer` of a richer model.
+    """Entry ``budget.model`` of summary.json: differences of `motion` to the motion `richer` of a richer model.
 
-    The richer model has the name `richer_name`.  Kinds of displacements are None if they are round-off in the richer
-    model, ``largest`` if it does not move.  Kinds of outputs that the two models do not have in common are missing.
+    The richer model has the name `richer_name`.  The value of a kind of displacements is None if the richer model's
+    displacements are round-off, and that of ``largest`` is None if the richer model does not move.  Kinds of outputs
+    that the two models do not have in common are missing.
     """
     shares, displacements = dict[str, float | None](), list[Array]()
     still = max(motion.response.round_off, richer.response.round_off)
@@ -207,7 +208,7 @@ def largest_model_error(part: Summary) -> float:
 
 
 def _largest(*values: Array) -> Array:
-    """Largest absolute value in all `values`, an array without axes; 0 if there are none."""
+    """Largest absolute value in all `values`, as an array of shape (); 0 if there are none."""
     return np.array(max((float(np.abs(of).max()) for of in values), default=0.0))
 
 

@@ -279,7 +279,7 @@ def stiffness_changes(
 
 
 def _second_order_steps(excitation: Excitation) -> NDArray[np.int64]:
-    """Numbers of the steps at which second order is computed, `STRESSED_TIMES` at most.
+    """Ascending numbers (S,) of the steps at which second order is computed, at most `STRESSED_TIMES`.
 
     Steps near a kink of an extension are left out: the acceleration of the kink lasts one step and is no lasting load.
     """

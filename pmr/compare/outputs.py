@@ -55,7 +55,7 @@ class Outputs:
     forces: tuple[str, ...] = ()  # (p,): kind of each force; empty if all are forces of sliders and pads
 
     def of_kind(self, kind: str) -> Array:
-        """Outputs of one kind, one of `OUTPUT_KINDS` or `CYLINDER_FORCE`: (T, number of outputs of that kind)."""
+        """Outputs (T, c) of one kind, one of `OUTPUT_KINDS` or `CYLINDER_FORCE`; c outputs are of that kind."""
         if kind == "tip":
             return self.displacement[:, list(self.tips)]
         if kind in FORCE_KINDS:
@@ -116,9 +116,10 @@ class RoundOffBounds:
 def differences(
     outputs: Outputs, reference: Outputs, floors: RoundOffBounds, kinds: Sequence[str] = OUTPUT_KINDS
 ) -> dict[str, float]:
-    """Errors of outputs against a reference, as fractions, for each of `kinds` (`pmr.compare.errors.relative_error`).
+    """Errors of outputs against a reference, as fractions, by kind, for each of `kinds`.
 
-    Columns that are round-off in both, according to the `floors`, count as zero.
+    The measure is `pmr.compare.errors.relative_error`.  Columns that are round-off in both, according to the `floors`,
+    count as zero.
     """
     moves = zero_round_off(outputs.displacement, reference.displacement, floors.displacement)
     errors = dict[str, float]()
@@ -149,7 +150,7 @@ def probe_differences(outputs: Outputs, reference: Outputs, floors: RoundOffBoun
 
 
 def probe_errors(y: Array, r: Array, units: Sequence[str]) -> Array:
-    r"""Errors (k,), fractions, of probes y (T, k) beside their references r (T, k), with a unit for each.
+    r"""Errors (k,), fractions, of k probes y (T, k) compared with r (T, k); each has a unit.
 
     .. math:: \mathrm{rms}(y_k - r_k) / \max(\mathrm{rms}(r_k),\ 0.01 \max_j \mathrm{rms}(r_j))
 
@@ -252,7 +253,7 @@ def output_contacts(system: BodySystem[AnyBody]) -> list[int]:
 
 
 def force_kinds_of_system(system: System) -> tuple[str, ...]:
-    """Kind of each force output of a system: first of the springs of all bodies, then of `output_contacts`.
+    """Kind of each force output of a system: of the springs of all bodies, then of the contacts `output_contacts`.
 
     For a single body all kinds are ``pad_force``.
     """

@@ -344,7 +344,7 @@ def simulate_cable(
 
 
 def cable_response(scene: Scene, body: Body, done: Progress | None = None) -> Response:
-    """Response of the ANCF cable, which serves as a reference, with the outputs of the `body` that it stands for.
+    """Response of the ANCF cable, which serves as a reference for a `body`, with the outputs of this body.
 
     The joint of the cable holds a point in space, so it has no rows: their residuals are NaN.  Errors are those of
     `simulate_cable`.

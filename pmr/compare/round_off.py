@@ -46,7 +46,7 @@ def zero_round_off(signal: Array, reference: Array, round_off: float | Array) ->
     """
 
     def clear_columns(values: Array) -> Array:
-        """The values with zeros in columns of round-off; NaN stays."""
+        """Copy of `values` (T, o) with zeros in columns of round-off; columns with NaN stay."""
         still = largest_absolute(values) <= round_off
         return np.where(still, 0.0, values) if np.any(still) else values
 

@@ -99,7 +99,7 @@ def excitation_of_scene(scene: Scene, system: System) -> Excitation:
 
 
 def check_scene_fits(scene: Scene, system: System) -> None:
-    """Raise an InputError if a scene's bodies, joints or loads are not those of the scene behind a system."""
+    """Raise an InputError if a scene's bodies, joints or loads are not those of the scene that a system is made for."""
     parts = scene.bodies
     if tuple(parts) != tuple(system.bodies):
         allowed = f"the sections of the system are allowed: {', '.join(system.bodies)}"
@@ -204,7 +204,7 @@ def check_same_scene(model: System | ReducedModel, scene: Scene, number: int | N
 
 
 class Difference(NamedTuple):
-    """Difference between a scene and the one behind a model: key, the scene's value, the model's value."""
+    """Difference between a scene and the scene of a model: key, the scene's value, the model's value."""
 
     key: str
     present: object
@@ -212,7 +212,7 @@ class Difference(NamedTuple):
 
 
 def _gravity_differences(recorded_scene: Mapping[str, object], scene: Scene) -> Iterator[Difference]:
-    """Differences in gravity between a recorded scene and a scene."""
+    """Yield the differences in gravity between a recorded scene and a scene; none if one of them has no gravity."""
     if recorded_scene.get("gravity") and scene.gravity:
         yield from _part_differences(recorded_scene["gravity"], scene.gravity, "gravity")
 

@@ -102,7 +102,7 @@ def missed_stress_part(scene: Scene, response: Response) -> SummaryPart:
     """A warning where a pad, a support or a probe has its peak between the times at which stresses are recovered.
 
     It names the history that exceeds its largest value at these times the most, by a share of `MISSED` or more.
-    Histories that are small beside others of the same kind and unit are left out.
+    Histories that are small compared with others of the same kind and unit are left out.
     """
     steps, recovery = scene.recovered_steps, scene.recovery
     if recovery is None or not recovery.stress or len(response.t) != scene.time.steps + 1:
@@ -180,7 +180,7 @@ def utilisation_part(scene: Scene, stresses: Mapping[str, Summary]) -> SummaryPa
 
 
 def _utilisations(part: Body, peak: Summary, regions: Summary) -> Iterator[dict[str, Any]]:
-    """Utilisation of the whole body, and of each region with a material of its own, as rows of ``utilisation``.
+    """Yield rows of ``utilisation``: of the whole body, then of each region with a material of its own.
 
     `peak` is the largest stress of the body, `regions` have the largest stress of each region by name.
     """

@@ -189,12 +189,12 @@ class Trials:
         return max(size - rigid for size, rigid in zip(sizes, self._rigid, strict=True))
 
     def double_sizes(self, sizes: Sizes) -> Sizes:
-        """Sizes with twice as many elastic modes of each body, or all elastic modes of bodies that have fewer."""
+        """Sizes with twice the number of elastic modes of each body, or all elastic modes of bodies that have fewer."""
         of_bodies = zip(sizes, self._rigid, self.most, strict=True)
         return tuple(max(size, min(rigid + max(2 * (size - rigid), 1), most)) for size, rigid, most in of_bodies)
 
     def neighbouring_sizes(self, sizes: Sizes, step: int) -> list[Sizes]:
-        """All possible sizes with `step` modes more in one body and as many as in `sizes` in the others.
+        """All possible sizes with `step` modes more in one body, and with those of `sizes` in the others.
 
         `step` is negative for fewer modes.
         """
@@ -214,7 +214,7 @@ class Trials:
         return self._systems[sizes]
 
     def coordinates(self, sizes: Sizes) -> int:
-        """Number of coordinates of all bodies together, with modes of cylinders, for models of these sizes."""
+        """Number of coordinates of all bodies together, for models of these sizes; modes of cylinders are included."""
         return sum(body.size for body in self.system(sizes).bodies.values())
 
     def estimate_trial(self, sizes: Sizes, steps: int) -> Trial:

@@ -20,7 +20,7 @@ from pmr.system.system import System
 
 @dataclass(frozen=True)
 class Rates:
-    """Signals over time and their rates, each (T, k)."""
+    """T values of k signals and their rates, each (T, k)."""
 
     value: Array
     rate: Array

@@ -73,7 +73,7 @@ class Part:
     def values(self) -> Array:
         """Values (K, n) of the modes on the K carriers of the body.
 
-        Columns of zeros pad them to a number n that is a multiple of `LANES`, as many as the slice `modes` has.
+        Columns of zeros pad them to the number n of columns in the slice `modes`, a multiple of `LANES`.
         """
         assert self.body.carriers is not None
         values = self.body.carriers.values
@@ -318,7 +318,10 @@ def seal(block: bytearray, checksum: int) -> None:
 
 
 def _encode(array: NDArray[Any] | str) -> NDArray[Any]:
-    """Array of integers as int32, other numbers as float64, and text as its bytes, uint8."""
+    """Array as the kernel stores it: integers as int32, other numbers as float64, text as its bytes (uint8).
+
+    The shape stays; a text of k bytes becomes an array (k,).
+    """
     if isinstance(array, str):
         return np.frombuffer(array.encode(), np.uint8)
     return np.asarray(array, np.int32 if array.dtype.kind in "iub" else np.float64)

@@ -137,7 +137,10 @@ def system_in_modes(system: System, forms: Mapping[str, Modal], supports: Sequen
 
 
 def _sizes(system: System, modal: System, rows: Arrangement, motions: int, outputs: int) -> Arrays:
-    """Sizes of the system, in the order in which the function `read_arrays` in src/system.c reads them."""
+    """Sizes of the system: an array of whole numbers under the key that `read_arrays` in src/system.c reads.
+
+    The numbers are in the order of that function.
+    """
     m, pads = len(modal.contacts), len(rows.F) - len(modal.contacts)
     inputs, order = rows.parts[-1].inputs.stop, np.arange(len(rows.F))
     single = len(rows.blocks) == len(rows.parts) == 1 and np.array_equal(rows.blocks[0].numbers, order) and m and inputs
@@ -162,7 +165,10 @@ def _sizes(system: System, modal: System, rows: Arrangement, motions: int, outpu
 
 
 def _hoist(system: System, paths: Sequence[str]) -> Arrays:
-    """Arrays of the hoist of a system with these paths; empty ones without a hoist."""
+    """Arrays of the hoist of a system with these `paths`, by their names in the kernel's block.
+
+    The arrays have no entries if the system has no hoist.
+    """
     hoist = system.hoist
     names = [*paths, *system.input_names, *system.term_names, *hoist.drivers]
     return {
@@ -181,13 +187,13 @@ def _is_diagonal(A: Array) -> bool:
 
 
 def _fill_rows(array: Array, width: int) -> Array:
-    """Array with zeros appended along its last axis, up to `width` rounded up to whole registers."""
+    """Array (..., w) with zeros appended along its last axis, w being `width` rounded up to whole registers."""
     missing = round_up(width) - array.shape[-1]
     return np.pad(np.asarray(array, float), [(0, 0)] * (array.ndim - 1) + [(0, missing)])
 
 
 def _bodies(rows: Arrangement, split: Outputs) -> Arrays:
-    """Arrays of the modes, inputs and outputs of all bodies."""
+    """Arrays of the modes, inputs and outputs of all bodies, by their names in the kernel's block."""
     last = rows.parts[-1]
     r, i, o = last.modes.stop, last.inputs.stop, last.outputs.stop
     D, B, shapes, direct, energy = (np.zeros(shape) for shape in ((r, r), (i, r), (r, o), (i, o), (i, round_up(i))))
@@ -217,7 +223,10 @@ def _bodies(rows: Arrangement, split: Outputs) -> Arrays:
 
 
 def _contacts(system: System, rows: Arrangement, split: Outputs) -> Arrays:
-    """Constant arrays of the contacts: rows, clearances, which contacts push, and ropes that lengthen."""
+    """Constant arrays of the contacts by their names in the kernel's block.
+
+    They hold the rows, the clearances, which contacts push, and the ropes that lengthen.
+    """
     m, moments = len(system.contacts), len(rows.F) - len(system.contacts)
     clearance = np.pad(system.clearance, (0, moments), constant_values=np.nan)
     slopes = np.pad(system.compliance.slopes, ((0, 0), (0, moments), (0, moments)))
@@ -241,7 +250,10 @@ def _contacts(system: System, rows: Arrangement, split: Outputs) -> Arrays:
 
 
 def _blocks(rows: Arrangement, split: Outputs) -> Arrays:
-    """Arrays of the blocks of rows and of pairs of blocks; the tables of all blocks are stored one after the other."""
+    """Arrays of the blocks of rows, and of pairs of blocks, by their names in the kernel's block.
+
+    The tables of all blocks are stored one after the other.
+    """
     parts: dict[str, list[NDArray[Any]]] = {
         name: [np.zeros(0, np.int64 if name in ("block_rows", "touched") else np.float64)]
         for name in ("breaks", "block_rows", "touched", "weights", "between", *(f"table_{what}" for what in "CGSHXR"))
@@ -289,12 +301,12 @@ def _blocks(rows: Arrangement, split: Outputs) -> Arrays:
 
 
 def _pad_powers(c: Array, powers: int) -> Array:
-    """Coefficients with zeros before the highest power, so that there are at least `powers` powers."""
+    """Coefficients c (p, ...) with zeros before the highest power, of shape (max(p, `powers`), ...)."""
     return np.concatenate([np.zeros((max(powers - len(c), 0), *c.shape[1:])), c])
 
 
 def _carriers(rows: tuple[Row, ...]) -> NDArray[np.int64]:
-    """Ascending numbers of the carriers that the rows touch."""
+    """Ascending numbers (k,) of the carriers that the `rows` touch, each once."""
     return np.unique(np.concatenate([np.zeros(0, np.int64), *(row.touched.ravel() for row in rows)]))
 
 
@@ -311,9 +323,10 @@ def _carrier_weights(row: Row, width: int, carriers: NDArray[np.int64]) -> dict[
 
 
 def _terms(system: System, rows: Arrangement) -> Arrays:
-    """Matrices of terms, in registers of `LANES` rows by one column; registers without entries are left out.
+    """Matrices of the system's terms, by their names in the kernel's block.
 
-    Entries up to `NEGLIGIBLE` of the largest one of a matrix count as zero.
+    They are stored in registers of `LANES` rows by one column; registers without entries are left out.  Entries up to
+    `NEGLIGIBLE` of the largest one of a matrix count as zero.
     """
     r = rows.parts[-1].modes.stop
     where = {
@@ -346,7 +359,10 @@ def _terms(system: System, rows: Arrangement) -> Arrays:
 
 
 def _friction(rows: Arrangement) -> Arrays:
-    """Arrays of the pads with friction, grouped by joint."""
+    """Arrays of the pads with friction, grouped by joint, by their names in the kernel's block.
+
+    Without friction the only key is ``first_pad``.
+    """
     friction = rows.friction
     if friction is None:
         return {"first_pad": np.zeros(1, np.int64)}

@@ -230,10 +230,11 @@ def cylinder_arrays(scene: Scene, paths: Sequence[str], numbers: Mapping[str, in
 def frame_output_arrays(
     scene: Scene | None, system: System, paths: Sequence[str], reactions: Sequence[str], motions: int
 ) -> Arrays:
-    """Arrays of the tip and the luffing cylinder, and numbers of all further outputs, with the `reactions` first.
+    """Arrays of the tip and the luffing cylinder by their names in the kernel's block, and the counts ``further``.
 
-    `paths` are the names of the system's paths.  There is neither a tip nor a cylinder without a `scene` with a frame,
-    or with 0 `motions` that drive the frame.
+    ``further`` (3,) has the number of `reactions`, 1 if there is a tip, and the number of forces that make the
+    cylinder's moment.  `paths` are the names of the system's paths.  There is neither a tip nor a cylinder without a
+    `scene` with a frame, or with 0 `motions` that drive the frame.
     """
     arrays, sources = Arrays(), 0
     if scene is not None and scene.frame is not None and motions:
@@ -320,13 +321,13 @@ class Frame(Protocol):
 
     @property
     def products(self) -> tuple[Products, ...]:
-        """Products of each of i inputs, then of each of K terms, then of what drives a hoist."""
+        """Products of each of i inputs, then of each of K terms, then of each driver of a hoist."""
 
 
 def frame_arrays(frame: Frame | None, paths: Sequence[str]) -> Arrays:
-    """Arrays of a frame for a system with these paths; empty if `frame` is None.
+    """Arrays of a frame for a system with these `paths`, by their names in the kernel's block.
 
-    An InputError is raised if the frame has no motion for one of the paths.
+    The result is empty if `frame` is None.  Raises InputError if the frame has no motion for one of the paths.
     """
     if frame is None:
         return {}

@@ -62,7 +62,7 @@ class Kernel:
         self._sizes: dict[str, int] = {name: getattr(sizes, name) for name in _field_types("pmr_sizes")}
 
     def __getattr__(self, name: str) -> int:
-        """One of the sizes."""
+        """One of the kernel's sizes by its name; raises AttributeError for other names."""
         if name == "_sizes" or name not in self._sizes:
             raise AttributeError(name)
         return self._sizes[name]
@@ -148,7 +148,7 @@ def structure(kind: str, fields: Mapping[str, Any]) -> Any:
 
 
 def _aligned_bytes(block: bytes | bytearray) -> NDArray[np.uint8]:
-    """Copy of the block at an address that is a multiple of `LINE`, read only."""
+    """Copy (k,) of the k bytes of `block` at an address that is a multiple of `LINE`; it is read only."""
     room = np.empty(len(block) + LINE, np.uint8)
     first = -room.ctypes.data % LINE
     array = room[first : first + len(block)]

@@ -91,8 +91,8 @@ class ContactSearch:
 class FixedPoint:
     """Iterates x (n,) towards a fixed point x = phi(x), extrapolated by generalized conjugate residuals.
 
-    For a linear phi, they converge after as many iterates as the derivative of phi has distinct eigenvalues, however
-    large these are.
+    For a linear phi, the number of iterates until they converge is the number of distinct eigenvalues of phi's
+    derivative, however large these are.
     """
 
     def __init__(self, size: int, most: int = 32, add_up: Callable[[float], float] | None = None) -> None:
@@ -139,8 +139,8 @@ class FixedPoint:
 class SchemeFactors(NamedTuple):
     r"""Factors of generalized-alpha with steps of `h` s.
 
-    The coordinates are z, their rates v, their acceleration z'', and a is the scheme's own variable beside z''.  A step
-    begins with this prediction::
+    The coordinates are z, their rates v, their acceleration z'', and a is the scheme's own variable, in addition to z''.
+    A step begins with this prediction::
 
         a* = a_from_share a + a_from_force z''
         v* = v + v_from_share a + v_from_force z''
@@ -196,7 +196,7 @@ def slide_pads(
     stiffness : (n,) array, N/m
         Stiffness of each pad along the boom while it sticks.
     laws : (n, l) array
-        Constants of the pads' laws of friction (`pmr.system.contacts.friction_law`), as many as the kernel takes.
+        Constants of each pad's law of friction (`pmr.system.contacts.friction_law`); l is the kernel's number of them.
     forces, old : (n,) arrays, N
         Forces of the pads, and their friction at the end of the last step (`pmr.system.contacts`).
     displacement, speed : float

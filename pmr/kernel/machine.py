@@ -48,7 +48,7 @@ Fields = Mapping[str, Any]
 
 
 def cylinder_numbers(cylinder: Fields) -> Array:
-    """Numbers of a cylinder in the kernel's order, from `foot` on."""
+    """Numbers (k,) of a cylinder in the order of the kernel's ``pmr_actuator``, from the field ``foot`` on."""
     first = ffi.offsetof("pmr_actuator", "foot")
     return np.frombuffer(ffi.buffer(ffi.new("pmr_actuator *", cylinder))[first:])
 

@@ -116,7 +116,7 @@ class State:
         self.drivers = self._array(view.drivers, kernel.drivers)
 
     def _array(self, pointer: Any, count: int) -> Array:
-        """Read-only view of `count` numbers of the state, which follows the simulation."""
+        """Read-only view (`count`,) of numbers of the state, whose values change with the simulation."""
         if not count:
             return np.zeros(0)
         array = np.frombuffer(ffi.buffer(pointer, 8 * count), np.float64)
@@ -266,7 +266,7 @@ class State:
 
     @property
     def ground(self) -> Array:
-        """Outputs of outriggers at the end of the last step (`pmr.kernel.further.ground_outputs`).
+        """Outputs (g,) of outriggers at the end of the last step, in the order of `pmr.kernel.further.ground_outputs`.
 
         The array is empty if the system has no ground.
         """
@@ -275,7 +275,7 @@ class State:
 
     @property
     def computed(self) -> Array:
-        """Outputs of a free luffing angle or extension after the last step (`ComputedData.outputs`).
+        """Outputs (k,) of a free luffing angle or extension after the last step, as `ComputedData.outputs` orders them.
 
         The array is empty if angle and extensions are prescribed.
         """

@@ -43,16 +43,16 @@ class ListSignal(SignalBase):
     acceleration: float = 0.0  # second rate at each value, in the unit of the values
 
     def value(self, t: ArrayLike) -> Array:
-        """Values (...) with the numbers int(t) at times t (...); a number beyond the list gives its nearest value."""
+        """Values of the list at the indices int(t), for t (...); an index beyond the list gives the nearest value."""
         last = len(self.values) - 1
         return np.array(self.values)[np.clip(np.asarray(t, float).astype(int), 0, last)]
 
     def rate(self, t: ArrayLike) -> Array:
-        """Zero, in the shape of t."""
+        """Rate 0 of the list's signal at the times t (...), in the shape of t."""
         return np.zeros(np.shape(t))
 
     def second_rate(self, t: ArrayLike) -> Array:
-        """The constant `acceleration`, in the shape of t."""
+        """Second rate of the list's signal at the times t (...): the constant `acceleration`, in the shape of t."""
         return np.full(np.shape(t), self.acceleration)
 
 
@@ -170,7 +170,7 @@ class RestRows:
 
     @property
     def arrays(self) -> tuple[Array, ...]:
-        """All four arrays."""
+        """The arrays `coordinates`, `contacts`, `loads` and `parts`, in this order."""
         return self.coordinates, self.contacts, self.loads, self.parts
 
     @classmethod

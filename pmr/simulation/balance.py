@@ -54,7 +54,9 @@ def load_potential(body: SlidingBody, trajectory: Trajectory, loads: Array) -> A
 
 
 def energy_surplus(stored: Array, work: Array, least: float = 0.0, since_start: bool = False) -> float:
-    """Largest rise of (energy - work) over the largest energy: 0 to slightly more than 1; infinite if it overflows.
+    """Largest rise of energy minus work, divided by the largest energy.
+
+    It is from 0 to slightly more than 1, and infinite if the energy overflows.
 
     Parameters
     ----------
@@ -119,7 +121,7 @@ def row_blocks(size: int) -> Iterator[slice]:
 
 
 def half_form(A: Array | sp.csr_matrix, x: Array) -> Array:
-    """Values x^T A x / 2 (T,) of the rows of x (T, n)."""
+    """Values x^T A x / 2 (T,), with A (n, n), for each row of x (T, n)."""
     if not sp.issparse(A) and not np.any(A - np.diag(np.diagonal(A))):
         return np.asarray(x**2 @ np.diagonal(A)) / 2.0  # A is diagonal in modal coordinates
     return row_products((A @ x.T).T, x) / 2.0

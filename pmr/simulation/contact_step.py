@@ -54,7 +54,7 @@ def contact_frequency(system: System, excitation: Excitation) -> float:
 
 
 def contact_frequency_within(system: System, ranges: Mapping[str, tuple[float, float]]) -> float:
-    """Largest omega in rad/s of one-sided contacts while all paths go from one end of their range to the other.
+    """Largest omega in rad/s of contacts that only push while all paths go from one end of their range to the other.
 
     `ranges` are the ends in m, by the paths' names.
     """
@@ -63,7 +63,7 @@ def contact_frequency_within(system: System, ranges: Mapping[str, tuple[float, f
 
 
 def contact_frequency_at(system: System, x: Array) -> float:
-    """Largest omega in rad/s of one-sided contacts, with the sides of all contacts at x (T, sides) m.
+    """Largest omega in rad/s of contacts that only push, with the sides of all contacts at x (T, sides) m.
 
     The result is 0 if no contact only pushes.
     """
@@ -81,7 +81,7 @@ def row_frequency(F: Array, mobility: Array) -> float:
     """Largest natural frequency in rad/s of m contact rows: the root of the largest eigenvalue of F^-1 C M^-1 C^T.
 
     The flexibility F in m/N and the mobility C M^-1 C^T in 1/kg are (S, m, m), at S positions.  Positions with a
-    singular F are left out; 0 if all are.
+    singular F are left out; the result is 0 if F is singular at all positions.
     """
     gives, shapes = np.linalg.eigh(F)  # simulators refuse a rigid row that only pushes
     regular = gives[:, 0] > gives[:, -1] * F.shape[-1] * np.finfo(float).eps
@@ -91,7 +91,7 @@ def row_frequency(F: Array, mobility: Array) -> float:
 
 
 def count_parts(omega: float, stepping: TimeStepping) -> int:
-    """Number of equal parts of a step with which contacts of circular frequency `omega` in rad/s are resolved.
+    """Number of equal parts of a step that resolve contacts of circular frequency `omega` in rad/s.
 
     If `stepping` has parts or a schedule, the result is its number of parts or the largest number of the schedule.
     Otherwise it is at most `MOST_PARTS`, and small enough that all steps have at most `MOST_IN_ALL` parts together.
@@ -103,10 +103,10 @@ def count_parts(omega: float, stepping: TimeStepping) -> int:
 
 
 def part_counts(omega: float, stepping: TimeStepping) -> tuple[int, ...]:
-    """Numbers of parts among which a step chooses by its error: powers of two up to the number that `omega` needs.
+    """Ascending numbers of parts among which a step chooses by its error: powers of two.
 
-    `omega` is the circular frequency of contacts in rad/s.  If `stepping` has parts or a schedule, only its numbers are
-    returned.
+    The largest number is that which contacts of the circular frequency `omega` in rad/s need.  If `stepping` has parts
+    or a schedule, only its numbers are returned.
     """
     if stepping.schedule:
         return tuple(sorted(set(stepping.schedule)))
@@ -195,7 +195,10 @@ class StepParts:
 
     @cached_property
     def numbers(self) -> Indices:
-        """Numbers (N,) of the ends of all parts on a grid of steps with the largest number of parts; the first is 0."""
+        """Numbers (N,) of the ends of all parts, t = 0 included, on a finer grid.
+
+        Each step of that grid has the largest number of parts.
+        """
         return np.concatenate([[0], np.cumsum(np.repeat(self.finest // self.parts, self.parts))])
 
     @cached_property

@@ -72,7 +72,7 @@ class Excitation:
 
     @property
     def path(self) -> SignalBase:
-        """Signal of the only path; an InputError is raised if there are several paths or none."""
+        """Signal of the only path; raises InputError if there are several paths or none."""
         if len(self.paths) != 1:
             allowed = f"{len(self.paths)} given ({', '.join(self.paths)}), one path for all sliders is allowed"
             raise InputError("scene", "slider.path", None, allowed)
@@ -135,7 +135,7 @@ class Excitation:
 
     @property
     def signals(self) -> list[tuple[str, SignalBase]]:
-        """Pairs (name, signal) of all paths, loads and terms; the name is the one in messages."""
+        """Pairs (name, signal) of all paths, then loads, then terms, with the names that messages use."""
         paths = [("the slider's path" if len(self.paths) == 1 else f"path {n}", path) for n, path in self.paths.items()]
         loads = ((f"load {name}", load) for name, load in self.loads.items())
         return [*paths, *loads, *((f"term {name}", term) for name, term in self.terms.items())]
@@ -208,7 +208,9 @@ def clip_path(path: SignalBase, s: Array, domain: tuple[float, float], t: Array)
 def side_positions(
     system: BodySystem[Body], excitation: Excitation, steps: Indices | Sequence[int] | slice = slice(None)
 ) -> Array:
-    """Positions x (T, sides) in m of the sides of all contacts at all steps or some (`System.side_coordinates`).
+    """Positions x (T, sides) in m of the sides of all contacts, at all steps or at the `steps`.
+
+    They are those of `System.side_coordinates`.
 
     Raises
     ------
@@ -221,7 +223,7 @@ def side_positions(
 
 
 def first_moves(excitation: Excitation) -> Indices:
-    """Numbers (1 + P,) of steps: first 0, then for each path the first step at whose end it has moved.
+    """Numbers (1 + P,) of steps: 0, then for each of P paths the first step at whose end the path has moved.
 
     The number is 0 for a path that never moves.
     """

@@ -103,12 +103,12 @@ class FrameAmplitude(FrameSignal):
 
     @property
     def _slow_signals(self) -> tuple[SignalBase, ...]:
-        """Angles, gravity and paths, which enter with their rates, as squares and products."""
+        """Signals of angles, gravity and paths, whose rates, squares and products are in the amplitude."""
         return (self.luffing, self.slewing, *self.rocking, self.gravity, *self.paths)
 
     @property
     def _fast_signals(self) -> tuple[SignalBase, ...]:
-        """Accelerations of the base and loads, which enter linearly."""
+        """Signals of the base's accelerations and of loads, in which the amplitude is linear."""
         return (*self.base, *(load for _, load in self.loads))
 
     def value(self, t: ArrayLike) -> Array:
@@ -193,8 +193,8 @@ def load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
 def rope_load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
     """Signals of the loads by which the rope of a hoist pulls a section while its payload hangs at rest, by names.
 
-    Along the boom the rope pulls with the weight over the number of its falls.  Simulators that know how the payload
-    moves put the rope's forces in their place.  The result is empty without a hoist or without gravity.
+    Along the boom the rope pulls with the weight divided by the number of its falls.  Simulators that know how the
+    payload moves put the rope's forces in their place.  The result is empty without a hoist or without gravity.
     """
     signals, hoist, gravity = dict[str, SignalBase](), scene.hoist, scene.gravity
     if hoist is None or gravity is None:
@@ -234,7 +234,10 @@ def _ground_force_component(scene: Scene, member: Member, load: Load, part: Dire
 
 
 def _frame_amplitude(scene: Scene, products: Products, **signals: Any) -> FrameAmplitude:
-    """Sum of products of the quantities of a scene's frame; `signals` are those that they need beside its angles."""
+    """Signal that is the sum of `products` of the quantities of a scene's frame.
+
+    `signals` are the fields of `FrameAmplitude`, other than angles, from which these quantities follow.
+    """
     assert scene.frame is not None  # as the checks say
     (luffing, slewing), rocking = scene.frame.angles, scene.frame.base_angles
     about = {"luffing": luffing, "slewing": slewing, "rocking": rocking, "step": scene.time.step}
@@ -242,7 +245,10 @@ def _frame_amplitude(scene: Scene, products: Products, **signals: Any) -> FrameA
 
 
 def _accelerating(scene: Scene, number: int) -> dict[str, Any]:
-    """Signals that accelerate section `number` beside the angles of its frame, as fields of `FrameAmplitude`."""
+    """Signals other than the frame's angles that accelerate section `number`, as fields of `FrameAmplitude`.
+
+    The keys are ``gravity``, ``base`` and ``paths``.
+    """
     return {
         "gravity": scene.gravity.signal if scene.gravity else Constant(amount=0.0),
         "base": base_accelerations(scene),
@@ -251,7 +257,7 @@ def _accelerating(scene: Scene, number: int) -> dict[str, Any]:
 
 
 def _extensions(scene: Scene, number: int) -> tuple[SignalBase, ...]:
-    """Extensions in m up to that of section `number`."""
+    """Extensions in m of all sections up to section `number`, in their order."""
     return tuple(scene.extension(k) for k in range(1, number + 1))
 
 
@@ -286,7 +292,7 @@ def inertia_loads(scene: Scene, member: Member) -> dict[str, SignalBase]:
 
 
 def term_signals(scene: Scene, which: Iterable[FrameTerm] | None = None) -> dict[str, SignalBase]:
-    """Amplitudes of terms (`pmr.scene.mechanism`) by name: of all terms of the scene, or of `which`."""
+    """Amplitudes of terms (`pmr.scene.mechanism`) by the term's name; without `which`, of all terms of the scene."""
     return {term.name: _term_signal(scene, term) for term in (frame_terms(scene) if which is None else which)}
 
 
@@ -306,7 +312,7 @@ def _term_signal(scene: Scene, term: FrameTerm) -> SignalBase:
 
 
 def _over_length(scene: Scene, of: SignalBase, term: FrameTerm) -> FrameAmplitude:
-    """Amplitude of the force of a cylinder, over the cylinder's length.
+    """Amplitude of the force of a cylinder, divided by the cylinder's length.
 
     The force is caused by `of`, which is a load on what the cylinder carries, or an acceleration of it.
     """

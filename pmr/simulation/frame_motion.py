@@ -333,7 +333,7 @@ class ComputedInput(SignalBase):
         return np.asarray(np.diff(of.inputs[self.name])[k] / lengths[k])
 
     def bounds(self, start: float, end: float) -> Interval:
-        """Smallest and largest of all samples, whatever `start` and `end`."""
+        """Smallest and largest of all samples; `start` and `end` have no effect."""
         values = self.samples.inputs[self.name]
         return Interval(float(values.min()), float(values.max()))
 

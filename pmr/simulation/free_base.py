@@ -117,7 +117,7 @@ class Shortening:
     cylinder: int | None = None
 
     def factor(self, extended: Extensions) -> list[float]:
-        """Factor f, its rate, and the second rate that it has if the extension has a constant rate."""
+        """Factor f, its rate, and the second rate that f has if the extension has a constant rate."""
         if self.cylinder is None:
             return [1.0, 0.0, 0.0]
         l, v = extended.value[self.cylinder], extended.rate[self.cylinder]
@@ -238,7 +238,7 @@ def base_equations(
     A[0, 1:, 1:] += (Nq @ q + (Nq @ q).T) / 2.0  # that of all sections
 
     def sum_over(a: Array, b: Array) -> Array:
-        """Sum of products of the entries of a and b over sections, moments and axes."""
+        """Sum of the products of entries of a and b (S, 4, 3, ...) over sections, moments and axes, of shape (...)."""
         return np.tensordot(a, b, ((0, 1, 2), (0, 1, 2)))
 
     coupling = sum_over(V, mu.by_motion)
@@ -317,7 +317,10 @@ class FreeBase:
         )
 
     def weight(self, upwards: Array, count: int) -> Array:
-        """Loads (i,), i = `count`, by the weight; `upwards` (3,) in m/s^2 is minus the acceleration of gravity."""
+        """Loads (i,) by the weight on `count` = i inputs.
+
+        `upwards` (3,) in m/s^2 is minus the acceleration of gravity.
+        """
         loads = np.zeros(count)
         for (_, over, along), column in self.fields.items():
             loads[column] = 0.0 if over else -upwards[along]
@@ -361,7 +364,10 @@ class FreeBase:
 
 
 def _inertia_inputs(body: ReducedModel, first: int) -> Iterator[tuple[str, str, int]]:
-    """Yield the axis, the lever axis (or "") and the number, from `first` on, of each inertia input of a body."""
+    """Yield the axis, the lever axis and the number of each inertia input of a body.
+
+    The lever axis is ``""`` for a uniform field.  Numbers count from `first`, the number of the body's first input.
+    """
     for number, name in enumerate(body.input_names, first):
         if name.startswith(INERTIA):
             field = name.removeprefix(INERTIA)
@@ -369,10 +375,11 @@ def _inertia_inputs(body: ReducedModel, first: int) -> Iterator[tuple[str, str, 
 
 
 def _rigid_section(scene: Scene, number: int, body: ReducedModel, assembly: Assembly) -> dict[str, Array | float]:
-    """Return the properties of section `number`, fields of `Boom`: mass, first moment, inertia, loads of its inputs.
+    """Return the rigid-body properties of section `number`, for `Boom`.
 
-    Mass properties follow from the work of the section's inertia loads on its six rigid motions; the columns of these
-    inputs in `loads` are zero.  Raises InputError for planar sections, and if the work on rigid motions is not known.
+    The keys are ``masses``, ``first``, ``inertia`` and ``loads``, the force and moment by each input.  Mass properties
+    follow from the work of the section's inertia loads on its six rigid motions; the columns of these inputs in
+    ``loads`` are zero.  Raises InputError for planar sections, and if the work on rigid motions is not known.
     """
     name, W = scene.names[number], body.rigid_work
     if set(motion_directions(member_at(scene, number))) != {"x", "y", "z", "rx", "ry", "rz"}:

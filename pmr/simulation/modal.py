@@ -170,7 +170,7 @@ def inertia_share(body: SlidingBody, reactions: Reactions) -> Array:
 
 
 def forces_without_rows(body: SlidingBody, reactions: Reactions, trajectory: Trajectory, loads: Array) -> Array:
-    """Forces (T, h) of `support_forces` under `loads` (T, i), without the term of the rows' multipliers lambda."""
+    """Forces (T, h) of `support_forces` under `loads` (T, i), without the summand of the multipliers lambda."""
     r, P = body.size, inertia_share(body, reactions)
     forces = loads @ (reactions.inputs - P @ body.B).T - trajectory.v @ (reactions.damping[:, :r] - P @ body.D).T
     return np.asarray(forces - trajectory.q @ (reactions.stiffness[:, :r] - P @ body.K).T)

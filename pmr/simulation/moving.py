@@ -160,9 +160,9 @@ def store_boom_scene(boom: Scene, system: System) -> StoredScene:
 
 
 def path_ranges(system: System) -> dict[str, tuple[float, float]]:
-    """Smallest and largest s in m of each path.
+    """Smallest and largest coordinate s in m of each path, by the path's name.
 
-    For sections it is the range over the scene's time within the ranges of the rows; for a single body, or without a
+    For sections it is the range in the scene's time, within the ranges of the rows.  For a single body, or without a
     scene, it is the range of the rows.
     """
     ranges = system.ranges
@@ -177,7 +177,7 @@ def path_ranges(system: System) -> dict[str, tuple[float, float]]:
 
 
 def _signals(scene: Any) -> list[Any]:
-    """Entries of joints, sliders and loads of a stored scene, which has one body or sections."""
+    """Entries of joints, sliders and loads of a stored scene, in one list; the scene has one body or sections."""
     parts = [part for part in scene.get("sections", [scene]) if isinstance(part, dict)]
     return [part.get(key) for part in parts for key in ("joint", "slider", "loads")]
 
@@ -252,7 +252,7 @@ class MovingFrame:
 
     @property
     def drivers(self) -> tuple[str, ...]:
-        """Names of the n drivers: paths, loads, angles, axes."""
+        """Names of the n drivers: paths, loads, angles, then axes of the base's accelerations."""
         return (*self.paths, *self.loads, *self.angles, *self.axes)
 
     @property
@@ -307,7 +307,7 @@ class MovingFrame:
     def drives(self, excitation: Excitation) -> bool:
         """Whether an excitation's paths, loads and amplitudes of terms are those of the scene, on its time grid.
 
-        This is never so if a part of the frame's motion is computed.
+        The result is False if a part of the frame's motion is computed.
         """
         if self.scene.frame is None or self.scene.computed_key is not None:
             return False

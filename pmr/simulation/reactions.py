@@ -242,7 +242,7 @@ def with_forces_at_pivot(scene: Scene, response: Response) -> Response:
 def with_forces_on_machine(scene: Scene, response: Response) -> Response:
     """Return the response with the forces at the pivot (`with_forces_at_pivot`) and with the forces on the ground.
 
-    Without a ground in the scene there are no forces on it.
+    A scene without a ground gets no forces on the ground.
     """
     return with_ground_forces(scene, with_forces_at_pivot(scene, response))
 
@@ -259,9 +259,9 @@ def outputs_of_ground(scene: Scene) -> tuple[Output, ...]:
 
 
 def machine_wrench(scene: Scene, t: Array) -> Array:
-    """Force and moment about the pivot (T, 6), in N and N m, of weight and inertia of the machine's masses.
+    """Force and moment about the pivot (T, 6), in N and N m, by weight and inertia of the machine's masses.
 
-    They are at times t (T,), along the axes of the machine; `scene` has a frame with a ground.
+    They are along the axes of the machine, at times t (T,) in s; `scene` has a frame with a ground.
     """
     frame = scene.frame
     assert frame is not None and frame.ground is not None  # the caller has checked it
@@ -293,9 +293,9 @@ def _winch_wrench(scene: Scene, response: Response) -> Array:
 
 
 def with_ground_forces(scene: Scene, response: Response) -> Response:
-    """Return the response with forces on the ground, of outriggers, and margins against tipping.
+    """Return the response with forces on the ground and on outriggers, and with margins against tipping.
 
-    It is unchanged without a ground, or if force and moment at the pivot are not known.
+    The response is unchanged without a ground, or if force and moment at the pivot are not known.
     """
     if scene.frame is None or scene.frame.ground is None:
         return response

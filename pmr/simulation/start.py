@@ -185,7 +185,7 @@ def _vector(name: str, values: ArrayLike, size: int) -> Array:
 
 
 def dense(A: Array | sp.csr_matrix) -> Array:
-    """The matrix A as a dense array."""
+    """The matrix A (m, n) as a dense array (m, n) of floats."""
     return np.asarray(A if isinstance(A, np.ndarray) else A.toarray(), dtype=float)
 
 
@@ -252,7 +252,10 @@ MOST_NAMES = 3
 
 
 def describe_dependence(C: Array, names: Sequence[str]) -> str:
-    """Text with the names of those rows of C (m, n) that depend on each other; `names` begins with the rows' names."""
+    """Text with the names of those rows of C (m, n) that depend on each other.
+
+    The first m of `names` are the names of the rows.
+    """
     involved = dependence_of_rows(C, names[: len(C)]).names
     if len(involved) == 1:
         return f"the row {involved[0]} vanishes"

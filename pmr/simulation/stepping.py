@@ -36,8 +36,9 @@ class TimeStepping:
     rho_inf : float
         Spectral radius at infinite frequency: 1 keeps all energy, 0 removes the highest frequencies at once.
     parts : int
-        Number of equal parts into which each step is divided if contacts only push.  With 0, the default, a step has as
-        many parts as these contacts need (`pmr.simulation.contact_step`).  Without such contacts a step is not divided.
+        Number of equal parts into which each step is divided if contacts only push.  With 0, the default, a step has
+        the number of parts that these contacts need (`pmr.simulation.contact_step`).  Without such contacts a step is
+        not divided.
     schedule : tuple of int
         Number of parts of each step, used instead of `parts`: a power of two that another simulation has chosen.
 
@@ -71,7 +72,7 @@ class TimeStepping:
         return round(self.end / self.step)
 
     def divide(self, parts: int) -> TimeStepping:
-        """Time grid with `parts` steps for each step of this one."""
+        """Time grid each of whose steps is one of `parts` equal parts of a step of this grid."""
         return self if parts == 1 else TimeStepping(self.end, self.end / (self.steps * parts), self.rho_inf, 1)
 
     @property
@@ -87,7 +88,10 @@ STEPS_A_PERIOD = 7
 
 
 def describe_lost_features(signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
-    """Warnings, one line for each feature of a named signal that is lost between the steps; empty if all are kept."""
+    """Warnings, one line for each feature of a signal that is lost between the steps; empty if none is lost.
+
+    `signals` are pairs of a name and a signal.
+    """
     return [f"{name}: {what}" for name, signal in signals for what in _describe_loss(signal, stepping)]
 
 
@@ -110,7 +114,7 @@ def is_aliased(signal: SignalBase, stepping: TimeStepping) -> bool:
 
 
 def _describe_loss(signal: SignalBase, stepping: TimeStepping) -> Iterator[str]:
-    """Yield a line for each tone of a signal too fast for the steps, and for the signal's largest overshoot."""
+    """Yield a line for each tone of a signal that is too fast for the steps, and a line for its largest overshoot."""
     h = stepping.step
     for part in signal.parts:
         f = part.highest_frequency(0.0, stepping.end)
@@ -180,7 +184,7 @@ class SimulationEnd:
 
 
 class Recorder:
-    """Callable that takes consecutive steps and records some; `steps` (S,) are the numbers of these, ascending."""
+    """Callable that takes consecutive steps of a run and records those with the ascending numbers `steps` (S,)."""
 
     def __init__(self, steps: Indices) -> None:
         self._steps = steps

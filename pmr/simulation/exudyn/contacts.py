@@ -91,7 +91,10 @@ class Contacts:
         return forces
 
     def _solve_flexibility(self, rows: ContactRows, right: Array) -> Array:
-        """Matrix F^-1 `right`; a SimulationError is raised if F is singular."""
+        """Matrix F^-1 `right` (m', k), from `right` (m', k), with the flexibility F of the `rows`.
+
+        Raises SimulationError, with the contacts' names, if F is singular.
+        """
         try:
             return np.asarray(np.linalg.solve(rows.F, right))
         except np.linalg.LinAlgError:

@@ -161,7 +161,7 @@ def check_path(name: str, path: object) -> None:
 class Paths:
     """Extensions of all P paths at a time, some of which may be coordinates of nodes.
 
-    The paths `aside`, which move no section, come after the paths of the sections.
+    The paths `aside`, which move no section, follow after the paths of the sections.
     """
 
     def __init__(
@@ -271,7 +271,7 @@ class Inputs(ABC):
         number, stored = -1, np.empty(0)
 
         def value(t: float) -> Array:
-            """Value at t s."""
+            """Value at the time t in s; it is computed once for each step."""
             nonlocal number, stored
             if (k := self.number(t)) != number:
                 number, stored = k, evaluate(self.positions(t))[0]
@@ -328,7 +328,7 @@ class SignalInputs(Inputs):
         return self._k, self._f, self._c
 
     def paths(self, t: float) -> dict[str, float]:
-        """Coordinate of each path at t s, in m."""
+        """Coordinate in m of each path at the time t in s, by the path's name."""
         self.number(t)
         return self.s
 

@@ -274,7 +274,10 @@ def with_terms(mbs: exu.MainSystem, items: SystemItems, equations: Equations, in
     assembly, amplitudes_set = equations.assembly, inputs.amplitudes(0.0)
 
     def matrices(c: tuple[float, ...]) -> dict[str, Any]:
-        """Stiffness and damping that terms of amplitudes c (k,) add, as parameters of ObjectGenericODE2."""
+        """Stiffness and damping that terms of amplitudes c (k,) add, as parameters of ObjectGenericODE2.
+
+        The keys are ``stiffnessMatrix`` and ``dampingMatrix``.
+        """
         entries = {
             "stiffnessMatrix": assembly.stiffness(c) - assembly.K,
             "dampingMatrix": assembly.damping(c) - assembly.D,

@@ -271,7 +271,7 @@ class Drivers:
 
 
 def _motion_numbers(names: Sequence[str], numbers: Sequence[int]) -> dict[str | int, int]:
-    """Number of each motion among all drivers, under its name in `names` and also under its position there."""
+    """Number of each motion among all drivers, by its name in `names` and also by its index in `names`."""
     return dict(zip(names, numbers, strict=True)) | dict(enumerate(numbers))
 
 
@@ -289,19 +289,20 @@ def number_of(name: str | int, names: Sequence[str], key: str) -> int:
 
 
 def _is_mapping(values: Values) -> TypeGuard[Mapping[str, Any]]:
-    """Whether values are given by name."""
+    """Whether `values` are given by the names of motions, and not in their order."""
     return type(values) is dict or isinstance(values, Mapping)  # the first test is quicker
 
 
 def _motion_names(numbers: Mapping[str | int, int]) -> list[str]:
-    """Names among the keys of `numbers`."""
+    """Names of motions among the keys of `numbers`, which has names and indices as keys."""
     return [name for name in numbers if isinstance(name, str)]
 
 
 def _read_in_order(values: Values, numbers: Mapping[str | int, int], key: str, what: str) -> Array:
-    """Values of all motions of a kind, given as a number or a sequence, as a float array.
+    """Values of all motions of a kind as a float array (m,), from a number or a sequence.
 
-    Raises InputError about `key` if their number is wrong, with `what` in words as allowed, or if one is not finite.
+    Raises InputError about `key` if there are not m values, with `what` in words as allowed, or if a value is not
+    finite.
     """
     count = len(numbers) // 2
     array = np.asarray(values, dtype=float)

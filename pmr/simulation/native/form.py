@@ -63,7 +63,10 @@ class SystemForm:
 
     @cached_property
     def columns(self) -> dict[str, slice]:
-        """Columns of each body's modes in the kernel's arrays, in which bodies are padded to whole registers."""
+        """Slice of each body's modes among the columns of the kernel's arrays, by the body's name.
+
+        The kernel pads bodies to whole registers; the slices are without padding.
+        """
         sizes = {name: form.body.size for name, form in self.forms.items()}
         starts = np.cumsum([0, *map(round_up, sizes.values())]).tolist()
         return {name: slice(at, at + size) for at, (name, size) in zip(starts, sizes.items(), strict=False)}
@@ -168,7 +171,10 @@ def start_modes(form: SystemForm, x: Array, x_rate: Array, initial: Mapping[str,
 
 
 def static_start(system: System, excitation: Excitation) -> dict[str, InitialState]:
-    """States of all bodies at rest in equilibrium with the loads at t = 0; errors as `equilibrium`."""
+    """States of all bodies at rest in equilibrium with the loads at t = 0, by the body's name.
+
+    Raises InputError as `equilibrium`.
+    """
     f, c = excitation.forces(system.input_names)[0], excitation.amplitudes(system.term_names)[0]
     return rest_states(Assembly(system), side_positions(system, excitation)[0], f, c)
 
@@ -209,7 +215,11 @@ def begin(
 
 
 def rest_states(assembly: Assembly, x: Array, f: Array, c: Array) -> dict[str, InitialState]:
-    """States of all bodies at rest in equilibrium, with sides at x (sides,) m, loads f (i,) and amplitudes c (k,)."""
+    """States of all bodies at rest in equilibrium, by the body's name.
+
+    The sides of contacts are at x (sides,) in m; the loads are f (i,), and c (k,) are the amplitudes of terms.  Raises
+    InputError as `equilibrium`.
+    """
     states, coordinates = dict[str, InitialState](), equilibrium(assembly, x, f, c).q
     for name, body in assembly.system.bodies.items():
         q = np.zeros(body.size)

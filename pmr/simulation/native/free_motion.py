@@ -321,7 +321,10 @@ def stepped_frame(system: System, source: str) -> MovingFrame | None:
 
 
 def luffing_arrays(machine: Fields, frame: MovingFrame) -> dict[str, Array]:
-    """Arrays of a free luffing angle in the kernel's block (`read_luffing` in src/system.c)."""
+    """Arrays of a free luffing angle for the kernel, by the names that `read_luffing` in src/system.c reads.
+
+    The keys begin with ``luffing_``.
+    """
     cylinder = machine.get("cylinder", {})
     drive = next((k for k, name in enumerate(frame.loads) if name.startswith(DRIVE)), None)
     at = [len(frame.paths) + frame.loads.index(GRAVITY) if GRAVITY in frame.loads else -1]

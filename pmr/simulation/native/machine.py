@@ -244,7 +244,10 @@ class MachineRun:
         self.simulation.start(motion, z, v)
 
     def _rest_states(self, place: Array) -> dict[str, InitialState]:
-        """States of the bodies in equilibrium with the loads at t = 0 on a machine at rest at `place` (6,)."""
+        """States of the bodies by name, in equilibrium with the loads at t = 0, on a machine at rest.
+
+        `place` (6,) in m and rad is the position of the machine.
+        """
         motions = self._motions_at(place)
         f, c = np.split(self._kernel.frame_drivers(motions)[0][self._kernel.paths :], [self._kernel.inputs])
         return rest_states(self._assembly, self._x[0], f, c)
@@ -266,7 +269,10 @@ class MachineRun:
         nothing, place = np.zeros(self._kernel.modes), motion[0].copy()
 
         def forces_at(at: Array) -> Array:
-            """Unbalanced forces of the directions on springs, with the machine at rest at `at` in these directions."""
+            """Unbalanced forces (d,) in N or N m in the d directions that have springs.
+
+            The machine is at rest at `at` (d,) in these directions.
+            """
             place[sprung] = at
             z, _ = start_modes(self.form, self._x[0], np.zeros_like(self._x[0]), self._rest_states(place))
             return self.simulation.holding_forces(np.vstack([place, np.zeros((2, 6))]), z, nothing, nothing)[sprung]

@@ -187,7 +187,7 @@ class March:
         """Take `rows` times `every` steps after the step number `first`, and record every `every`-th of them.
 
         They are recorded in the rows 1 to `rows` of `record`; row 0 is the state at the step `first`, which does not
-        change.
+        change.  Raises SimulationError if a step fails or a state is not finite.
         """
         steps = rows * every
         schedule = None if self._schedule is None else self._schedule[first : first + steps]
@@ -206,7 +206,7 @@ class March:
     def _advance_sampled(
         self, first: int, steps: int, every: int, schedule: NDArray[np.int32] | None, record: Record
     ) -> None:
-        """Take `steps` steps after number `first`, with drivers sampled in Python at as many points as parts need.
+        """Take `steps` steps after number `first`, with drivers sampled in Python at the points that the parts need.
 
         The record gets a row for every `every` steps.  `schedule` (steps,) are the numbers of parts of each step; None
         leaves them to the kernel.

@@ -176,7 +176,10 @@ class _Body:
         self._b = self._right.duplicate()
 
     def free(self, scaled: Array, v: Array, f: Array) -> Array:
-        """This rank's rows of b_free, from its rows of q* / dq (`scaled`) and v* and the loads f (i,)."""
+        """This rank's rows (n_local,) of b_free.
+
+        `scaled` and v are this rank's rows of q* / dq and v*; f (i,) are the loads.
+        """
         w = self._v_gain * scaled - v
         self._x.getArray()[:] = scaled + self._damped.of_mass * w
         self._M.mult(self._x, self._right)

@@ -168,7 +168,7 @@ class PathRows:
         self.move(step)
 
     def move(self, step: int) -> None:
-        """Set the rows to a step of the course."""
+        """Set the rows to their positions at the number `step` of the course."""
         course, interval = self.course, self.course.interval[step]
         changed = np.flatnonzero(interval != self.interval).tolist()
         for k in changed:

@@ -92,7 +92,7 @@ class Terms:
         self._iteration: FixedPoint | None = None
 
     def __bool__(self) -> bool:
-        """Whether the system has terms or friction."""
+        """Whether the system has any term or any friction, so that there are forces to compute."""
         return bool(self._parts) or self._friction is not None
 
     def forces(self, q: Array, v: Array, c: Array) -> Array:
@@ -186,7 +186,7 @@ def _product(system: FullSystem, bodies: tuple[str, ...], A: PETSc.Mat | sp.csr_
     of_mine = rows[mine][:, moving]
 
     def multiply(x: Array) -> Array:
-        """This rank's rows of A x."""
+        """This rank's rows (n_local,) of A x, from its part of x; collective."""
         vector = np.zeros(len(moving))
         vector[positions[is_local]] = x[is_local]
         return np.asarray(of_mine @ system.comm.allreduce(vector, MPI.SUM))
@@ -227,7 +227,9 @@ class SampledExcitation:
 
 
 def static_start(system: FullSystem, excitation: Excitation) -> dict[str, InitialState]:
-    """States of all bodies at rest in equilibrium with the loads at t = 0, the same on every rank; collective.
+    """States of all bodies at rest in equilibrium with the loads at t = 0, by the body's name; collective.
+
+    All ranks get the same states.
 
     Raises
     ------
@@ -237,7 +239,7 @@ def static_start(system: FullSystem, excitation: Excitation) -> dict[str, Initia
     gathered = system.gather()
 
     def make() -> dict[str, InitialState]:
-        """States of the gathered system, on the first rank."""
+        """States of all bodies of the gathered system, by the body's name; called on the first rank alone."""
         assert gathered is not None
         return dict(systems.static_start(gathered, excitation))
 
@@ -311,7 +313,7 @@ def stacked_start(system: FullSystem, initial: Mapping[str, InitialState]) -> In
 
 
 def _forces(system: FullSystem, f: Array, q: Array, v: Array) -> Array:
-    """This rank's rows of B f - D v - K q."""
+    """This rank's rows (n_local,) of B f - D v - K q, from its parts of v and q and the loads f (i,)."""
     forces = np.empty_like(q)
     for (model, inputs), at in zip(_inputs(system), system.local_slices, strict=True):
         forces[at] = local_csr(model.inputs) @ f[inputs] - product(model.D, v[at]) - product(model.K, q[at])
@@ -344,9 +346,10 @@ class _HeldMass:
         self._G = self._comm.allreduce(self._mine @ self._answers)
 
     def impulse(self, start: InitialState) -> Array:
-        """This rank's rows of the velocity in `start` minus the consistent velocity next to it in kinetic energy.
+        """This rank's rows (n_local,) of the velocity in `start` minus the consistent velocity.
 
-        Raises InputError if the position violates a rigid contact, or if rigid contacts depend on each other.
+        Of all consistent velocities it is the one that is next in kinetic energy.  Raises InputError if the position
+        violates a rigid contact, or if rigid contacts depend on each other.
         """
         check_position(self._C, start.q, self._names)
         drift = velocity_violation(self._C, self._turning, start)

@@ -67,7 +67,7 @@ class PostureSet:
         return len(self.luffing)
 
     def select(self, numbers: Indices) -> PostureSet:
-        """Postures selected by their numbers."""
+        """The postures with these `numbers`, in their order."""
         extensions = {name: values[numbers] for name, values in self.extensions.items()}
         return PostureSet(extensions, self.luffing[numbers], self.slewing[numbers])
 
