@@ -139,8 +139,8 @@ class FixedPoint:
 class SchemeFactors(NamedTuple):
     r"""Factors of generalized-alpha with steps of `h` s.
 
-    The coordinates are z, their rates v, their acceleration z'', and a is the scheme's own variable, in addition to z''.
-    A step begins with this prediction::
+    The coordinates are z, their rates v, their acceleration z''.  The scheme also has a variable a of its own.  A
+    step begins with this prediction::
 
         a* = a_from_share a + a_from_force z''
         v* = v + v_from_share a + v_from_force z''
