@@ -96,7 +96,7 @@ def identify(
         pmr identify dropbear --measured frequencies.csv --fit body.profile.length=0.5
     """
     import pmr
-    from pmr.observe.identify import FrequencyTable
+    from pmr.observe.identify import SHARES, FrequencyTable
     from pmr.scene import load_any
 
     table, file, changes = FrequencyTable.read(measured), scene_file(scene), list(overrides or ())
@@ -113,9 +113,12 @@ def identify(
     write_text(fitted, "\n".join([base, *map(_toml_line, [*changes, *result.overrides()]), ""]))
     load_any(fitted)  # refuses what TOML can't hold, such as a key of a list that another change sets as a whole
     parameters = {
-        name: {"start": start[name], "value": float(value), "error": float(error) if math.isfinite(error) else None}
+        name: {
+            "start": start[name], "value": float(value), "error": float(error) if math.isfinite(error) else None,
+            "at_bound": name in result.bounded,
+        }
         for name, value, error in zip(result.names, result.values, result.errors, strict=True)
-    }
+    }  # fmt: skip
     rms = {"start": result.start, "fitted": result.fitted, "held_out": result.held_out}
     by_mode = {name: _rms_by_mode(values) for name, values in rms.items()}
     columns = [f"f{k + 1}" for k in range(len(table.measured[0].frequencies))]
@@ -145,6 +148,10 @@ def identify(
     for name, value, error in zip(result.names, result.values, result.errors, strict=True):
         if error > 0.5 * abs(value):
             out.sentences(f"warning: these measurements hardly determine {name}")
+    for name in result.bounded:
+        bounds = f"a bound of the search, which goes from {SHARES[0]:g} to {SHARES[1]:g} times its start"
+        ended = f"the fit of {name} ended at {parameters[name]['value']:.6g}, {bounds}"
+        out.sentences(f"warning: {ended}: it is no best value")
     for path in (fitted, figures):
         out.text(str(path))
 

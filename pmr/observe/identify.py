@@ -32,6 +32,10 @@ from pmr.system.system import System
 HELD_OUT, DEVIATION, PLACE = "held_out", "deviation", "s"
 #: Relative standard deviation of measured damping ratios.
 DAMPING_DEVIATION = 0.1
+#: Smallest and largest value of a parameter, as a share of its start: it keeps its sign.
+SHARES = 0.05, 20.0
+#: Relative distance to one of the `SHARES` within which a fit has ended there.
+AT_BOUND = 1e-3
 
 
 @dataclass(frozen=True)
@@ -69,6 +73,7 @@ class Identification:
     fitted: Array  # (k, m): relative errors of frequencies, a row for each place that was fitted
     held_out: Array  # (l, m): a row for each place that was held out
     start: Array  # (k + l, m): before the fit, in the order in which they were given
+    bounded: tuple[str, ...] = ()  # names of parameters whose fit ended at one of the `SHARES` of their start
 
     def overrides(self) -> list[str]:
         """Changes of a scene to the fitted values, as ``--set`` and `pmr.load_scene` take them."""
@@ -125,7 +130,7 @@ def identify(
     fit = scipy.optimize.least_squares(
         lambda shares: (relative(shares) / deviation)[used],
         np.ones(len(names)),
-        bounds=(0.05, 20.0),  # a parameter keeps its sign
+        bounds=SHARES,
         diff_step=1e-3,
         xtol=1e-10,
         ftol=1e-10,
@@ -139,9 +144,11 @@ def identify(
     errors = np.abs(first) * np.sqrt(np.diagonal(covariance))
     errors = np.where(np.any(np.abs(V[weak]) > 1e-3, axis=0), np.inf, errors)
     scale = np.sqrt(np.maximum(np.diagonal(covariance), 1e-300))
+    at_bound = np.min(np.abs(np.log(fit.x[:, None] / SHARES)), axis=1) < AT_BOUND
+    bounded = tuple(name for name, is_bounded in zip(names, at_bound, strict=True) if is_bounded)
     return Identification(
         names, first * fit.x, errors, covariance / np.outer(scale, scale),
-        after[~held], after[held], at_start,
+        after[~held], after[held], at_start, bounded,
     )  # fmt: skip
 
 

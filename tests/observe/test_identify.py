@@ -30,6 +30,15 @@ def test_the_parameters_are_those_of_the_frequencies() -> None:
     assert np.isnan(found.fitted[0, 2]) and found.overrides()[0].startswith("length=1.")
 
 
+def test_a_fit_that_ends_at_a_bound_is_named() -> None:
+    exact = strings({"length": 1.3, "tension": 80.0}, PLACES)
+    measured = [MeasuredFrequencies(s, tuple(f)) for s, f in zip(PLACES, exact, strict=True)]
+    for start, value in ((2.0, 40.0), (3000.0, 150.0)):  # 80 is more than 20 times, or less than a twentieth, of these
+        fit = identify(strings, {"length": 1.3, "tension": start}, measured)
+        assert fit.bounded == ("tension",) and fit.values[1] == pytest.approx(value, rel=1e-3)
+    assert identify(strings, {"length": 1.3, "tension": 4.1}, measured).bounded == ()
+
+
 def test_standard_errors_are_those_of_regression() -> None:
     """ln f is linear in ln T and, with one length, nothing else: its deviation is that of a mean."""
     rng, sigma = np.random.default_rng(1), 0.004
