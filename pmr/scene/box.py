@@ -87,7 +87,7 @@ def interpolate_profile(first: BoxProfile, last: BoxProfile, share: float) -> Bo
         return first
 
     def mean(a: float, b: float) -> float:
-        return (1.0 - share) * a + share * b
+        return min(max((1.0 - share) * a + share * b, min(a, b)), max(a, b))  # round-off could go beyond both
 
     names: dict[WallName, None] = dict.fromkeys((*(edge.face for edge in first.edges), *HALVES))
     cuts = {half: zip(first.cut(half), last.cut(half), strict=True) for half in HALVES}
