@@ -248,7 +248,7 @@ def test_a_taper_of_outer_sizes_may_have_thinner_walls_of_the_same_outer_size() 
 def test_a_wall_of_the_least_thickness_keeps_it_along_a_taper() -> None:
     """(1 - share) t + share t is less than t for some shares, by round-off."""
     box = Box(length=6.0, width=3e-4, height=4e-4, wall=1e-6, tip_taper={"length": 1.0, "height": 3e-4})
-    assert {box.profile_at(x).thickness("top") for x in np.linspace(5.0, 6.0, 101)} == {1e-6}
+    assert {box.profile_at(x).thickness("top") for x in np.linspace(5.0, 6.0, 1001)} == {1e-6}
 
 
 def test_what_hangs_on_a_box_along_it_is_a_part_of_its_density() -> None:
