@@ -153,5 +153,5 @@ def project_matrix(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
 
 
 def share(size: int, comm: MPI.Comm) -> Indices:
-    """Number of this rank's first coordinate among `size` coordinates, and the number after its last one."""
+    """Limits (2,) of this rank's coordinates among `size`: the number of the first one, and that after the last one."""
     return np.array([comm.rank, comm.rank + 1]) * size // comm.size

@@ -83,7 +83,8 @@ class Elimination:
     def to_petsc(self, template: PETSc.Mat) -> PETSc.Mat:
         """The matrix T of q = T z as a PETSc matrix, with its rows spread over ranks as those of `template`.
 
-        z are the coordinates that are no pivots; each rank owns as many columns of T as it owns such rows.
+        z are the coordinates that are no pivots; the number of columns of T on a rank is its number of such
+        coordinates.
         """
         first, last = template.getOwnershipRange()
         pivots = np.count_nonzero((self.pivots >= first) & (self.pivots < last))
@@ -266,7 +267,7 @@ class OneFactorEigenSolver:
         held = scipy.linalg.cho_factor((system + system.T) / 2.0) if len(system) else None
 
         def apply(g: Array) -> Array:
-            """Apply the inverse in the class's docstring to columns `g`."""
+            """Return the inverse in the class's docstring times the columns of `g`, in the shape of `g`."""
             x = factor.solve_columns(g)
             if held is not None:
                 subtract(x, answers, scipy.linalg.cho_solve(held, inner(Ct, x, model.comm)))

@@ -79,10 +79,11 @@ def gauges(part: OneBody, model: StructuralModel) -> list[Gauge]:
 
 
 def _check_on_body(key: str, at: Point, model: FiniteElementModel) -> None:
-    """Raise an `InputError` with `key` if a point `at` in m is off the body: beyond an end, or far beside it.
+    """Raise an `InputError` with `key` if a point `at` in m is off the body: beyond an end, or far from its axis.
 
-    A point beside the body may be as far outside as the body is wide or high, whichever is more: it stands for the wall
-    that is nearest to it.  A beam without a profile has no width, so that any point beside its axis is accepted.
+    A point outside may have a distance of up to the width or the height of the body, whichever is more: it stands for
+    the wall that is nearest to it.  A beam without a profile has no width, so that any distance from its axis is
+    accepted.
     """
     points = model.grid.points
     rows = model.stresses() if is_beam(model) else None
@@ -171,7 +172,7 @@ class _Stresses:
             yield Gauge(f"{probe.name} {measure} {component}", UNITS[measure], mean[k], where, face)
 
     def _points(self, number: int) -> _Points:
-        """Stress points of probe `number`: the nearest to its point, on a beam those beside it, or all in its group.
+        """Stress points of probe `number`: the nearest to its point, on a beam those around it, or all in its group.
 
         In a group, only points on the probe's face count, or on the model's first face if the probe names none.
         Raises an `InputError` if the probe's face or group does not exist, or has no stress point.

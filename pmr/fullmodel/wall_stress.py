@@ -294,7 +294,7 @@ def wall_peak(part: BoomSection, states: SectionStates, rings: Sequence[LoadedRi
 
 
 def _by_size(rings: Sequence[LoadedRing]) -> dict[tuple[float, float], list[LoadedRing]]:
-    """Return the rings with pads of each length and width in m."""
+    """Return the rings by the length and the width in m of their pads."""
     by_size = dict[tuple[float, float], list[LoadedRing]]()
     for ring in rings:
         by_size.setdefault((ring.pads[0].length, ring.pads[0].width), []).append(ring)

@@ -216,7 +216,7 @@ def _add_dents(row: Row, dents: Array, carriers: Array, behind: int) -> Row:
     """Row with k more carrier rows, whose weights between the b breaks of the row are interpolated.
 
     `dents` (b, k) are the weights at the breaks.  The carrier rows `carriers` (k, c) act on the last c coordinates,
-    after `behind` others.
+    which follow `behind` others.
     """
     k = len(carriers)
     if row.moves:

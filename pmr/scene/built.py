@@ -437,7 +437,7 @@ class Load(PlacedLoad):
 
     @property
     def unit(self) -> str:
-        """Unit of the signal: N, N m, K or Pa."""
+        """Unit of the load's signal: N, N m, K or Pa."""
         return {"temperature": "K", "wind": "Pa"}.get(self.acts, "N m" if self.direction.startswith("r") else "N")
 
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
@@ -479,7 +479,7 @@ class Gravity(ShorthandTable):
     @model_validator(mode="before")
     @classmethod
     def _resolve_inclination(cls, data: object) -> object:
-        """Add the direction (-sin, 0, -cos) of an `inclination`, which is refused beside a `direction`."""
+        """Add the direction (-sin, 0, -cos) of an `inclination`, which is refused together with a `direction`."""
         angle = data.get("inclination") if isinstance(data, dict) else None
         if not isinstance(data, dict) or not isinstance(angle, (int, float)):
             return data

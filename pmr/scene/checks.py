@@ -69,9 +69,10 @@ def _check_single_body(scene: Scene) -> None:
 
 
 def _check_computed_motions(scene: Scene) -> None:
-    """Refuse what does not go with a payload that swings or a motion that is computed with the boom's.
+    """Refuse what does not go with a payload that swings, or with a motion that is computed with the boom's.
 
-    These are simulators without its equations, and beside a computed motion a comparison with a richer model.
+    These are simulators without the equations of such a motion, and with a computed motion also a comparison with a
+    richer model.
     """
     hoist, free = scene.hoist is not None, () if scene.frame is None else scene.frame.free_directions
     free = (*free, *(f"extension of {scene.names[number]}" for number in scene.free_extensions))
@@ -145,7 +146,7 @@ def _check_pod(scene: Scene) -> None:
 
 
 def _check_frequency_response(scene: Scene) -> None:
-    """Refuse a frequency response of another section than the last, or beside contacts that are not linear."""
+    """Refuse a frequency response of another section than the last, or together with contacts that are not linear."""
     rings = [ring for part in scene.sections for ring in part.rings]
     for number, part in enumerate(scene.sections):
         if not part.observe.frequency_response:
@@ -183,7 +184,7 @@ def _check_comparison(scene: Scene) -> None:
 
 
 def _check_simulators(scene: Scene) -> None:
-    """Refuse simulators that do not support the scene's rows, as far as the rows are known before a model is made."""
+    """Refuse simulators that do not support the scene's contacts and supports, as far as the scene alone tells these."""
     choice, (low, high) = scene.reduction, scene.path_bounds
     pushing = tuple(ring.name for ring in scene.pads if ring.unilateral)
     soft = {ring.name for ring in scene.pads if ring.stiffness != "rigid"}
@@ -202,7 +203,10 @@ def _check_simulators(scene: Scene) -> None:
 
 
 def _check_accuracy(scene: Scene) -> None:
-    """Refuse accuracy beside a budget, and either unless each section has free modes, flexibility and an estimate."""
+    """Refuse accuracy together with a budget; refuse either unless each section has free modes and an estimate.
+
+    The estimate needs the residual flexibility, so that is needed too.
+    """
     has_two_goals = scene.accuracy is not None and scene.budget is not None
     refuse(has_two_goals, "budget", None, "accuracy or budget is allowed, not both")
     for number, part in enumerate(scene.sections):

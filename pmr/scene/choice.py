@@ -141,7 +141,7 @@ def input_directions(member: Member, load: Load) -> dict[str, Direction]:
 def axis_loads(member: Member) -> tuple[Load, ...]:
     """Return one load along an axis of the body for each input that the loads of a body become (`input_directions`).
 
-    Those by which the rope of a hoist pulls the body are the last.
+    The loads by which the rope of a hoist pulls the body are the last.
     """
     of_loads = tuple(
         load.model_copy(update={"name": name, "direction": direction, "axes": "body"})
@@ -163,7 +163,7 @@ class RopePull(NamedTuple):
 
 
 def rope_pulls(member: Member) -> tuple[RopePull, ...]:
-    """Return the loads by which the rope of a hoist pulls a body: forces, and moments of those off the body's axis."""
+    """Return the loads by which the rope of a hoist pulls a body: forces, and their moments if they are off its axis."""
     pulls, moves, none = list[RopePull](), motion_directions(member), Constant(amount=0.0)
     for place, (on, (_, y, z)) in member.rope_places.items():
         levers: dict[Direction, tuple[float, float, float]] = {
@@ -198,8 +198,8 @@ def has_axial_motion(member: Member) -> bool:
 def has_driven_tail(member: Member) -> bool:
     """Whether the model needs loads along x on the tail, as a cylinder could act there, even if the scene has none.
 
-    This is so for each section of a boom of several sections that has displacements along x.  On the base, the cylinder
-    is that of the next section; the result is False if a support holds every point of the base's tail along x.
+    The result is true for each section of a boom of several sections that has displacements along x.  On the base, the
+    cylinder is that of the next section; the result is False if a support holds every point of the base's tail along x.
     """
     # a support of every point removes the tail's coordinates along x from the model
     at_tail = [support for support in member.part.supports if support.on == "tail" and support.points == "all"]

@@ -143,7 +143,7 @@ class DrivenCylinder(SceneTable):
 
     @property
     def drives(self) -> tuple[str, ...]:
-        """Keys of what drives: force, length or oil."""
+        """Those of the keys ``force``, ``length`` and ``oil`` that the scene sets, by which the cylinder is driven."""
         return tuple(key for key in ("force", "length", "oil") if getattr(self, key) is not None)
 
     @property
@@ -235,7 +235,7 @@ class LuffingCylinder(DrivenCylinder):
 
     @property
     def has_allowed_forces(self) -> bool:
-        """Whether a key limits its force."""
+        """Whether a key of the scene limits the cylinder's force."""
         return not self.allowed_push is self.allowed_pull is self.rod is None
 
     @model_validator(mode="after")
@@ -309,7 +309,7 @@ class FirstExtension(SignalBase):
         return Constant(amount=self.start).strands
 
     def bounds(self, start: float, end: float) -> Interval:
-        """Smallest and largest extension that the boom is made for, whatever `start` and `end`."""
+        """Smallest and largest extension that the boom is made for; `start` and `end` have no effect."""
         return Interval(self.low, self.high)
 
 

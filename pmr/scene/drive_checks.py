@@ -34,7 +34,7 @@ def misplaced_supports(scene: Scene) -> dict[int, float]:
     """Return places in m from the base's tail of supports that are not where the luffing cylinder acts, by their index.
 
     Such a support holds the base across the boom alone: z, and neither x nor ry.  It is neither at the pivot nor at the
-    cylinder's lug.  There is none without a cylinder, or where the cylinder holds the base by its own stiffness.
+    cylinder's lug.  The result is empty without a cylinder, or if the cylinder holds the base by its own stiffness.
     """
     cylinder = None if scene.frame is None else scene.frame.cylinder
     if scene.frame is None or cylinder is None or cylinder.stiffness is not None:
@@ -74,7 +74,7 @@ def _check_supports(scene: Scene, frame: Frame) -> None:
 def _check_drive(scene: Scene, frame: Frame) -> None:
     """Refuse what a free luffing angle does not go with, and a free angle's keys if the angle is prescribed.
 
-    Beside a free angle these are refused: a cylinder without a drive, valve openings outside of -1 to 1, and an unfit
+    With a free angle these are refused: a cylinder without a drive, valve openings outside of -1 to 1, and an unfit
     stroke.  A stroke has to contain the cylinder's first length and to lie between its dead centres.  A free angle
     without a cylinder is allowed.
     """

@@ -309,7 +309,10 @@ IN_PART = ", in part"
 
 
 def scene_form_schemas() -> list[Schema]:
-    """Return the schemas of the two forms of a scene file: with a body at the top, and with a list of sections."""
+    """Return the schemas of the two forms of a scene file.
+
+    The first form has a body at the top, the second a list of sections.
+    """
     return [BodyFile.model_json_schema(), Scene.model_json_schema(mode="validation")]
 
 

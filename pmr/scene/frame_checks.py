@@ -25,7 +25,7 @@ from pmr.scene.structure_checks import refuse, scene_error
 
 
 class Exclusion(NamedTuple):
-    """A part of a scene, by its key, that is refused beside another part, and why."""
+    """A part of a scene, by its key, that is refused together with another part, and the reason."""
 
     key: str
     excluded_by: str
@@ -101,7 +101,10 @@ def check_machine(scene: Scene, frame: Frame, machine: Machine) -> None:
 
 
 def _check_computed(scene: Scene, frame: Frame, computed: str) -> None:
-    """Refuse settings that do not go with a computed motion; `computed` is its key with the value in words."""
+    """Refuse settings that do not go with a computed motion.
+
+    `computed` is the motion's key with its value, for the message.
+    """
     refuse(frame.second_order == "auto", "frame.second_order", "auto", f"true or false is allowed beside {computed}")
     for member in members(scene):
         key = scene.section_key(member.number, "body.model")
@@ -116,7 +119,7 @@ def _check_computed(scene: Scene, frame: Frame, computed: str) -> None:
 
 
 def check_wind(scene: Scene) -> None:
-    """Refuse wind beside a motion that is computed."""
+    """Refuse wind together with a motion that is computed."""
     for member in members(scene) if scene.computed_key is not None else ():
         for k, load in enumerate(member.part.loads):
             if load.acts == "wind":
@@ -231,7 +234,7 @@ HOIST_SAMPLES = 1001
 
 
 def still_rotation(scene: Scene) -> Array:
-    """Rotation (3, 3) from axes of a boom without a frame into those of the ground, whose Z is against the weight."""
+    """Rotation (3, 3) from axes of a boom without a frame into those of the ground, whose Z is opposite to the weight."""
     assert scene.gravity is not None  # as the checks say
     up, ahead = -np.array(scene.gravity.direction), np.eye(3)[0]
     ahead = ahead - (ahead @ up) * up

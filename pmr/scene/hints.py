@@ -64,7 +64,7 @@ class _UnusualNumber:
 
     @property
     def distance(self) -> float:
-        """Factor by which the magnitude is below `low` or above `high`."""
+        """Factor by which the magnitude is less than `low` or more than `high`."""
         return max(self.low / abs(self.value), abs(self.value) / self.high)
 
     @property
@@ -231,10 +231,11 @@ HAS_MASS = 0.5
 
 
 def left_out(scene: Scene, at_rest: bool = False) -> dict[str, str]:
-    """Return effects that the model of a scene does not contain, as clauses by subject.
+    """Return effects that the model of a scene does not contain, as text by subject.
 
-    The list follows from the scene: what has a key of its own, such as wind or friction, is named only where the scene
-    does not use it.  A model `at_rest`, as that of a load chart, has neither friction nor fatigue.
+    The subjects are ``strength``, ``walls``, ``pads``, ``masses``, ``loads`` and ``machine``; subjects without an
+    effect are left out.  An effect that has a key of its own, such as wind or friction, is named only if the scene does
+    not use this key.  A model `at_rest`, as that of a load chart, has neither friction nor fatigue.
     """
     clauses = {
         "strength": _strength_effects(scene, at_rest),
@@ -248,10 +249,10 @@ def left_out(scene: Scene, at_rest: bool = False) -> dict[str, str]:
 
 
 def hung_forces(scene: Scene) -> dict[str, float]:
-    """Return the mass in kg that would weigh as much as each force, by load name, that only pulls the tip down.
+    """Return the mass in kg whose weight equals each force that only pulls the tip down, by the load's name.
 
-    These are forces on the last section along the vertical whose largest pull during the run counts.  The result is
-    empty without gravity, and if the masses at the tip are at least the share `HAS_MASS` of the sum.
+    These are vertical forces on the last section; the largest pull during the run counts.  The result is empty without
+    gravity, and if the masses at the tip are at least the share `HAS_MASS` of the sum.
     """
     part = scene.sections[-1]
     gravity = scene.gravity.acceleration if scene.gravity is not None else 0.0
@@ -285,7 +286,7 @@ def hung_force_remark(scene: Scene) -> str:
 
 
 def _strength_effects(scene: Scene, at_rest: bool) -> list[str]:
-    """Effects on strength that no stress contains; with `at_rest`, fatigue is always among them.
+    """List the effects on strength that no stress contains; with `at_rest`, fatigue is always among them.
 
     The list is empty if no section has a cross-section.
     """
@@ -314,7 +315,7 @@ def _wall_effects(scene: Scene) -> list[str]:
 
 
 def _pad_effects(scene: Scene, at_rest: bool) -> list[str]:
-    """Effects in pads that the scene does not use; with `at_rest`, friction is always among them.
+    """List the effects in pads that the scene does not use; with `at_rest`, friction is always among them.
 
     The list is empty if there are no pads.
     """
@@ -329,7 +330,10 @@ def _pad_effects(scene: Scene, at_rest: bool) -> list[str]:
 
 
 def _masses(scene: Scene) -> list[str]:
-    """Parts of a boom of boxes that have no mass in the model, unless the scene names a mass for them."""
+    """List the parts of a boom of boxes that have no mass in the model.
+
+    Parts for which the scene names a mass are left out.
+    """
     if not any(part.body.box for part in scene.sections):
         return []
     joined = any(part.joint is not None and part.joint.cylinder is not None for part in scene.sections)
@@ -338,7 +342,7 @@ def _masses(scene: Scene) -> list[str]:
 
 
 def _load_effects(scene: Scene) -> list[str]:
-    """Loads and their dynamic effects that the scene does not have.
+    """List the loads and the dynamic effects of loads that the scene does not have.
 
     The list is empty for a scene without a frame whose sections are no boxes.
     """
@@ -355,7 +359,10 @@ def _load_effects(scene: Scene) -> list[str]:
 
 
 def _machine_effects(scene: Scene) -> list[str]:
-    """Parts of the machine that the model holds rigid or leaves out; empty for a single body without a frame."""
+    """List the parts of the machine that the model holds rigid or leaves out.
+
+    The list is empty for a single body without a frame.
+    """
     frame = scene.frame
     if frame is None and len(scene.sections) == 1:
         return []

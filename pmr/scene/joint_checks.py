@@ -89,7 +89,7 @@ def _check_frames(scene: Scene, number: int, inner: Box, outer: Box) -> None:
 
 
 def _check_clearance(seat: Seat, key: str, inner: tuple[str, Box], outer: tuple[str, Box]) -> None:
-    """Refuse pads on faces that a box lacks or that are not parallel, and clearances larger than the gap.
+    """Refuse pads on faces that a box lacks or that are not parallel, and clearances that exceed the gap.
 
     `inner` and `outer` are the name and the box of the two sections; `key` is the key of the ring of pads.
     """
@@ -276,9 +276,9 @@ def _check_ground_supports(scene: Scene, number: int) -> None:
 
 
 def _check_extension(scene: Scene, number: int) -> None:
-    """Refuse extensions that bring section `number` behind the tail of the next outer one, or out of it.
+    """Refuse extensions that bring the tail of section `number` behind the tail of the next outer section, or out of it.
 
-    Its pads must not leave the outer section, and pads of tail and mouth must not overlap on a face.
+    The pads of the section must not leave the outer section, and pads of tail and mouth must not overlap on a face.
 
     A carriage, without pads at a mouth, may go wherever its own pads are on the next outer section (`_check_pads`).
     """
@@ -310,7 +310,10 @@ def _check_extension(scene: Scene, number: int) -> None:
 
 
 def _common_face(ring: JointPads, other: JointPads) -> str | None:
-    """Return a face on which pads of both rings are at the same place across, counting their widths; None without."""
+    """Return a face on which pads of both rings overlap across the face, with their widths counted.
+
+    None if there is no such face.
+    """
     width = (ring.width + other.width) / 2.0
     for face, places in (ring.faces or {}).items():
         if any(abs(a - b) < width for a, b in product(places, (other.faces or {}).get(face, ()))):
@@ -384,7 +387,7 @@ def _check_overlaps_and_friction(scene: Scene) -> None:
 
 
 def _check_simulators(scene: Scene) -> None:
-    """Refuse simulators that do not support the scene's rows."""
+    """Refuse simulators that do not support the contacts between the scene's sections."""
     pushing = [(part.name, ring.name) for part in scene.sections for ring in part.rings if ring.unilateral]
     flexible = tuple(part.name for part in scene.sections if part.reduction.flexibility)
     needs = SimulatorNeeds(tuple(" ".join(filter(None, names)) for names in pushing), flexible_rows=flexible)

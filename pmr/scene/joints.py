@@ -202,7 +202,7 @@ class Joint(SceneTable):
 
     @property
     def rings(self) -> tuple[JointPads, ...]:
-        """Rings of pads of the joint: first those at the section's tail, then those at the mouth."""
+        """Rings of pads of the joint: those at the section's tail, then those at the mouth."""
         return (*self.tail, *self.mouth)
 
 
@@ -277,7 +277,7 @@ class OneBody(SceneTable):
 
     @property
     def spring_units(self) -> dict[str, str]:
-        """Unit (N or N m) of the force or moment of each row of a support with a stiffness, by the name of the row."""
+        """Unit (N or N m) of the force or moment of each row of a support with a stiffness, by the row's name."""
         springs = [support for support in self.supports if support.stiffness != "rigid"]
         held = [(support, d) for support in springs for d in support.held_directions]
         return {support.row_name(d): "N m" if d.startswith("r") else "N" for support, d in held}

@@ -261,7 +261,7 @@ def _all_terms(scene: Scene) -> Iterator[FrameTerm]:
 def _field_matrices(scene: Scene) -> dict[str, str]:
     """Return the name of a body's matrix for each field of axial acceleration in a frame, by the field's name.
 
-    Without an angle there is only the uniform field ``x``.
+    A frame without an angle has only the uniform field ``x``.
     """
     return FIELD_MATRICES if scene.frame is not None and scene.frame.has_angles else {"x": FIELD_MATRICES["x"]}
 
@@ -289,7 +289,7 @@ def _section_terms(scene: Scene, member: Member) -> Iterator[FrameTerm]:
 
 
 def _axial_inputs(member: Member) -> Iterator[str]:
-    """Return the names of the inputs that act along a section."""
+    """Yield the names of the inputs that act along a section."""
     return (load.name for load in axis_loads(member) if load.direction == "x")
 
 
@@ -316,8 +316,8 @@ def rope_shares(scene: Scene) -> dict[str, dict[str, float]]:
     r"""Return the shares of sections' forces that the rope or cylinder of each section carries, by section.
 
     With the forces :math:`F_j` along the boom and the ratios :math:`r_k`, the rope or cylinder of section j carries
-    :math:`T_j = F_j + \sum_{k\ \mathrm{follows}\ j} r_k T_k`.  Its shares, by section, are the factors of all F in this
-    sum.  Only sections that follow another one, are followed or have a rope are in the result.
+    :math:`T_j = F_j + \sum_{k\ \mathrm{follows}\ j} r_k T_k`.  The shares of section j are the factors of all F in this
+    sum, by the section of F.  Only sections that follow another one, are followed or have a rope are in the result.
     """
     names = scene.names[1:]
     follows = {name: scene.joint(k).follows for k, name in enumerate(names, 1)}

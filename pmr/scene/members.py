@@ -44,7 +44,7 @@ class Seat:
 
 @dataclass(frozen=True)
 class MovingPads:
-    """A ring of pads of joints as the model of a section that it touches has it: at places that move along the section.
+    """Ring of pads of a joint in the model of a section along which the pads move.
 
     It stands for all rings with the same name (`footprint`).  The pads' centres are within `positions` over the
     simulated time; rows of the pads are defined over `travel`.
@@ -65,9 +65,10 @@ class RopePlace(NamedTuple):
 
 @dataclass(frozen=True)
 class Member:
-    """Section `number` of a scene with all inputs of its full model, such as the pads of both joints that touch it.
+    """Section `number` of a scene with all inputs of its full model.
 
-    The pads of both joints have one path coordinate s, the position of pads along the section.
+    The pads of both joints that touch the section are among these inputs.  They have one path coordinate s, the
+    position of pads along the section.
     """
 
     scene: Scene
@@ -75,7 +76,7 @@ class Member:
 
     @property
     def part(self) -> BoomSection:
-        """Tables of the section."""
+        """Tables of the section in the scene."""
         return self.scene.sections[self.number]
 
     @property
@@ -116,7 +117,7 @@ class Member:
 
     @cached_property
     def moving_pads(self) -> dict[str, MovingPads]:
-        """Rings of pads that bear on faces of the section, each with its range of positions, by names of pads."""
+        """Rings of pads that bear on faces of the section, by the name of the ring; each has its range of positions."""
         faced, rings = dict[str, list[Seat]](), dict[str, MovingPads]()
         for seat in self._seats:
             if seat.ring.faces is not None:
@@ -217,7 +218,7 @@ class Member:
 
     @property
     def content(self) -> str:
-        """Text that is equal for bodies with equal full models: names and the signals of loads are left out of it."""
+        """Text that is equal for bodies with equal full models; it has neither names nor the signals of loads."""
         part = self.part.model_dump_json(exclude={"name": True, "joint": True, "loads": {"__all__": {"signal"}}})
         extended = self.has_joint and self.number > 0  # an extension accelerates the section
         moving = sorted(self.ring_ranges.items()), sorted(self.dented_rings)

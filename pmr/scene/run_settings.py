@@ -125,7 +125,7 @@ class Fatigue(SceneTable):
 
     @model_validator(mode="after")
     def _check_cycles(self) -> Fatigue:
-        """Refuse cycles beside a spectrum."""
+        """Refuse a number of cycles together with a spectrum."""
         if self.spectrum and "cycles" in self.model_fields_set:
             raise ValueError("give cycles or spectrum, one of them")
         return self

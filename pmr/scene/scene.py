@@ -233,7 +233,10 @@ class Scene(SectionTables):
 
     @staticmethod
     def _single_body_fields(written: BodyFile) -> dict[str, Any]:
-        """Return the fields of a `Scene` whose only section, named `ALONE`, is the body of the file `written`."""
+        """Return the fields of a `Scene` of one body, by name, from the file `written`.
+
+        The only section is named `ALONE`.
+        """
         part = BoomSection.model_construct(name=ALONE, **{key: getattr(written, key) for key in OneBody.model_fields})
         return {key: getattr(written, key) for key in CommonTables.model_fields} | {"sections": (part,)}
 
@@ -439,7 +442,7 @@ def _lift_body_keys(content: dict[str, Any]) -> dict[str, Any]:
 
 
 def _merge_section(common: Mapping[str, object], part: Mapping[str, object]) -> dict[str, Any]:
-    """Return the tables `part` of a section laid over the tables `common` to all sections.
+    """Return the tables `part` of a section merged over the tables `common` to all sections.
 
     A section that drives its joint itself takes over no `extension`, `overlap` or `follows`.  If it follows no section,
     it takes over no rope either.

@@ -74,8 +74,8 @@ def _check_points_wind_and_temperatures(member: Member) -> None:
 
     A load's point is refused on a planar beam.  Wind and temperatures are refused on a body that is no beam, without
     `depth` if the body has no box or one that varies along it, and in a comparison with "ancf".  Wind is also refused
-    without [frame], and from the side on a planar beam; a temperature is refused beside probes that measure more than
-    displacements.
+    without [frame], and from the side on a planar beam; a temperature is refused together with probes that measure more
+    than displacements.
     """
     box, varies = member.part.body.box, member.part.body.box is not None and bool(member.part.body.box.varying_keys)
     for i, load in enumerate(member.part.loads):
@@ -129,7 +129,7 @@ def _check_places(member: Member) -> None:
 
 
 def _check_sliding_points(member: Member) -> None:
-    """Refuse sliding points of other models than planar beams, beside moving pads, off the body, or at a support."""
+    """Refuse sliding points of models other than planar beams, with moving pads, off the body, or at a support."""
     length = member.part.body.length
     if not member.points:
         return
@@ -308,7 +308,10 @@ def _check_planar_beam(member: Member) -> None:
 
 
 def _check_pads(member: Member) -> None:
-    """Refuse pads beside their face, or that leave it at any time; faces of a mesh file are checked with the mesh."""
+    """Refuse pads that are not on their face, or that leave it at any time.
+
+    Faces of a mesh file are checked with the mesh.
+    """
     length, box = member.part.body.length, member.part.body.box
     for i, ring in enumerate(member.pads):
         if length is not None:

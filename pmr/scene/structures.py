@@ -117,7 +117,7 @@ class Damping(ShorthandTable):
     def _resolve_ratio(cls, data: object) -> object:
         """Add the factors of mass and stiffness that follow from `ratio` and `frequencies`.
 
-        Refuses other keys beside these, a negative ratio, and anything but two ascending positive frequencies.
+        Refuses other keys together with these, a negative ratio, and anything but two ascending positive frequencies.
         """
         if not (isinstance(data, dict) and {"ratio", "frequencies"} & set(data)):
             return data

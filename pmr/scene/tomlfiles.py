@@ -24,7 +24,7 @@ _HERE = Path(__file__).resolve().parents[1]
 
 
 def workflows() -> dict[str, Path]:
-    """Return the files of the workflows that come with pmr, by name; in a checkout they are beside the package."""
+    """Return the files of the workflows that come with pmr, by name; in a checkout they are next to the package."""
     folders = (_HERE.parent / "workflows", _HERE / "workflows")
     return {file.stem: file for folder in folders for file in (*folder.glob("*/*.toml"), *folder.glob("*.toml"))}
 
@@ -214,16 +214,17 @@ def override(text: str) -> Change:
 
 
 def merge_tables(base: Mapping[str, object], update: Mapping[str, object]) -> dict[str, Any]:
-    """Return the tables of `base` with those of `update` merged over them; both arguments stay unchanged."""
+    """Return the tables of `base` with those of `update` merged over them, by key; both arguments stay unchanged."""
     merged = deepcopy(dict(base))
     _merge(merged, deepcopy(dict(update)), "scene", {})
     return merged
 
 
 def read_tables(path: Path, what: str) -> dict[str, Any]:
-    """Return the tables of one file as it is, without the files that it extends.
+    """Return the tables of one file by key, without the files that it extends.
 
-    Raises InputError if the file is missing or not TOML; `what` names the kind of file in the message.
+    Raises InputError if the file is missing, can't be read, is too large or is not TOML; `what` names the kind of file
+    in the message.
     """
     if not isfile(path):
         close = similar_name_hint(path.stem, workflows()) if path.name == str(path) else ""
@@ -240,7 +241,10 @@ def read_tables(path: Path, what: str) -> dict[str, Any]:
 
 
 def _parse(text: str) -> dict[str, Any]:
-    """Return the tables of a TOML text; raises ValueError if it is not TOML, too deep, or has too large numbers."""
+    """Return the tables of a TOML text, by key.
+
+    Raises ValueError if the text is not TOML, has tables too deep within each other, or has too large numbers.
+    """
     with suppress(RecursionError):
         try:
             if not _DEEP_KEY.search(text) and not _is_too_deep(data := tomllib.loads(text)):

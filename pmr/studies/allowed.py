@@ -177,8 +177,8 @@ def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, guesses: 
     """Return the load (l,) in kg that each limit allows at a place, stability last; NaN if it exceeds `up_to` in kg.
 
     The load is 0 for a limit that is exceeded by the boom alone, without a load.  All loads are 0 if the boom alone is
-    unstable.  `guesses` (l,) are loads in kg that another model allows, around which the searches look first; entries
-    without a guess are NaN, and `guesses` is None without any guesses.
+    unstable.  `guesses` (l,) are loads in kg that another model allows, near which the searches begin.  Entries without
+    a guess are NaN; None stands for no guesses.
     """
     loaded, near_loads = place.equilibria, np.full(len(limits) + 1, np.nan) if guesses is None else guesses
     first = loaded.state(0.0)
@@ -220,7 +220,10 @@ def large_rotation_changes(limits: Sequence[Limit], place: Place, loads: Array, 
 
 
 def _used_shares(loaded: LoadedStructure, share: Share) -> UsedShares:
-    """Return the function from loads in kg to the shares of a limit that they use; infinite without equilibrium."""
+    """Return the function from p loads in kg to the p shares of a limit that the loads use.
+
+    A share is infinite under a load at which the boom has no equilibrium.
+    """
 
     def used(loads: Sequence[float]) -> list[float]:
         """Return the used share under each load."""
@@ -242,5 +245,5 @@ def _stability_load(loaded: LoadedStructure, up_to: float) -> float:
 
 
 def _buckling_share(states: LoadedStates) -> Array:
-    """Return the load of each state (p,) over the load at which the boom buckles with the same contacts closed."""
+    """Return the share (p,) of the buckling load that the load of each state uses, with the same contacts closed."""
     return states.load / np.array([form.critical for form in states.forms])

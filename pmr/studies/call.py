@@ -187,7 +187,10 @@ def _study_summary(study: StudyBase, results: StudyResults) -> dict[str, Any]:
 
 
 def _summary_head(title: str, kind: str) -> dict[str, Any]:
-    """Return the first entries of every summary.json: title, kind, versions, commit, date and machine."""
+    """Return the first entries of every summary.json: ``title``, ``kind``, versions, commit, date and machine.
+
+    The last four are those of `pmr.errors.environment.describe_origin`.
+    """
     return {"title": title, "kind": kind} | environment.describe_origin()
 
 
@@ -252,7 +255,7 @@ def kind_names() -> list[str]:
 
 
 def schemas() -> dict[str, dict[str, Any]]:
-    """Return the JSON schema of each kind of study file."""
+    """Return the JSON schema of each kind of study file, by the name of the kind."""
     return {kind: _study_class(kind).model_json_schema() for kind in kind_names()}
 
 

@@ -67,7 +67,7 @@ def words_of_usual_load(scene: Scene) -> str:
 
 
 def _is_symmetric(scene: Scene, axis: int) -> bool:
-    """Return whether what does not slew, and the boom with its loads, are symmetric about the pivot along an axis.
+    """Return whether the boom with its loads, and all that does not slew, are symmetric about the pivot along an axis.
 
     The axis is 0 for front and rear, 1 for left and right.  Machines on inclined ground count as not symmetric.
     """
@@ -82,7 +82,7 @@ def _is_symmetric(scene: Scene, axis: int) -> bool:
 
 
 def _is_lateral(scene: Scene, frame: Frame, ground: Ground) -> bool:
-    """Return whether anything that slews is beside the boom's vertical plane, or a load may act out of this plane.
+    """Return whether anything that slews is away from the boom's vertical plane, or a load may act out of this plane.
 
     Payloads do not count, as a chart leaves them out.
     """
@@ -155,7 +155,10 @@ def check_chart(file: Path, scene: Scene, up_to: float) -> None:
 
 
 def _allowed_luffing_force(scene: Scene) -> float | None:
-    """Return the least force in N that the luffing cylinder bears over the scene's luffing angles; None if any."""
+    """Return the least force in N that the luffing cylinder bears over the scene's luffing angles.
+
+    None if the cylinder bears any force.
+    """
     frame = scene.frame
     if frame is None or frame.cylinder is None or not frame.cylinder.has_allowed_forces:
         return None

@@ -167,7 +167,10 @@ def stiffness_excess(scene: Scene, better: System, full: System, positions: Post
 
 
 def _sample_postures(positions: PostureSet) -> NDArray[np.int64]:
-    """Return the numbers of three postures of each extension: at the least, a middle and the largest luffing angle."""
+    """Return the numbers of three postures of each extension: at the least, a middle and the largest luffing angle.
+
+    They are one array (n,), in the order of the extensions.
+    """
     groups = dict[tuple[float, ...], list[int]]()
     for k in range(positions.count):
         groups.setdefault(tuple(float(extension[k]) for extension in positions.extensions.values()), []).append(k)

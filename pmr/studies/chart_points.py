@@ -194,7 +194,7 @@ class StopMotion:
     def stop_figures(self, place: Place, load: float, limit: Limit | None) -> Array:
         """Return five numbers (5,) about this stop of the boom, at a place and under a `load` in kg.
 
-        - The first number is the largest displacement of the tip during and after the stop, over the displacement under
+        - The first number is the largest displacement of the tip during and after the stop, divided by that under
           a steady deceleration that lasts and in the same direction; NaN if the tip does not move.
         - The next three are used shares of `limit`: at rest, under a steady deceleration that lasts, and the largest
           share during and after the stop; of both directions of motion the worse one is taken.  They are NaN if `limit`
@@ -273,7 +273,7 @@ def governing_details(
     - ``bent`` (p, b) m: b displacements across the boom, at the distances ``bent.x`` (b,) m from the tails of the
       sections with the numbers ``bent.section`` (b,), in the directions ``direction.names`` (b,).
     - ``stress`` (p, s) Pa: von Mises stress at s probes.
-    - ``used`` (p, l): used shares of all limits, and the load over the buckling load as the last one.
+    - ``used`` (p, l): used shares of all limits; the last one is the load divided by the buckling load.
     - ``luffing`` (p,) rad.
     - ``stops`` (p, stops, 5): numbers of `StopMotion.stop_figures`.
     - ``forces.names``, ``stress.names``, ``section.names``: names of contacts, probes, sections.
@@ -311,9 +311,10 @@ def _place_arrays(
     bent: DeflectionOutputs,
     stops: Sequence[StopMotion],
 ) -> dict[str, Array]:
-    """Return the row of a place, where `limit` governs, of each array of `governing_details`, just below `load` in kg.
+    """Return the row of a place in each array of `governing_details`, by the array's name.
 
-    At the load at which stability is lost there is no equilibrium; therefore a slightly smaller load acts.
+    At the place `limit` governs.  The load is slightly less than `load` in kg, as there is no equilibrium at the load
+    at which stability is lost.
     """
     at, load = place.postures, load * (1.0 - JUST_BELOW)
     state = place.equilibria.state(load)

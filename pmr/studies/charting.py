@@ -82,7 +82,7 @@ class Chart:
         return is_passed
 
     def least_loads(self, loads: Array) -> Array:
-        """Return for each limit the smallest of its `loads` (c, l) in kg over c cases, (l,); `up_to` if all are NaN."""
+        """Return for each limit the smallest (l,) of its `loads` (c, l) in kg over c cases; `up_to` if all are NaN."""
         return np.asarray(np.nan_to_num(np.fmin.reduce(loads), nan=self.up_to))
 
     def reduction_errors(self, models: ChartModels, k: int, loads: Array) -> Array:
@@ -262,7 +262,10 @@ def error_warnings(
 
 
 def left_out_of_chart(scene: Scene, limits: Sequence[Limit]) -> dict[str, str]:
-    """Return what a chart of a scene leaves out, as clauses by subject: limits, motion, and what the model lacks."""
+    """Return what a chart of a scene leaves out, as text by subject, such as ``motion``.
+
+    The subjects are the limits, the motion, and what the model lacks.
+    """
     usual = dict.fromkeys(kind.words for kind in KINDS.values() if kind.words)
     lacking = [words for words in usual if words not in {limit.kind.words for limit in limits}]
     rows = {"limits that are not set": ", ".join(lacking)} if lacking else {}
@@ -275,7 +278,7 @@ def left_out_of_chart(scene: Scene, limits: Sequence[Limit]) -> dict[str, str]:
 
 
 def chart_definitions(scene: Scene, point: tuple[float, float, float] | None = None) -> dict[str, str]:
-    """Return what a chart of a scene calls load, radius, height and boom length, as clauses by subject.
+    """Return what a chart of a scene calls load, radius, height and boom length, as text by subject.
 
     The load hangs at `point` in m in the axes of the last section, or at the tip.
     """
@@ -338,7 +341,11 @@ def _least_case(loads: Array) -> NDArray[np.int64]:
 
 
 def case_amount(case: Summary, part: str) -> float:
-    """Amount of a component `part` in a case, 0 if not named: factor on a weight or the load, or a load in N or N m."""
+    """Return the amount of a component in a load case; 0 if the case does not name it.
+
+    The component `part` is a weight or the load, whose amount is a factor, or a load of the scene with an amount in N
+    or N m.
+    """
     key = {WEIGHT: "weight", MACHINE_WEIGHT: "machine", HOOK: "load"}.get(part)
     return float(case["loads"].get(part, 0.0) if key is None else case[key])
 

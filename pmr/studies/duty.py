@@ -56,7 +56,7 @@ class ChartLoads:
 
     @cached_property
     def lower(self) -> Array:
-        """Loads less their errors (..., l) in kg; a limit that is not reached counts as reached at `up_to`."""
+        """Loads less their errors (..., l) in kg; a limit that is not reached has the load `up_to`."""
         return np.asarray(np.nan_to_num(self.load, nan=self.up_to) - np.nan_to_num(self.error))
 
     @cached_property
@@ -173,7 +173,7 @@ class DutyTable:
     def workbook(self, title: str, names: Sequence[str]) -> bytes:
         """Return the table as an XLSX file with the given title, and sheets of loads, lower bounds and limits.
 
-        A cell holds the load as a number, and shows the letter of its limit behind it; where no limit is reached it
+        A cell holds the load as a number, and shows the letter of its limit after it; where no limit is reached it
         holds ``>`` and the largest load that was tried, as text.  `names` are those of the limits.  Raises InputError
         if openpyxl is not installed.
         """

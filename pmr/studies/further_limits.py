@@ -289,9 +289,10 @@ class TippingMoments:
         )
 
     def share(self, states: LoadedStates, factor: float) -> Array:
-        """Return the moment of `factor` times the load over the resisting moment about the worst edge, (p,).
+        """Return the share (p,) of the resisting moment that is used, about the worst edge.
 
-        The result has an entry for each state; it is infinite in states in which no moment resists.
+        The moment of `factor` times the load uses it.  There is an entry for each of p states; it is infinite in states
+        in which no moment resists.
         """
         load = states.load[:, None] * (self.tip_moment + states.outputs @ self.tip_derivative.T)
         held = load - self.machine - states.outputs @ self.boom.T

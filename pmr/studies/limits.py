@@ -324,9 +324,9 @@ class Limit(SceneTable):
         return measure
 
     def governing_member(self, scene: Scene, columns: Columns, values: Array) -> str:
-        """Return the name of the pad, cylinder, rope, support or probe with the largest value in a state; or nothing.
+        """Return the name of the pad, cylinder, rope, support or probe with the largest value in a state.
 
-        `values` (c,) are those of the `columns` in this state.  Limits without such members have an empty name.
+        `values` (c,) are those of the `columns` in this state.  The name is empty for limits without such members.
         """
         sizes = dict[str, float]()
         for member in filter(self.concerns, self.kind.names(scene) if self.kind.names else ()):
@@ -396,7 +396,10 @@ class Limit(SceneTable):
         return InputError("study", f"limits.{self.name}.of", self.of, allowed)
 
     def _unknown_name(self, names: Sequence[str]) -> InputError:
-        """Return the error for a name in ``which`` that `names` lack; empty `names`: the scene has nothing to limit."""
+        """Return the error for a name in ``which`` that is not among `names`.
+
+        If `names` is empty, the error says that the scene has nothing to limit.
+        """
         no_such = f"there is no {self.of}{' of this name' if self.which else ''}"
         allowed = f"names among {', '.join(names)} are allowed" if names else no_such
         return InputError("study", f"limits.{self.name}.which", ", ".join(self.which), allowed)
@@ -408,7 +411,7 @@ def _forms_and_loads(states: LoadedStates) -> Iterator[tuple[Form, float]]:
 
 
 def _ratio(part: float, total: float) -> float:
-    """Return `part` over `total`; infinite if the total is not positive."""
+    """Return `part` divided by `total`; infinite if `total` is not positive."""
     return part / total if total > 0.0 else np.inf
 
 

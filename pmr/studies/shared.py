@@ -67,14 +67,17 @@ def reduced_system(scene: Scene) -> System:
 
 
 def bodies_of(scene: Scene) -> Mapping[str, AssembledBody]:
-    """Return a scene's full models with their structures, by body; they are stored for later tasks of this process."""
+    """Return a scene's full models with their structures, by the body's name.
+
+    They are stored for later tasks of this process.
+    """
     plain = {"title": "", "published": None, "damping": scene.damping}
     return _build_bodies(_without_loads(scene).model_copy(update=plain))
 
 
 @lru_cache(maxsize=4)
 def _build_bodies(scene: Scene) -> Mapping[str, AssembledBody]:
-    """Build the full models of a scene's bodies and log their warnings."""
+    """Build the full models of a scene's bodies, and log their warnings; return the bodies by name."""
     from pmr.fullmodel.build import build_bodies, log_warnings
 
     built = build_bodies(scene)

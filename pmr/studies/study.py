@@ -91,7 +91,10 @@ class StudyBase(SceneTable):
         return {}
 
     def summary_line(self, results: StudyResults) -> str:
-        """Return the main result in one line for the terminal, or an empty text; called when all runs are done."""
+        """Return the main result in one line for the terminal; empty if the kind of study has none.
+
+        The method is called when all runs are done.
+        """
         return ""
 
 
@@ -165,7 +168,7 @@ class Store:
 
 
 def _check_record(record: Mapping[str, Scalar]) -> dict[str, Scalar]:
-    """Return a record as plain Python scalars.
+    """Return a record with plain Python scalars under the same keys.
 
     Raises TypeError for a value of another type, ValueError for a float that is not finite.
     """
@@ -219,7 +222,7 @@ def _largest_figure(warning: str) -> float:
 
 @dataclass(frozen=True)
 class CountedWarning:
-    """A kind of warning: its worst text, the keys of all runs that have it, and the key of the run with that text."""
+    """A kind of warning: its worst text, the key of the run with this text, and the keys of all runs concerned."""
 
     text: str
     runs: tuple[str, ...]
@@ -365,7 +368,10 @@ def _cell(value: Scalar) -> str:
 
 
 def _column(values: Sequence[Scalar]) -> NDArray[Any]:
-    """Return values as an array: of texts, with an empty text for None, or of numbers, with NaN for None."""
+    """Return a column (runs,) of a table as an array of texts or of numbers.
+
+    None becomes an empty text or NaN.
+    """
     values_given = [value for value in values if value is not None]
     if any(isinstance(value, str) for value in values_given):
         return np.array(["" if value is None else str(value) for value in values])

@@ -154,7 +154,10 @@ class Plan:
 
 
 def digests(plan: Plan, code: str) -> dict[str, str]:
-    """Return the digest of each task of a plan, by key; `code` is the digest of the code that tasks compute with."""
+    """Return the digest of each task of a plan, by the task's key.
+
+    `code` is the digest of the code with which tasks compute.
+    """
     digest = dict[str, str]()
     for task in plan:
         digest[task.key] = task.digest(code, {name: digest[key] for name, key in task.needs.items()})

@@ -131,7 +131,7 @@ def _exit_cause(code: int) -> str:
 
 @dataclass(frozen=True)
 class Pool:
-    """Workers that run `slots` orders at a time; the future that `submit` returns gives the failure, or None."""
+    """Workers that run `slots` orders at a time; `submit` returns a future with an order's failure, or with None."""
 
     slots: int
     submit: Callable[[Order], Future[Failure | None]]
@@ -211,7 +211,7 @@ def _worker_of_rank(path: tuple[str, ...]) -> Worker:
 
 
 def serve() -> None:
-    """Run the orders of the parent, one a line on standard input, and answer each by a line with null or the failure.
+    """Run the orders of the parent, one per line on standard input; answer each by a line with null or the failure.
 
     Runs as the child process of a worker until its input ends.  All output of libraries goes to the error stream, so
     that it can't mix with the answers.  When the parent dies, the child ends, too.

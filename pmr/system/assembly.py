@@ -99,7 +99,7 @@ class Assembly:
 
     @cached_property
     def terms(self) -> list[Term]:
-        """Terms of the system on the same n coordinates, sparse."""
+        """Terms of the system, with sparse matrices on the same n coordinates as the equations."""
         numbers = dict[str, Indices]()
         for name, body in self.system.bodies.items():
             numbers[name] = np.full(body.size, -1, np.int64)
@@ -210,7 +210,7 @@ class Assembly:
         return moved_by_moments
 
     def _weights(self, place: Place, position: float, derivative: int) -> TouchedWeights:
-        """Numbers (d,) of the carriers that the row of a place touches at `position` in m, and their weights (d,).
+        """Numbers (d,) and weights (d,) of the carriers that the row of a place touches at `position` in m.
 
         With a `derivative` of 1 or more, the weights are their derivatives of that order with respect to the position.
         """
@@ -366,8 +366,8 @@ class Assembly:
         .. math::
             \zeta_k = \phi_k^T D \phi_k / (2 \omega_k), \qquad \phi_k^T M \phi_k = 1
 
-        They are NaN where there are fewer modes.  This is the ratio of a logarithmic decrement or a half-power width if
-        damping is small.
+        A ratio is NaN if there are fewer modes than its number.  This is the ratio of a logarithmic decrement or a
+        half-power width if damping is small.
         """
         ratios, D = np.full((len(x), count), np.nan), self.damping()
         for of_place, at in zip(ratios, x, strict=True):
@@ -377,5 +377,5 @@ class Assembly:
 
 
 def _count(slices: Mapping[str, slice]) -> int:
-    """Number of entries that the slices of all bodies cover."""
+    """Number of entries that the `slices` of all bodies, by the body's name, select together."""
     return max((entries.stop for entries in slices.values()), default=0)

@@ -51,7 +51,7 @@ def kinds_of(body: Body) -> tuple[str, ...]:
 
 
 def names_of(body: Body) -> tuple[str, ...]:
-    """Name of each output; ``output k`` if the body has no names."""
+    """Name of each output; number k is called ``output k`` if the body has no names."""
     return body.output_names or tuple(f"output {k}" for k in range(len(body.output_positions)))
 
 
@@ -73,7 +73,7 @@ def _kind_of_earlier_version(name: str, unit: str) -> str:
 
 
 def _has_kind(body: Body, *kinds: str) -> Mask:
-    """Mask (o,) of the outputs that are of one of these kinds."""
+    """Mask (o,) of the outputs that have one of the `kinds`."""
     return np.array([kind.split(" ")[0] in kinds for kind in kinds_of(body)], dtype=bool)
 
 
@@ -103,7 +103,7 @@ def released_rows(body: SlidingBody) -> list[int]:
 
 
 def clear_rates_without_inertia(body: SlidingBody, v: Array) -> Array:
-    """Rates (T, n) with zeros for the coordinates without inertia; `v` itself if all coordinates have inertia."""
+    """Rates v (T, n) with zeros for the coordinates without inertia; v itself if all coordinates have inertia."""
     if not len(body.quasi_static):
         return v
     rates = v.copy()
@@ -133,7 +133,7 @@ class FullOrderBody(ABC):
         """Rows on carriers, which each kind of full model makes in its own way."""
 
     def ensure_whole(self, source: str) -> None:
-        """Do nothing: a full model has all of its joints, so that there is no error about `source`."""
+        """Do nothing: a full model has all of its joints, so there is no error to raise about `source`."""
         return
 
     @property
@@ -148,7 +148,7 @@ class FullOrderBody(ABC):
 
     @property
     def row_names(self) -> tuple[str, ...]:
-        """Names of the rows."""
+        """Names (m,) of the rows C, in their order."""
         return self.rows.names
 
     @property
@@ -169,7 +169,7 @@ class FullOrderBody(ABC):
 
     @property
     def lasting(self) -> tuple[str, ...]:
-        """Names of the fixed rows that combine several coordinates."""
+        """Names of the rows that do not depend on s and that combine several coordinates."""
         return tuple(row.name for row in self.rows.rows if row.is_fixed and row.held_coordinate is None)
 
 
@@ -201,7 +201,7 @@ class FullBody(FullOrderBody):
 
     @property
     def quasi_static(self) -> Indices:
-        """Numbers of coordinates without inertia: an empty array."""
+        """Numbers (0,) of the coordinates without inertia, of which a full model has none."""
         return np.zeros(0, np.int64)
 
     @cached_property

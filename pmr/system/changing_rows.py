@@ -81,7 +81,7 @@ class ChangingRows:
 
 @dataclass(frozen=True)
 class RowDerivatives:
-    """Rows of m contacts at given coordinates of P paths, and their derivatives; the arrays of outputs are empty."""
+    """Rows of m contacts at given coordinates of P paths, with their derivatives; effects on outputs are left empty."""
 
     rows: ContactRows
     slopes: ContactRows  # (P, ...): first derivatives by each path coordinate
@@ -95,7 +95,10 @@ class RowDerivatives:
 
 
 def _zero_rows(m: int, n: int, i: int, *paths: int) -> ContactRows:
-    """Zeros for m contacts, n coordinates and i inputs; the numbers in `paths` are the sizes of axes in front."""
+    """Zeros for the rows of m contacts on n coordinates and i inputs.
+
+    `paths` are the sizes of further axes in front of those of the rows.
+    """
     shapes = ((m, n), (m, m), (m, i), (0, m))
     return ContactRows(*(np.zeros((*paths, *shape)) for shape in shapes))
 
@@ -189,7 +192,10 @@ class _BodyRows:
 
 
 def _pad_to_shape(values: NDArray[Number], *shape: int) -> NDArray[Number]:
-    """Pad `values` to `shape` with zeros: in front along the first axis (powers), behind along the last (carriers)."""
+    """Pad `values` to `shape` with zeros.
+
+    They are added at the start of the first axis (powers) and at the end of the last axis (carriers).
+    """
     first = shape[0] - values.shape[0]
     wide = np.zeros(shape, values.dtype)
     wide[first:, ..., : values.shape[-1]] = values
@@ -206,7 +212,7 @@ class InputResponse:
     E_slope: Array  # (P, i, i)
 
     def select(self, numbers: list[int]) -> InputResponse:
-        """Response to some inputs, at the points of these inputs alone."""
+        """Response to the inputs with these `numbers`, at the points of these inputs alone."""
         E, E_slope = (of[..., numbers, :][..., numbers] for of in (self.E, self.E_slope))
         return InputResponse(self.B[:, numbers], E, self.B_slope[:, :, numbers], E_slope)
 

@@ -41,7 +41,7 @@ def is_round_off(F: Array, largest: float = 0.0) -> Mask:
 
 
 def clear_rows(F: Array, mask: Mask) -> None:
-    """Set to zero, in place, the rows and columns of F (..., m, m) that belong to the contacts in a `mask` (..., m)."""
+    """Set to zero, in place, the rows and columns of the contacts in a `mask` (..., m) of F (..., m, m)."""
     F[np.broadcast_to(mask[..., :, None] | mask[..., None, :], F.shape)] = 0.0
 
 
@@ -74,7 +74,7 @@ class ContactRows:
 
     @cached_property
     def force_coefficients(self) -> Array:
-        """Contact forces (m, n + i) at one time by unit coordinates, F^-1 C, and beside them by unit inputs, F^-1 H."""
+        """Contact forces (m, n + i) at one time by unit coordinates, F^-1 C, then by unit inputs, F^-1 H."""
         return np.asarray(np.linalg.solve(self.F, np.hstack([self.C, self.H])))
 
     @property

@@ -75,7 +75,7 @@ class Place:
     def coordinate(self, s: Mapping[str, ArrayLike]) -> Array:
         """Coordinate x (...) in m on the body; `s` maps names of paths to their coordinates (...) in m.
 
-        For a place that does not travel, it is a single number, whatever the shape of the paths' coordinates.
+        For a place that does not travel, x is a single number, even if the paths' coordinates are arrays.
         """
         travelled = np.zeros(()) if self.path is None else self.rate * np.asarray(s[self.path], float)
         return np.asarray(self.at + travelled)
@@ -164,16 +164,16 @@ class FrictionLaw(NamedTuple):
 
 
 def friction_law(contact: Contact) -> FrictionLaw:
-    """Law of friction of a contact.
+    """Friction law of a contact.
 
-    A contact without a coefficient at rest has its sliding coefficient there too.
+    A contact without a coefficient at rest has its sliding coefficient at rest, too.
     """
     at_rest = contact.static_friction or contact.friction
     return FrictionLaw(contact.friction, at_rest, contact.stribeck_speed)
 
 
 def pad_at_tail(pad: Contact, outer: str, path: str) -> Contact:
-    r"""Contact of a pad that moves with the tail of the inner of two neighbouring sections of a telescope.
+    r"""Contact of a pad at the tail of a telescope's section, with which the pad moves in the next `outer` section.
 
     The inner place of `pad` is its distance d in m from the inner section's tail.  This tail is at s on the section
     `outer`:
@@ -186,7 +186,7 @@ def pad_at_tail(pad: Contact, outer: str, path: str) -> Contact:
 
 
 def pad_at_mouth(pad: Contact, outer: str, path: str, length: float) -> Contact:
-    r"""Contact of a pad that stays at the mouth of the outer of two neighbouring sections of a telescope.
+    r"""Contact of a pad at the mouth of a telescope's section `outer`, in which the next section slides.
 
     The inner place of `pad` is its distance d in m from the mouth of the section `outer`.  The `length` of this section
     is L in m:
@@ -300,9 +300,10 @@ class Friction:
         return np.asarray(np.add.reduceat(friction, self.first_pads[:-1], axis=-1))
 
     def cylinder_forces(self, friction: Array) -> Array:
-        """Friction (..., m) in N that contacts bear: a cylinder bears that of its joint's pads, other contacts none.
+        """Forces (..., m) in N by which friction loads the m contacts.
 
-        The friction of the pads is `friction` (..., n) in N.
+        A cylinder bears the friction of its joint's pads, other contacts bear none.  The friction of the pads is
+        `friction` (..., n) in N.
         """
         borne, driven = np.zeros((*friction.shape[:-1], self.count)), self.cylinders >= 0
         borne[..., self.cylinders[driven]] = self.joint_totals(friction)[..., driven]

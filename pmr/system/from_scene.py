@@ -159,12 +159,13 @@ def _contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator
 
 
 def _pads(scene: Scene, number: int, ring: JointPads, prefix: str, rows: set[str]) -> Iterator[Contact]:
-    """Pads of one ring in the joint of section `number`, without those that have none of the `rows` of both sections.
+    """Yield the pads of one ring in the joint of section `number`.
 
-    Their inner places are their distances from the tail or the mouth.
+    A pad is left out if one of both sections has none of the `rows` that it needs: a planar beam has no rows for
+    sideways motion.  The inner places of the pads are their distances from the tail or the mouth.
 
-    A planar beam has no rows for sideways motion.  A ring without faces is one pad, or two, above and below, if it only
-    pushes; a carriage's wheel without clearance is one pad that lifts off.  The names of the pads begin with `prefix`.
+    A ring without faces is one pad, or two, above and below, if it only pushes; a carriage's wheel without clearance is
+    one pad that lifts off.  The names of the pads begin with `prefix`.
     """
     prefix = " ".join(filter(None, (prefix, ring.name)))
     compliance = 0.0 if ring.stiffness == "rigid" else 1.0 / ring.stiffness
@@ -252,7 +253,7 @@ class CombinedRings:
 
 
 def combine_rings(system: System) -> CombinedRings:
-    """Combine the rings of pads of a system of reduced bodies into as few contacts as possible.
+    """Combine each ring of pads of a system of reduced bodies into the fewest contacts that hold the same motions.
 
     A system on one path (`System.on_one_path`), or without rings that can be combined, is returned unchanged.
     """
@@ -282,9 +283,9 @@ def combine_rings(system: System) -> CombinedRings:
 
 
 def _rings(contacts: Sequence[Contact], bodies: Mapping[str, _BodyRows]) -> list[tuple[list[int], Array]]:
-    """Numbers of the contacts of each ring, and its matrix S (pads, fewer); [[1]] for a contact that stays single.
+    """Numbers of the contacts of each ring, and the ring's matrix S (pads, contacts), which combines its pads.
 
-    `bodies` have the rows of the bodies by name.
+    S is [[1]] for a contact that stays single.  `bodies` have the rows of the bodies by name.
     """
     groups = dict[object, list[int]]()
     for number, contact in enumerate(contacts):
@@ -304,7 +305,7 @@ def _places(contact: Contact) -> list[Place]:
 
 
 def _relative_stiffness(pads: Sequence[Contact]) -> Array:
-    """Stiffness (pads,) of each pad over the mean stiffness; 1 for a single pad, which may be rigid."""
+    """Stiffness (pads,) of each pad divided by the mean stiffness; 1 for a single pad, which may be rigid."""
     if len(pads) == 1:
         return np.ones(1)
     stiffness = 1.0 / np.array([pad.compliance for pad in pads])
@@ -312,10 +313,10 @@ def _relative_stiffness(pads: Sequence[Contact]) -> Array:
 
 
 def _ring_basis(bodies: Mapping[str, _BodyRows], pads: Sequence[Contact]) -> Array | None:
-    """Orthonormal basis (pads, fewer) of the pads' rows, each times the root of its pad's relative stiffness.
+    """Orthonormal basis (pads, c) of the pads' rows, each times the root of its pad's relative stiffness.
 
-    `bodies` have the rows of the bodies by name.  None is returned if the basis has as many columns as there are pads,
-    or if the rows can't be combined.
+    `bodies` have the rows of the bodies by name.  None is returned if c is the number of pads, so that nothing is
+    saved, or if the rows can't be combined.
     """
     measured = []
     for same in zip(*map(_places, pads), strict=True):
@@ -330,7 +331,7 @@ def _ring_basis(bodies: Mapping[str, _BodyRows], pads: Sequence[Contact]) -> Arr
 
 
 class _BodyRows:
-    """Rows of a body and linear combinations of them, on as few carriers as these combinations need.
+    """Rows of a body and linear combinations of them, on the fewest carriers that these combinations need.
 
     Rows that differ only in their carriers, as on a mesh whose cross-section deforms, are combined by sums of carriers.
     Other rows on the same breaks are combined by sums of coefficients.
@@ -364,7 +365,7 @@ class _BodyRows:
 
     @cached_property
     def _carrier_measures(self) -> Array:
-        """Values (K, any) of the K carriers on modes, flexibility and inputs, each kind over its largest value.
+        """Values (K, any) of the K carriers on modes, flexibility and inputs, each kind scaled to its largest value.
 
         The many columns of the flexibility are replaced by a few sums with random weights, which show dependent rows
         just as well.

@@ -114,7 +114,7 @@ def recorded_hoist(provenance: Mapping[str, object]) -> Hoist:
 
 
 def _ground_slots(scene: Scene, of_frame: tuple[str, ...]) -> list[Slot]:
-    """Slots of gravity, of accelerations of the pivot, and of the rotation.
+    """Slots of gravity, then of accelerations of the pivot, then of the entries of the rotation R.
 
     `of_frame` are the names of the frame's inputs to the hoist; empty if nothing moves the frame.
     """

@@ -133,21 +133,27 @@ def add_tables(A: PPoly, B: PPoly, factor: float = 1.0) -> PPoly:
 
 
 def select_columns(table: PPoly, numbers: slice | Sequence[int]) -> PPoly:
-    """Table of the columns with these `numbers`, of a table with values (m, n); the same table for all in order."""
+    """Table of the columns with these `numbers`, of a table with values (m, n).
+
+    The table itself is returned if all columns are selected in their order.
+    """
     if _selects_all(numbers, table.c.shape[3]):
         return table
     return PPoly(np.ascontiguousarray(table.c[..., numbers]), table.x)
 
 
 def select_rows(table: PPoly, numbers: slice | Sequence[int] | Indices) -> PPoly:
-    """Table of the rows with these `numbers`, of a table with values (m, n); the same table for all in order."""
+    """Table of the rows with these `numbers`, of a table with values (m, n).
+
+    The table itself is returned if all rows are selected in their order.
+    """
     if _selects_all(numbers, table.c.shape[2]):
         return table
     return PPoly(np.ascontiguousarray(table.c[:, :, numbers]), table.x)
 
 
 def _selects_all(numbers: slice | Sequence[int] | Indices, count: int) -> bool:
-    """Whether `numbers` selects all of `count` indices in their order."""
+    """Whether `numbers` selects all of the indices 0 to `count` - 1, in their order."""
     return np.array_equal(np.arange(count)[numbers], np.arange(count))
 
 
@@ -176,7 +182,7 @@ def align_tables(*tables: PPoly, domain: tuple[float, float] | None = None) -> l
 
 
 def same_degree(*coefficients: Array) -> list[Array]:
-    """Arrays of coefficients, with zeros in front of each up to the highest degree among them."""
+    """Arrays of coefficients (p, ...) with zeros in front, so that all have the highest degree among them."""
     most = max(map(len, coefficients))
     return [np.concatenate([np.zeros((most - len(c), *c.shape[1:])), c]) for c in coefficients]
 

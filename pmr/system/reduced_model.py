@@ -225,7 +225,10 @@ class ReducedModel(HeldModel):
             raise InputError(source, "section", self.section.name, allowed)
 
     def without_joints(self) -> ReducedModel:
-        """Return the model without the rows of joints, so that only supports hold it; unchanged if it has no joints."""
+        """Return the model without the rows of joints, so that only supports hold it.
+
+        The model is returned unchanged if it has no joints.
+        """
         joints = () if self.section is None else self.section.joints
         return self.with_rows([k for k, name in enumerate(self.row_names) if name not in joints])
 
@@ -236,7 +239,10 @@ class ReducedModel(HeldModel):
 
     @property
     def held(self) -> dict[int, int]:
-        """Empty: no row of a reduced model holds a single coordinate (`pmr.system.body.FullOrderBody.held`)."""
+        """Numbers of coordinates by the number of the row that holds one; empty for a reduced model.
+
+        A full model may have such rows (`pmr.system.body.FullOrderBody.held`).
+        """
         return {}
 
     @property
@@ -402,7 +408,7 @@ def _upgrade_version_4(header: Mapping[str, Any], data: Mapping[str, Array]) -> 
     """Arrays of a file of version 4 or earlier, from its arrays `data`, under the names of the current version.
 
     The header of such a file has the names of inputs, rows and outputs, the provenance and Rayleigh's factors; they
-    become arrays.  Raises TypeError if a list of names has anything else.
+    become arrays.  Raises TypeError if a list of names holds anything but texts.
     """
     arrays = npz.rename_keys(data, _OLD_NAMES)
     for name in _NAMES:
@@ -418,7 +424,7 @@ def _upgrade_version_4(header: Mapping[str, Any], data: Mapping[str, Array]) -> 
 
 
 def satisfied_rows(C: PPoly, tolerance: float = 1e-10, least: float = 0.0) -> list[int]:
-    """Numbers of the rows C that a basis satisfies identically.
+    """Ascending numbers of the rows C that a basis satisfies identically.
 
     Each coefficient of such a row, times its interval's length to the same power, is at most `least`, or `tolerance`
     times the largest such value of all rows.  `tolerance` is the round-off to expect in the basis.

@@ -82,7 +82,7 @@ class Row:
 
     @property
     def entries(self) -> sp.csr_matrix:
-        """Coefficients as a sparse matrix (powers k, K): for each power, highest first, one row an interval."""
+        """Coefficients as a sparse matrix (powers k, K): for each power, highest first, one row per interval."""
         powers, k, d = self.coefficients.shape
         at = np.broadcast_to(self.touched, (powers, k, d)).ravel()
         return sp.csr_matrix((self.coefficients.ravel(), at, d * np.arange(powers * k + 1)), (powers * k, self._count))
@@ -100,7 +100,7 @@ class Row:
         return self._sparse(*self.touched_weights(s, derivative))
 
     def _sparse(self, touched: Indices, entries: Array) -> sp.csr_matrix:
-        """Sparse matrix (T, K) with `entries` (T, d) in the columns `touched` (T, d)."""
+        """Sparse matrix (T, K) with `entries` (T, d) in the columns `touched` (T, d) of each row."""
         ends = touched.shape[1] * np.arange(len(touched) + 1)
         return sp.csr_matrix((entries.ravel(), touched.ravel(), ends), (len(touched), self._count))
 
@@ -257,7 +257,7 @@ class Rows:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the rows."""
+        """Names (m,) of the rows, in their order."""
         return tuple(row.name for row in self.rows)
 
     @property
@@ -293,7 +293,7 @@ class Rows:
 
     @cached_property
     def shared_carriers(self) -> SharedCarriers:
-        """These rows on common carriers."""
+        """The rows with their weights on common carriers U, which are stored once."""
         return _shared_carriers(self.rows, self.size)
 
 
@@ -319,9 +319,10 @@ class SharedCarriers:
 
 
 def _shared_carriers(rows: Sequence[Row], size: int) -> SharedCarriers:
-    """Rows on carriers in `size` coordinates, each stored once.
+    """Rows on common carriers in `size` coordinates; each carrier is stored once.
 
-    They are on single coordinates instead if these are less than half as many.
+    If the number of coordinates that they touch is less than half the number of carriers, these coordinates are the
+    carriers.
     """
     numbers: dict[bytes, int] = {}
     new, touched = [sp.csr_matrix((0, size))], []

@@ -154,7 +154,7 @@ def read(path: Path) -> StoredSystem | ReducedModel:
 
 
 def _term(header: _TermHeader, data: Mapping[str, NDArray[np.generic]], prefix: str) -> Term:
-    """Term of a header, with its matrices, whose names in `data` begin with `prefix`."""
+    """Term with the name and bodies in `header`, and with matrices from `data`, whose names begin with `prefix`."""
     matrices = {key: np.asarray(data[prefix + key], float) for key in ("stiffness", "damping") if prefix + key in data}
     on = {name: f"{prefix}supports.{body}" for body, name in enumerate(header.bodies)}
     supports = {name: np.asarray(data[key], float) for name, key in on.items() if key in data}

@@ -93,7 +93,7 @@ def pivoted_cholesky(A: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def describe_asymmetry(matrices: Mapping[str, NDArray[np.float64]]) -> str | None:
-    """Description of the first of `matrices` that is not symmetric or has a negative eigenvalue; None if none is so.
+    """Description of the first of `matrices` that is not symmetric or has a negative eigenvalue; None if all are sound.
 
     The matrix called M must not be singular either.  Deviations up to `SYMMETRIC` of the largest entry count as
     round-off.
@@ -156,7 +156,7 @@ TAKES_PART = 1e-2
 
 @dataclass(frozen=True)
 class Dependence:
-    """How independent rows are: `measure` is 1 for orthogonal rows and 0 for dependent ones.
+    """Independence of rows: its `measure` is 1 for orthogonal rows and 0 for dependent ones.
 
     `names` are rows that take part in the combination of rows closest to zero: their share in it is at least
     `TAKES_PART` of the largest share.

@@ -28,7 +28,10 @@ _SIGNS = {"triangle": 1.0, "antitriangle": -1.0}
 
 
 def pack(model: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
-    """Arrays to be stored for a `pmr.system.reduced_model.ReducedModel`, with `prefix` before their names."""
+    """Arrays of a `pmr.system.reduced_model.ReducedModel` to be stored, by the field's name after `prefix`.
+
+    Triangles and tables are shortened as the module's docstring says.
+    """
     content = npz.record_arrays(model)
     sound = model.carriers is not None and not _describe_fault(model.carriers)
     for name, table in (_path_tables(model.carriers, content) if model.carriers and sound else {}).items():
@@ -45,10 +48,11 @@ def pack(model: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
 
 
 def unpack(data: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str, NDArray[Any]]:
-    """Arrays in `data`, the arrays of a file, whose names begin with `prefix`, all in full.
+    """Arrays of a model in full, by the field's name, from those arrays of a file whose names begin with `prefix`.
 
-    They are as `pmr.files.npz.record_from_arrays` reads them, and its errors are raised.  A ValueError is raised if
-    tables are missing and carriers are not sound, or if a triangle has a wrong number of entries.
+    `data` are all arrays of the file.  The arrays are as `pmr.files.npz.record_from_arrays` reads them, and its errors
+    are raised.  A ValueError is raised if tables are missing and carriers are not sound, or if a triangle has a wrong
+    number of entries.
     """
     content = dict[str, NDArray[Any]]()
     for name, array in data.items():
@@ -95,7 +99,7 @@ def _path_tables(carriers: CarrierRows, arrays: Mapping[str, NDArray[Any]]) -> d
 
 
 def _triangle_kind(A: Array) -> str | None:
-    """``triangle`` if A is symmetric, ``antitriangle`` if it is antisymmetric; None for others and small ones."""
+    """``triangle`` if A is symmetric, ``antitriangle`` if A is antisymmetric; None for other and for small matrices."""
     if A.ndim != 2 or A.shape[0] != A.shape[1] or len(A) < LEAST:
         return None
     return next((kind for kind, sign in _SIGNS.items() if np.array_equal(A, sign * A.T)), None)

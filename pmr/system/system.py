@@ -45,7 +45,7 @@ from pmr.system.terms import Term, term_error
 
 @dataclass(frozen=True)
 class Side:
-    """One of the two places of a contact, with the number of the contact, and the `sign` of C on the place's body."""
+    """One of the two places of a contact, the contact's number, and the `sign` of the row C on the place's body."""
 
     contact: int
     place: Place
@@ -156,7 +156,7 @@ class BodySystem(Generic[AnyBody]):
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """Names of the paths along which places travel."""
+        """Names of the P paths along which places of contacts travel, each once."""
         return tuple(dict.fromkeys(side.place.path for side in self.sides if side.place.path is not None))
 
     @property
@@ -174,7 +174,7 @@ class BodySystem(Generic[AnyBody]):
 
     @property
     def load_names(self) -> tuple[str, ...]:
-        """Names of all that a user loads without a frame: inputs that no rope pulls, and what drives a hoist."""
+        """Names of all inputs that no rope pulls, then of the drivers of a hoist: what a user loads without a frame."""
         return (*(name for name in self.input_names if name not in self.hoist.inputs), *self.hoist.drivers)
 
     @property
@@ -230,7 +230,10 @@ class BodySystem(Generic[AnyBody]):
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """Lowest and highest coordinate in m of each path, by name; the rows of all its places are defined between."""
+        """Lowest and highest coordinate in m of each path, by the path's name.
+
+        Between these the rows of all places of the path are defined.
+        """
         ranges = {path: (-np.inf, np.inf) for path in self.paths}
         for side in self.sides:
             place = side.place
@@ -328,7 +331,7 @@ class System(BodySystem[SlidingBody]):
 
     @property
     def input_units(self) -> tuple[str, ...]:
-        """Unit of each of `input_names`; units of inputs of full bodies are missing, because these do not know them."""
+        """Unit of each of `input_names`; inputs of full bodies are left out, because these do not know their units."""
         return tuple(unit for body in self.bodies.values() for unit in getattr(body, "input_units", ()))
 
     @property
@@ -407,7 +410,7 @@ class System(BodySystem[SlidingBody]):
         return self
 
     def save(self, path: str | Path) -> Path:
-        """Write reduced bodies, contacts, terms and provenance to one npz file, return its path; nothing is pickled.
+        """Write reduced bodies, contacts, terms and provenance to one npz file without pickle; return its path.
 
         The file also has the models in `on_modes`, with which errors are estimated.  An InputError is raised if a body
         is not reduced.

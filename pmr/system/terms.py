@@ -127,7 +127,7 @@ def term_error(term: str, key: str, value: object, allowed: str) -> InputError:
 def terms_of(
     scene: Scene, bodies: Mapping[str, SlidingBody], which: Iterable[FrameTerm] | None = None
 ) -> tuple[Term, ...]:
-    """Terms of a scene on models of its bodies: those in `which`, or all that a frame of second order needs (None).
+    """Terms of a scene on models of its bodies: those in `which`, or all that a frame of second order needs.
 
     `bodies` maps names to models.  A scene whose frame does not move, or is of first order, has no terms.
     """

@@ -84,7 +84,7 @@ def extend(model: ReducedModel, count: int | None = None) -> ReducedModel:
 
 
 def with_tables(model: ReducedModel) -> ReducedModel:
-    """Return the model with tables computed from its carriers; unchanged if they lack flexibility."""
+    """Return the model with tables computed from its carriers; unchanged if the carriers have no flexibility."""
     carriers = model.carriers
     if carriers is None or carriers.flexibility is None:
         return model
@@ -95,7 +95,7 @@ def with_tables(model: ReducedModel) -> ReducedModel:
 def is_modal(model: ReducedModel) -> bool:
     """Whether the coordinates are M-orthonormal modes in ascending order, with K diagonal.
 
-    D has to be diagonal too, unless the model has it on all modes among its `matrices`.
+    D has to be diagonal too, unless the model's `matrices` contain D on all modes.
     """
     if np.any(np.abs(model.M - np.eye(model.size)) > MODAL):
         return False
@@ -130,7 +130,7 @@ def _extend_port(model: ReducedModel, name: str, count: int) -> Array:
 
 
 def _block_diagonal(A: Array, diagonal: Array) -> Array:
-    """Block-diagonal matrix of A and the entries `diagonal`."""
+    """Matrix (n + k, n + k) with the block A (n, n), and with `diagonal` (k,) on the rest of its diagonal."""
     result = np.diag(np.concatenate([np.zeros(len(A)), diagonal]))
     result[: len(A), : len(A)] = A
     return result

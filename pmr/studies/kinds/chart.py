@@ -156,7 +156,11 @@ class Study(StudyBase):
         return Plan(tuple(runs), tuple(common_tasks.values()))
 
     def figures(self, results: StudyResults) -> Mapping[str, Scalar]:
-        """Return the figures that the docstring of the class lists, over all points."""
+        """Return the figures of all points of the chart, by name.
+
+        The keys are those in the docstring of `Study`: ``points``, ``limits``, ``governs.<name>`` and so on.  With
+        `hoist` there are also ``hoist.least``, ``hoist.most`` and, for a hoisting class, ``hoist.class``.
+        """
         table = self.table(results)
         names, loads = self.names, self.loads(table)
         figures: dict[str, Scalar] = {"points": len(loads.load), "limits": len(names)}
@@ -176,7 +180,7 @@ class Study(StudyBase):
         return figures
 
     def summary_line(self, results: StudyResults) -> str:
-        """Return a line with the least and the largest allowed load in kg, by all limits, over the points."""
+        """Return a line with the least and the largest load in kg that all limits allow at the points."""
         points, table = len(self._points), self.table(results)
         loads = self.loads(table)
         if not np.isfinite(loads.least).any():

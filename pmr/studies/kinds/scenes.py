@@ -215,8 +215,8 @@ def body_figures(summary: Summary) -> dict[str, Scalar]:
     - ``stress.<region>...``: the columns of `stress_figures`.
     - ``mass`` in kg of all bodies with the masses attached to them, and ``mass.<body>`` in kg of each body.
     - ``damage.<probe>``: damage by fatigue.
-    - ``utilisation``: the largest stress over the yield stress, at ``utilisation_t`` in s in ``utilisation_section`` at
-      ``utilisation_{x,y,z}`` in m.
+    - ``utilisation``: the largest stress as a share of the yield stress, at ``utilisation_t`` in s, in
+      ``utilisation_section`` at ``utilisation_{x,y,z}`` in m.
     - ``beam_forces.<quantity>.{min,t_min,x_min,max,...}``: section forces in N; ``beam_moments.<quantity>...`` in N m.
 
     Columns about which the summary has nothing are left out.
@@ -286,7 +286,10 @@ def run_case(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def _frequency_errors(frequencies: Frequencies) -> dict[str, Scalar]:
-    """Return ``frequency_error.<i>``, the largest over the path; None if the reduced model lacks the i-th frequency."""
+    """Return ``frequency_error.<i>``, the largest error of the i-th frequency over the path.
+
+    A value is None if the reduced model has no i-th frequency.
+    """
     if "full" not in frequencies.models:
         return {}
     off = np.abs(frequencies.models["reduced"] / frequencies.models["full"] - 1.0).max(axis=0)[:COMPARED_FREQUENCIES]
