@@ -184,7 +184,7 @@ def _check_comparison(scene: Scene) -> None:
 
 
 def _check_simulators(scene: Scene) -> None:
-    """Refuse simulators that do not support the scene's contacts and supports, as far as the scene alone tells these."""
+    """Refuse simulators that do not support the scene's contacts and supports, as far as a scene alone tells these."""
     choice, (low, high) = scene.reduction, scene.path_bounds
     pushing = tuple(ring.name for ring in scene.pads if ring.unilateral)
     soft = {ring.name for ring in scene.pads if ring.stiffness != "rigid"}

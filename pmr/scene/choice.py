@@ -163,7 +163,7 @@ class RopePull(NamedTuple):
 
 
 def rope_pulls(member: Member) -> tuple[RopePull, ...]:
-    """Return the loads by which the rope of a hoist pulls a body: forces, and their moments if they are off its axis."""
+    """Return the loads by which the rope of a hoist pulls a body: forces, and moments of forces off its axis."""
     pulls, moves, none = list[RopePull](), motion_directions(member), Constant(amount=0.0)
     for place, (on, (_, y, z)) in member.rope_places.items():
         levers: dict[Direction, tuple[float, float, float]] = {

@@ -234,7 +234,7 @@ HOIST_SAMPLES = 1001
 
 
 def still_rotation(scene: Scene) -> Array:
-    """Rotation (3, 3) from axes of a boom without a frame into those of the ground, whose Z is opposite to the weight."""
+    """Rotation (3, 3) from axes of a boom without a frame into those of the ground; Z is opposite to the weight."""
     assert scene.gravity is not None  # as the checks say
     up, ahead = -np.array(scene.gravity.direction), np.eye(3)[0]
     ahead = ahead - (ahead @ up) * up

@@ -276,7 +276,7 @@ def _check_ground_supports(scene: Scene, number: int) -> None:
 
 
 def _check_extension(scene: Scene, number: int) -> None:
-    """Refuse extensions that bring the tail of section `number` behind the tail of the next outer section, or out of it.
+    """Refuse extensions that bring section `number` behind the tail of the next outer section, or out of it.
 
     The pads of the section must not leave the outer section, and pads of tail and mouth must not overlap on a face.
 

@@ -212,12 +212,12 @@ class Usual:
 
 
 class Hinted(BaseModel):
-    """A table whose numbers may have usual ranges that depend on its own content, in addition to those of its fields."""
+    """A table whose numbers may have usual ranges that depend on its content, and not on their fields alone."""
 
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
-        """Return further scales, by name, for the usual ranges of the table's numbers; empty unless a table overrides it.
+        """Return further scales, by name, for the usual ranges of the table's numbers.
 
-        `scales` are the scales outside of the table, by name.
+        The result is empty unless a table overrides the method.  `scales` are the scales outside of the table, by name.
         """
         return {}
 

@@ -408,7 +408,7 @@ def _mitre(edge: Edge, other: Edge, angle: float) -> float:
 
 
 def _check_radii(profile: BoxProfile) -> None:
-    """Refuse radii of at most half the wall's thickness, and radii that leave too little of the plates next to the arcs."""
+    """Refuse radii of at most half the wall's thickness, and radii that leave too short plates next to the arcs."""
     edges = profile.edges
     for half in ("bottom", "top"):
         r, wall, most = profile.radius_at(half), profile.thickness(half), np.inf
