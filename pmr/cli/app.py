@@ -269,7 +269,7 @@ app.command("compile")(compile_)
 
 
 def _version(is_given: bool) -> None:
-    """Print pmr's version and exit, if the option is given."""
+    """Print pmr's version and exit if the option is given; otherwise do nothing."""
     if is_given:
         out.text(f"pmr {environment.package_versions()['pmr']}")
         raise typer.Exit

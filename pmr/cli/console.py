@@ -203,7 +203,10 @@ def _find_file(path: Path, within: str) -> Path:
 
 
 def _tables_or_empty(file: Path) -> dict[str, object]:
-    """Return the tables of a file; empty if the file can't be read, as a later function reports the reason."""
+    """Return the tables of a file by name.
+
+    They are empty if the file can't be read, as a later function reports the reason.
+    """
     from pmr.scene.tomlfiles import read_tables
 
     try:

@@ -159,7 +159,7 @@ def identify(
 def _starts(fit: Sequence[str]) -> dict[str, float]:
     """Values at the start by key, from the texts `fit`, each ``KEY=START``.
 
-    An InputError is raised for a text of another form.
+    Raises InputError for a text of another form.
     """
     starts = dict[str, float]()
     for text in fit:

@@ -220,7 +220,7 @@ def _tolerance_overrides(tolerance: str, file: Path) -> list[str]:
 
 
 def _print_outcome(outcome: Outcome) -> None:
-    """Print capacity, errors (beside published ones), coordinates, computing times and warnings of a run."""
+    """Print capacity, errors with published ones, coordinates, computing times and warnings of a run."""
     from pmr.report import errors, first_page
 
     result, summary = outcome.result, outcome.result.summary
@@ -339,7 +339,7 @@ def _begin_to_help() -> None:
 def has_free_core() -> bool:
     """Whether a second process would have a core for itself.
 
-    This is so if this process may use several cores and a launcher of MPI started no other process together with it.
+    It would if this process may use several cores and a launcher of MPI started no other process together with it.
     Other programs, which may use the cores as well, are not looked at.
     """
     return environment.available_cores() > 1 and environment.launched_process_count() == 1

@@ -378,7 +378,7 @@ def describe_origin(libraries: Mapping[str, str] | None = None) -> dict[str, obj
 
 
 def describe_machine() -> dict[str, str]:
-    """Return processor, available cores and operating system of this machine, without names of host or user."""
+    """Return processor, available cores and operating system of this machine, by key, without names of host or user."""
     return {
         "processor": _processor(),
         "cores": str(available_cores()),

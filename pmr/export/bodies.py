@@ -187,7 +187,7 @@ def _node_lines(number: int, point: Array, translation: Array, turned: Array) ->
 
 
 def _taylor_lines(indent: int, name: str, value: Taylor, m: int) -> Iterator[str]:
-    """Yield the lines of a matrix called `name`, of a body with m modes, behind `indent` blanks; zeros are left out."""
+    """Yield the lines of a matrix called `name`, of a body with m modes, after `indent` blanks; zeros are left out."""
     yield f"{'':{indent}}{name}"
     sizes = {"order": int(value.M1 is not None), "nrow": len(value.M0), "ncol": value.M0.shape[1], "nq": m, "nqn": 0}
     structure = value.structure if np.any(value.M0) or value.M1 is not None else 0
@@ -202,7 +202,7 @@ def _taylor_lines(indent: int, name: str, value: Taylor, m: int) -> Iterator[str
 
 
 def _entry_line(indent: int, key: str, value: str) -> str:
-    """Line of a key, behind `indent` blanks, and its value, which begins in a fixed column."""
+    """Line with `indent` blanks, a key, and its value, which begins in a fixed column."""
     return f"{'':{indent}}{key:<{48 - indent}}={value}"
 
 

@@ -36,9 +36,9 @@ Arrays = dict[str, Any]
 def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
     """Write a script that simulates the system saved in `npz_path` under its scene's paths and loads, to `target`.
 
-    The script's data are written beside it.  The script needs numpy, scipy and exudyn only; its path is returned.
-    Raises InputError as `script_data`, if the file holds no system, or if the data would replace a file that holds
-    anything but data of a script.
+    The script's data are written into the same folder.  The script needs numpy, scipy and exudyn only; its path is
+    returned.  Raises InputError as `script_data`, if the file holds no system, or if the data would replace a file that
+    holds anything but data of a script.
     """
     npz_path, target = Path(npz_path), Path(target)
     system = System.load(npz_path).ensure_constant(npz_path.name).ensure_lengths_stay(npz_path.name)
@@ -65,7 +65,7 @@ def _is_free(file: Path) -> bool:
 
 
 def script_data(system: System, source: str) -> Arrays:
-    """Arrays that the script reads: matrices, contacts, signals, start.
+    """Arrays that the script reads, by name: matrices, contacts, signals, start.
 
     Raises InputError, which names the file `source`, for a system that the script can't simulate: its provenance has no
     usable scene, the scene has a frame that moves or a signal that is no sum of polynomials and sines, or no output is
@@ -106,9 +106,10 @@ def script_data(system: System, source: str) -> Arrays:
 
 
 def _tip(system: System, source: str) -> Arrays:
-    """Number, body and position of the output that the script prints, the last displacement.
+    """The last displacement, which the script prints: ``tip``, ``tip_of`` and ``tip_position``.
 
-    Raises InputError, which names the file `source`, if there is no displacement.
+    They are its number among the outputs, words for its body, and its position in m.  Raises InputError, which names
+    the file `source`, if there is no displacement.
     """
     of = [
         (name, position, is_length)
@@ -154,7 +155,10 @@ def _strands(signal: SignalBase, name: str, source: str) -> Any:
 
 
 def _tables(system: System, x: Array) -> Arrays:
-    """Tables of C, F, H and X of a single body over its path; F includes the compliance of contacts."""
+    """Tables of C, F, H and X of a single body over its path, as arrays by name.
+
+    F includes the compliance of contacts.
+    """
     (body,) = system.reduced.values()
     numbers = [body.row_names.index(side.place.row) for side in system.sides]
     m, i, o = len(numbers), len(body.input_names), len(body.output_positions)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Options:
-    """Options of `pmr export` besides the files; None if an option is not given."""
+    """Options of `pmr export` other than the files; None if an option is not given."""
 
     fmi: str | None = None  #: Version of the Functional Mock-up Interface
     at: str | None = None  #: Path coordinates of the sliders in m, separated by commas

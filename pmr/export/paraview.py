@@ -56,7 +56,7 @@ class MovingFields:
 def write_series(folder: Path, name: str, bodies: Mapping[str, MovingFields], pads: Boxes | None = None) -> Path:
     """Write ``name.pvd``, which is returned, and a folder ``name`` with one .vtu file for each time and body.
 
-    The folder is beside ``name.pvd``.  Points have ``displacement`` in m (ParaView: Warp By Vector).  Cells have
+    The folder is next to ``name.pvd``.  Points have ``displacement`` in m (ParaView: Warp By Vector).  Cells have
     ``von_mises_<face>`` in Pa, and ``region_<name>``: 1 in the region, 0 elsewhere.  If signed stresses are stored,
     cells have ``stress_<face>_<component>`` in Pa.  `bodies` maps names to bodies, all at the same times.  If `pads`
     are given, they are a data set of their own, with the values of the pads.  Old .vtu files are deleted.
@@ -105,7 +105,10 @@ def _with_underscores(name: str) -> str:
 
 
 def _vtu(grid: Grid, points: Array, of_points: Named, of_cells: Named) -> str:
-    """Text of a VTK unstructured grid: cells of `grid` with `points` at (N, 3) in m, values of points and of cells."""
+    """Text of a VTK unstructured grid with the cells of `grid`.
+
+    Its points are at `points` (N, 3) in m; `of_points` and `of_cells` are values at points and in cells by name.
+    """
     count, corners = grid.cells.shape
     cells = {
         "connectivity": grid.cells,

@@ -212,9 +212,10 @@ def saved_system(npz_path: Path, options: Options) -> System:
 
 
 def section_alone(npz_path: Path, name: str) -> System:
-    """System of the section `name`, from a saved boom or a section's file, on its own supports or free, without joints.
+    """System of the section `name` without joints, from a saved boom or a section's file.
 
-    Raises InputError if the file has no such section, or a luffing cylinder holds it.
+    The section stands on its own supports, or is free.  Raises InputError if the file has no such section, or a luffing
+    cylinder holds it.
     """
     saved = read(npz_path)
     bodies = {saved.section.name if saved.section else "": saved} if isinstance(saved, ReducedModel) else saved.bodies
@@ -377,7 +378,7 @@ def _dmig_lines(name: str, A: Array, form: int) -> Iterator[str]:
 
 
 def _field(x: float) -> str:
-    """Text of the number x with as many digits as fit into a field."""
+    """Text of the number x with the most digits that fit into a field; every double fits with one digit."""
     for digits in range(FIELD, 0, -1):
         mantissa, exponent = f"{x:.{digits}e}".split("e")
         text = f"{mantissa}D{int(exponent):+d}"

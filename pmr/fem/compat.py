@@ -221,10 +221,10 @@ def rule_points(cell: str, degree: int) -> Array:
 
 
 def _repeat_points(cell: str, parts: int, points: Array) -> Array:
-    """Points of a quadrature rule, repeated on the `parts`^d equal pieces of the reference cell of dimension d.
+    """Points (k p, d) of a quadrature rule, repeated on the p = `parts`^d equal pieces of a reference cell.
 
-    The pieces of a triangle are upright and, between these, turned by 180 degrees.  Raises a `ValueError` for
-    tetrahedra.
+    `points` (k, d) are those on the whole cell of dimension d.  The pieces of a triangle are upright and, between
+    these, turned by 180 degrees.  Raises a `ValueError` for tetrahedra.
     """
     d = points.shape[1]
     if parts == 1:
@@ -248,7 +248,7 @@ def _quadrature(kind: CellType, degree: int) -> tuple[Array, ...]:
 
 
 def lagrange_space(mesh: Mesh, degree: int) -> FunctionSpace:
-    """Space of continuous vectors of polynomials of `degree`, with as many components as the mesh has coordinates."""
+    """Space of continuous vectors of polynomials of `degree`; a component for each coordinate of the mesh."""
     return _space(mesh, _element(mesh, "Lagrange", degree, mesh.geometry.dim))
 
 
@@ -444,7 +444,7 @@ def cellwise(mesh: Mesh, values: Array) -> Function:
 
 
 def original_cells(mesh: Mesh) -> Indices:
-    """Numbers, in the input of `create_mesh`, of the cells that this rank knows: its own cells, then ghosts."""
+    """Numbers (c,), in the input of `create_mesh`, of the cells that this rank knows: its own cells, then ghosts."""
     return np.asarray(mesh.topology.original_cell_index, np.int64)
 
 

@@ -63,9 +63,9 @@ def sparse(rows: sp.csr_matrix, like: PETSc.Mat, columns: int | None = None) -> 
 
 
 def times(A: PETSc.Mat, local: Array) -> Array:
-    """This rank's rows of A X, from its rows `local` of X, which are distributed as the columns of A; collective.
+    """Rows (n_local, k) of A X on this rank, from its rows `local` of X; collective.
 
-    If X is in Fortran's order it is not copied; the result is in that order.
+    X is distributed as the columns of A.  If X is in Fortran's order it is not copied; the result is in that order.
     """
     (rows, columns), result = A.getSizes(), np.empty((A.getLocalSize()[0], local.shape[1]), order="F")
     right, product = _view(np.asfortranarray(local), columns, A.comm), _view(result, rows, A.comm)
@@ -84,7 +84,10 @@ def free_objects(*objects: PETSc.Object) -> None:
 
 
 def inner(X: Array, Y: Array, comm: MPI.Comm) -> Array:
-    """Product X^T Y of two matrices from this rank's rows of both, the same on every rank; collective."""
+    """Product X^T Y (k, l) of two matrices from this rank's rows X (n_local, k) and Y (n_local, l); collective.
+
+    All ranks get the same product.
+    """
     return np.asarray(comm.allreduce(X.T @ Y))
 
 
@@ -96,10 +99,11 @@ def subtract(X: Array, A: Array, B: Array) -> None:
 
 
 def fix_signs(local: Array, comm: MPI.Comm) -> Array:
-    """The columns of `local`, each times 1 or -1 so that its entry of largest magnitude is positive; collective.
+    """Columns of `local` (n_local, k), each times 1 or -1; collective.
 
-    `local` is this rank's part of the rows.  Of all entries within `SIGN_TOLERANCE` of the largest one, the first in
-    the model's order decides, so that round-off can't choose between the two ends of a symmetric mode.
+    The entry of largest magnitude of each column becomes positive.  `local` is this rank's part of the rows.  Of all
+    entries within `SIGN_TOLERANCE` of the largest one, the first in the model's order decides, so that round-off can't
+    choose between the two ends of a symmetric mode.
     """
     size = np.abs(local)
     largest = np.max(comm.allgather(size.max(axis=0, initial=0.0)), axis=0)

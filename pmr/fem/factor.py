@@ -384,5 +384,5 @@ class Exchange:
                 kind.Free()
 
     def _shares(self, k: int) -> Indices:
-        """Number of columns, out of k, that each rank owns."""
+        """Numbers (ranks,) of columns, out of k, that each rank owns."""
         return k // self.ranks + (np.arange(self.ranks) < k % self.ranks)

@@ -119,8 +119,8 @@ class _Files:
     def include(self, card: Card, within: Sequence[Path]) -> Iterator[tuple[Place, str]]:
         """Return the lines of the file that the option INPUT of a card names; `within` are the files around it.
 
-        The file is looked for in the folder of the deck, then beside the file that names it.  Raises InputError, with
-        file and line, for a file that is missing or includes itself.
+        The file is looked for in the folder of the deck, then in that of the file that names it.  Raises InputError,
+        with file and line, for a file that is missing or includes itself.
         """
         name = card.options.get("INPUT", "")
         files = [folder / name for folder in (self.folder, within[-1].parent)]

@@ -49,10 +49,7 @@ _SOLID_FACES: Mapping[str, tuple[tuple[int, ...], ...]] = {
 
 @dataclass(frozen=True)
 class Elements:
-    """Elements of one card: their type, and three entries for each element.
-
-    These are its number, its line and the numbers of its nodes.
-    """
+    """Elements of one card: their type, and for each element its number, its line and the numbers of its nodes."""
 
     type: str
     numbers: list[int]
@@ -151,14 +148,14 @@ class Numbers:
         return cls({number: number for number in deck.nodes}, {number: number for number in deck.element_numbers})
 
     def of_kind(self, of_nodes: bool) -> Mapping[int, int]:
-        """Return the numbers of nodes, or those of elements."""
+        """Return numbers in the whole deck by numbers in the instance: of nodes if `of_nodes`, else of elements."""
         return self.nodes if of_nodes else self.elements
 
 
 def read_sets(deck: Deck, instances: Mapping[str, Numbers]) -> None:
     """Add the members of all cards of sets and surfaces; `instances` has the numbers of instances, by name.
 
-    The cards of sets are read in their order, and those of surfaces behind them.
+    The cards of sets are read in their order, and then those of surfaces.
     """
     for card in deck.sets:
         if card.keyword != "SURFACE":
@@ -172,7 +169,8 @@ def _read_set(deck: Deck, card: Card, instances: Mapping[str, Numbers]) -> None:
     """Add the members of a set's card to the deck.
 
     The card lists them as numbers, as names of other sets, as a range (first, last, step), or as a set of elements
-    whose nodes are the members.  ``instance.number``, or the option INSTANCE, names those of an instance.
+    whose nodes are the members.  ``instance.number``, or the option INSTANCE, names those of an instance.  Raises
+    InputError for members that do not exist or can't be read.
     """
     of_nodes, instance = card.keyword == "NSET", card.options.get("INSTANCE", "").lower()
     card.allow_options("NSET ELSET GENERATE UNSORTED INTERNAL INSTANCE INPUT")

@@ -71,7 +71,7 @@ def misfit(M: sp.csr_matrix, body: Resistance) -> Reason | None:
 def indefinite_superelement(M: sp.csr_matrix, K: sp.csr_matrix) -> Reason | None:
     """Return (``M`` or ``K``, reason) if the whole matrix of nodes and modal amplitudes has negative eigenvalues.
 
-    Else return None.
+    None is returned if both matrices have none.
     """
     return next(_indefinite(M, K), None)
 
@@ -97,7 +97,7 @@ def is_uncheckable(body: Resistance) -> bool:
 
 
 def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
-    """Yield (``M`` or ``K``, reason) if the matrix's least diagonal entry is negligible beside its median entry.
+    """Yield (``M`` or ``K``, reason) if the matrix's least diagonal entry is negligible compared with the median one.
 
     Logarithms are compared, as squares of such entries might not be representable numbers.
     """
@@ -207,7 +207,7 @@ def _missing_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
 def _misplaced_rows(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     """Yield (``points``, reason) if rows of K resist a rotation about their node but no translation.
 
-    Rows beside supports, and beside nodes without a rotation that other nodes have, are left out.
+    Rows near supports, and near nodes without a rotation that other nodes have, are left out.
     """
     sums, sizes = body.sums_of_moments
     moments = np.divide(np.abs(sums).max(axis=1), sizes, out=np.zeros_like(sizes), where=sizes > 0.0)
@@ -228,7 +228,8 @@ def _misplaced_rows(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
 def _wrong_axes(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     """Yield (``direction``, reason) if rows of K far from supports resist a translation.
 
-    In a dense K all rows may be beside supports: there more motions take no force than rigid ones are left free.
+    In a dense K all rows may be near supports.  Then the sign is that more motions take no force than rigid motions are
+    left free.
     """
     held = body.grounded_nodes & ~body.spring_nodes
     if body.dense:

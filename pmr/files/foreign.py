@@ -297,9 +297,10 @@ def _read_market(path: Path) -> sp.csr_matrix:
 
 
 def _nastran_readers(letter: str, name: str, damped: bool = False) -> dict[str, Callable[[Path], object]]:
-    """Return readers, by the suffix of the file, for the matrix of a Nastran file that has a name.
+    """Return readers of a matrix in Nastran's files, by the suffix of the file.
 
-    If `name` is empty, its name begins with `letter`.  If `damped`, viscous damping is read besides this matrix.
+    The matrix has the `name`; if `name` is empty, its name begins with `letter`.  If `damped`, viscous damping is read
+    in addition to this matrix.
     """
 
     def choose(matrices: dict[str, sp.csr_matrix]) -> sp.csr_matrix:

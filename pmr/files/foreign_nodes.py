@@ -164,9 +164,9 @@ def _read_bulk_nodes(path: Path) -> ForeignNodes:
 
 
 def read_groups(path: Path) -> dict[str, Array]:
-    """Return the points (g, 3) in m of each group in a CSV file, such as `pmr matrices --nodes` takes.
+    """Return the points (g, 3) in m of each group in a CSV file, by the group's name.
 
-    Raises InputError if the file can't be read.
+    `pmr matrices --nodes` takes the same files.  Raises InputError if the file can't be read.
     """
     nodes = read_by_suffix(path, {".csv": _read_csv_nodes})
     return {name: nodes.points[np.isin(nodes.numbers, members)] for name, members in nodes.groups.items()}

@@ -128,7 +128,7 @@ def read_number_table(
 
 
 def _is_row(parts: Sequence[str], kinds: Sequence[type]) -> bool:
-    """Whether the texts `parts` are as many numbers of the given `kinds`.
+    """Whether the texts `parts` are numbers of the given `kinds`, one for each kind.
 
     For the kind int a whole number is needed, for float any number.
     """
@@ -181,7 +181,7 @@ def _read_text4(lines: Sequence[str]) -> dict[str, sp.csr_matrix]:
     def numbers(length: int, words: int, width: int) -> list[float]:
         """Return the numbers of the next lines, each of which takes `width` characters.
 
-        A ValueError is raised unless there are `length` numbers, or `length` words with `words` words a number.
+        A ValueError is raised unless there are `length` numbers, or `length` words with `words` words per number.
         """
         nonlocal at
         values = list[float]()
@@ -251,9 +251,9 @@ def only_matrix(matrices: dict[str, sp.csr_matrix], letter: str, name: str = "",
 
     A name that begins with K4 is that of structural damping, and not taken for a stiffness.  If several names begin
     with `letter`, only the largest matrices count; if just one of these has a partner whose name goes on in the same
-    way (MAAX beside KAAX), that one is returned.  Beside a stiffness, a warning names matrices of damping of its size,
-    which are not read; if `damped`, only structural ones.  Raises UnreadableError if there is no such matrix, or
-    several, or if the damping (letter B) is structural.
+    way (MAAX and KAAX), that one is returned.  For a stiffness, a warning names matrices of damping of its size, which
+    are not read; if `damped`, only structural ones.  Raises UnreadableError if there is no such matrix, or several, or
+    if the damping (letter B) is structural.
     """
     by_name = {key.upper(): matrix for key, matrix in matrices.items()}
     if letter == "B" and (name.upper().startswith("K4") or (not name and [key[:2] for key in by_name] == ["K4"])):

@@ -279,9 +279,10 @@ def whole_numbers(values: ArrayLike) -> Indices:
 
 
 def _group_members(values: NDArray[Any], count: int) -> Indices:
-    """Return the numbers of nodes in a list, or in a mask of `count` truth values, ascending and without duplicates.
+    """Return the numbers (k,) of nodes from 0, ascending and each once.
 
-    Raises ValueError for a mask of another length and for anything but whole numbers.
+    `values` are the numbers, or a mask of `count` truth values.  Raises ValueError for a mask of another length and for
+    anything but whole numbers.
     """
     if values.dtype == bool:
         if values.shape != (count,):

@@ -78,7 +78,7 @@ def read_bulk(path: Path) -> Bulk:
 
 @lru_cache(maxsize=2)  # a deck has matrices, rows and nodes, and is read for each
 def _read_bulk(path: Path, lines: Lines) -> Bulk:
-    """Return the content of a file with these lines, as `read_bulk` says."""
+    """Return the content of a file with these lines; raises UnreadableError as `read_bulk` says."""
     deck = import_package("pyNastran.bdf.bdf").BDF(debug=None)
     deck.disable_cards(deck.cards_to_read - CARDS)
     parts = [(k, begun[1].upper()) for k, (_, text) in enumerate(lines) if (begun := BEGIN.match(text))]
@@ -226,7 +226,7 @@ def _group_sets(lines: Lines, grids: Indices) -> dict[str, Indices]:
 def _dependent(name: str, fields: Sequence[str]) -> set[tuple[int, int]]:
     """Return grid point and component of the displacements that the rigid element `name` makes depend on others.
 
-    `fields` are those behind its name.  The result is (0, 0) for entries that are not of the plain forms of RBE2 (one
+    `fields` are those after its name.  The result is (0, 0) for entries that are not of the plain forms of RBE2 (one
     independent point), RBE3 (without UM), RBAR (its first point independent in all components) and MPC.
     """
     _, first, second, third, *further = [*fields, *[""] * 7]

@@ -139,7 +139,11 @@ STORED = {"format": "pmr-cache"}
 
 
 def read_stored(file: Path) -> dict[str, NDArray[Any]] | None:
-    """Read the arrays that `store` wrote; return None without such a file, or after a warning if it is damaged."""
+    """Read the arrays that `store` wrote, by name.
+
+    None is returned without such a file; None is also returned, after a warning, if the file is damaged or of another
+    format.
+    """
     if not file.is_file():
         return None
     try:
@@ -219,7 +223,7 @@ def _array_name(info: zipfile.ZipInfo) -> str:
 
 
 def _read_array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
-    """Read the array in a member of the archive.
+    """Read the array in a member of the archive, of the shape and type that its header states.
 
     Raises DamagedError if the array's header does not agree with the member's size.
     """
@@ -281,9 +285,9 @@ def record_from_arrays(cls: Callable[..., T], data: Mapping[str, NDArray[Any]], 
 
 
 def rename_keys(data: Mapping[str, NDArray[Any]], names: Mapping[str, str]) -> dict[str, NDArray[Any]]:
-    """Return `data` with the names of this version in place of the names that earlier versions wrote.
+    """Return the arrays of `data` under the names of this version, in place of those that earlier versions wrote.
 
-    `names` maps beginnings of earlier names to their replacements; of those with which a name begins, the first is
+    `names` maps beginnings of earlier names to their replacements.  Of several beginnings that fit a name, the first is
     replaced.
     """
     arrays_by_name = {}

@@ -203,9 +203,10 @@ def _finish_moves(folder: Path) -> None:
 
 
 def _listed_moves(file: Path, folder: Path) -> dict[str, list[str]]:
-    """Return the files to be moved into the folder (names) and to be removed (gone), from a list of unknown origin.
+    """Return lists of files by ``names``, to be moved into the folder, and ``gone``, to be removed.
 
-    Raises InputError if the list names anything outside of the folder; no file is touched in that case.
+    They are read from a list `file` of unknown origin.  Raises InputError if it is no such list, or names anything
+    outside of the folder; no file is touched in that case.
     """
     try:
         content = json.loads(file.read_text())

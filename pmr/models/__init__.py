@@ -104,7 +104,7 @@ class StructuralModel(Protocol):
         """
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
-        """Numbers of all coordinates that belong to the group `place` and to one of the given `directions`."""
+        """Ascending numbers (k,) of all coordinates of the group `place` that are along or about the `directions`."""
 
     def rigid_motions(self) -> Array:
         """Coordinates (n, k) under unit rigid motions along and about the model's k `directions`.

@@ -114,8 +114,8 @@ class Beam(FiniteElementModel, ABC):
     def bending_stiffness(self, direction: str) -> dict[int, Array]:
         """Bending moments (E,) in N m^2 in E elements by an axial strain that grows by 1/m along `direction`, y or z.
 
-        The key of each is the number, among a node's coordinates in the function space, of the slope on which the
-        moment does work.  A beam that does not bend along `direction` has none.
+        The key of a moment is a number among a node's coordinates in the function space: that of the slope on which the
+        moment does work.  A beam that does not bend along `direction` has no key.
         """
 
     @property
@@ -225,7 +225,7 @@ class Beam(FiniteElementModel, ABC):
         return sp.csr_matrix(sp.diags(np.tile(self.signs, len(places))) @ self.motions(places))
 
     def strip(self, face: str, window: Window) -> Strip:
-        """Points within `window` on the line beside the axis that represents a face.
+        """Points within `window` on the line that represents a face; it is parallel to the axis.
 
         The height of the face above or below the axis does not matter.  Raises an `InputError` if the beam has no such
         face.
@@ -270,7 +270,7 @@ class Beam(FiniteElementModel, ABC):
         return self.corner_stresses(self.section_forces(), np.repeat(np.arange(len(self.grid.cells)), 2))
 
     def cut(self, parts: int) -> Cut:
-        """Cut the beam into `parts` equal pieces per element."""
+        """Cut each element of the beam into `parts` equal pieces."""
         x, shares, d = self.node_stations, np.arange(parts) / parts, len(self.directions)
         places = np.append((x[:-1, None] + np.diff(x)[:, None] * shares).ravel(), x[-1])
         beam, number = self.on_nodes(np.repeat(places, 2)[1:-1]), np.repeat(np.arange(len(places)), 2)[1:-1]
@@ -360,7 +360,7 @@ class Beam(FiniteElementModel, ABC):
 
     @staticmethod
     def _beyond(values: Array) -> Array:
-        """Sums (E,) of `values` (E,) over all elements behind each element."""
+        """Sums (E,) of `values` (E,) over all elements after each element, towards the tip."""
         return np.append(np.cumsum(values[:0:-1])[::-1], 0.0)
 
     def _sums_beyond(self, mesh: Mesh, state: UnitState, component: int) -> list[Function]:
@@ -403,7 +403,7 @@ class Beam(FiniteElementModel, ABC):
         return np.array([at, *(np.zeros(2) if self.sections is None else self.sections.middle_at(at))])
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
-        """Numbers of the coordinates along or about `directions` at the tail or tip.
+        """Numbers (k,) of the coordinates along or about `directions` at the tail or tip.
 
         Raises an `InputError` for other places.
         """

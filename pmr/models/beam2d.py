@@ -115,12 +115,12 @@ class Beam2D(Beam):
 
     @property
     def masses(self) -> Array:
-        """Mass per length of each element, (E,) kg/m."""
+        """Mass per length (E,) in kg/m of each element."""
         return self.stiffnesses.mass[self.number]
 
     @property
     def node_stations(self) -> Array:
-        """Coordinates of the nodes along the axis, (N,) m."""
+        """Coordinates (N,) in m of the nodes along the axis."""
         return self.nodes
 
     @property
@@ -273,16 +273,17 @@ class Beam2D(Beam):
 
     @property
     def bending_dofs(self) -> Indices:
-        """Numbers of the coordinates w and w' at both nodes of each element, (E, 4)."""
+        """Numbers (E, 4) of the coordinates w and w' at the first, then at the second node of each element."""
         d = len(self.directions)
         of_node = d * self.grid.cells[:, :, None] + np.array([d - 2, d - 1])
         return np.asarray(of_node.reshape(-1, 4))
 
 
 def planar_beam(body: Beam3DBody, box: Box, nodes: Array) -> Beam2D:
-    """Planar beam of a box on `nodes` (m).
+    """Planar beam of a box on `nodes` (N,) in m.
 
-    If the box varies along the axis, the beam has nodes of its own, about as many as `body.elements`.
+    If the box varies along the axis, the beam has nodes of its own; the number of its elements is about
+    `body.elements`.
     """
     if not box.varying_keys:
         return Beam2D(body, nodes)

@@ -76,7 +76,7 @@ class Beam3D(Beam):
 
     @cached_property
     def node_stations(self) -> Array:
-        """Coordinates of the nodes along the axis, (N,) m; by default evenly spaced."""
+        """Coordinates (N,) in m of the nodes along the axis; by default evenly spaced."""
         if self.stations is not None:
             return self.stations
         return self.body.length * (np.arange(self.body.elements + 1) / self.body.elements)
@@ -122,7 +122,7 @@ class Beam3D(Beam):
 
     @property
     def directions(self) -> tuple[str, ...]:
-        """All six directions."""
+        """All six directions, ``x``, ``y``, ``z``, ``rx``, ``ry`` and ``rz``."""
         return DIRECTIONS
 
     @property

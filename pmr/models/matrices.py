@@ -50,7 +50,7 @@ class Matrices(TracedModel):
     def unchecked(self) -> bool:
         """Whether positions and directions of the nodes could not be checked against the stiffness.
 
-        This is so if all nodes are next to supports inside the matrices.
+        They could not if all nodes are next to supports inside the matrices.
         """
         return self.body_matrices.unchecked
 
@@ -86,7 +86,7 @@ class Matrices(TracedModel):
         return float(np.sqrt(max(squares.min(), 1e-12 * squares.max())))
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
-        """Numbers of all coordinates of the nodes of the group `place` that are in one of the given `directions`."""
+        """Numbers (k,) of the coordinates of nodes in the group `place` that are in one of the given `directions`."""
         on = np.isin(self.body_matrices.node, self._group(place))
         along = np.isin(self.body_matrices.direction, [DIRECTIONS.index(direction) for direction in directions])
         return np.flatnonzero(on & along)
@@ -139,7 +139,7 @@ class Matrices(TracedModel):
         return Strip(places[:, 0], places[:, 1], weights, sp.csr_matrix(interpolation @ value), extent)
 
     def _group(self, name: str) -> Indices:
-        """Numbers of the nodes of the group `name`; raises an `InputError` if there is no such group."""
+        """Numbers (g,) of the nodes of the group `name`; raises an `InputError` if there is no such group."""
         if name not in self.body_matrices.groups:
             allowed = f"groups of the file are allowed: {', '.join(self.body_matrices.groups) or 'it has none'}"
             raise InputError(self.body_matrices.source, "groups", name, allowed)
@@ -201,7 +201,10 @@ class Matrices(TracedModel):
 
 
 def _divide(start: float, end: float, spacing: float) -> Array:
-    """Ends in m of equal intervals, of a width up to `spacing`, from `start` to `end`; empty if `end` <= `start`."""
+    """Ends (k + 1,) in m of k equal intervals from `start` to `end`, no wider than `spacing`.
+
+    The array is empty if `end` <= `start`.
+    """
     return (
         np.linspace(start, end, max(1, int(np.ceil((end - start) / spacing - 1e-9))) + 1)
         if end > start

@@ -95,7 +95,7 @@ class Drawing:
     def patch(self, sides: Sequence[int], quads: bool) -> Entity:
         """Surface within the four curves `sides`, meshed in rows and columns: by rectangles if `quads`.
 
-        Else the cells are triangles.
+        Otherwise the cells are triangles.
         """
         geo = self._model.geo
         surface = geo.addPlaneSurface([geo.addCurveLoop(sides, reorient=True)])
@@ -105,7 +105,7 @@ class Drawing:
         return 2, surface
 
     def fill(self, curves: Sequence[int]) -> Entity:
-        """Plane surface within closed curves, meshed by triangles as large as the curves' divisions."""
+        """Plane surface within closed curves, meshed by triangles of the size of the curves' divisions."""
         geo = self._model.geo
         return 2, geo.addPlaneSurface([geo.addCurveLoop(list(curves), reorient=True)])
 

@@ -175,9 +175,9 @@ def _deck_content(file: Path) -> MeshFile:
 
 
 def _warn_of_unread(file: Path, deck: Deck) -> None:
-    """Warn of what a deck has and a mesh does not: supports, loads, materials, sections, and bars beside shells.
+    """Warn of what a deck has and a mesh lacks: supports, loads, materials, sections, and bars next to shells.
 
-    Of elements beside others of more dimensions a mesh has the places alone, as groups.
+    Elements of fewer dimensions than other elements are only groups of places in the mesh.
     """
     unread = {f"*{keyword}": place for keyword, place in deck.unread.items()}
     dimensions = [DIMENSIONS[block.kind] for block in deck.elements if block.nodes]

@@ -132,7 +132,7 @@ class MeshedModel(TracedModel):
         return {}
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
-        """Numbers of all coordinates that belong to the group `place` and to one of the given `directions`."""
+        """Numbers (k,) of all coordinates that belong to the group `place` and to one of the given `directions`."""
         return coordinates_on(self.mesh, self.nodes, place, [DIRECTIONS.index(d) for d in directions])
 
     def rigid_motions(self) -> Array:
@@ -161,7 +161,7 @@ class CellProperties:
     number: Indices  # (C,): each cell's number among the kinds
 
     def values(self, name: str) -> Array:
-        """Attribute `name` of each cell's material or thickness, (C,).
+        """Attribute `name` (C,) of each cell's material or thickness.
 
         `name` may be the attribute of an attribute, such as ``material.young``.
         """

@@ -29,7 +29,10 @@ from pmr.scene.structures import MoverBody
 
 @dataclass(frozen=True)
 class Mover:
-    """Structural model of a mover with the coordinates [z, u], or z alone without a stiffness, and x if it has it."""
+    """Structural model of a mover with the coordinates z and u, or z alone without a stiffness.
+
+    If the mover also moves along the section, the displacement x follows as the last coordinate.
+    """
 
     body: MoverBody
     directions: tuple[str, ...] = ("z",)  # or x, z
@@ -94,7 +97,7 @@ class Mover:
         raise InputError("scene", "pads.on", face, "a point, without faces, is allowed on a mover")
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
-        """Numbers of the mass's coordinates along the given `directions`; directions that it lacks are left out.
+        """Numbers (k,) of the mass's coordinates along the given `directions`; directions that it lacks are left out.
 
         The numbers are the same for every `place`.
         """

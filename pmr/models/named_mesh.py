@@ -116,10 +116,10 @@ def _connected_parts(facet_codes: Indices) -> Indices:
 
 
 def _fold_pairs(corners: Array, cells: Indices, edge_codes: Indices) -> Indices:
-    """Number of the first triangle of each pair of triangles with a common edge that are folded on each other.
+    """Numbers (k,) of triangles that are folded on a neighbour: of each such pair, the first triangle.
 
-    Such triangles lie on the same side of the edge.  `corners` (C, 3, 3) are the positions and `cells` (C, 3) the
-    vertices of the triangles, `edge_codes` (C, 3) the codes of their edges.
+    Both triangles of a pair have a common edge and lie on the same side of it.  `corners` (C, 3, 3) are the positions
+    and `cells` (C, 3) the vertices of the triangles, `edge_codes` (C, 3) the codes of their edges.
     """
     opposite = np.tile(np.arange(3), len(cells))  # edge i of the reference triangle lies opposite vertex i
     triangle = np.repeat(np.arange(len(cells)), 3)
@@ -177,7 +177,7 @@ class NamedMesh:
 
     @cached_property
     def spans(self) -> Array:
-        """Start and end of each cell along the axis, (2, C) m."""
+        """Start and end (2, C) in m of each cell along the axis."""
         x = self.points[:, self.axis][self.cells]
         return np.array([x.min(axis=1), x.max(axis=1)])
 
@@ -244,12 +244,11 @@ def named_mesh(
     """Checked mesh with the vertices `points`, from blocks of cells (kind, dimension, vertices).
 
     Only cells of the highest dimension are its cells; one that is listed several times counts once.  Vertices that no
-    cell uses are left out, and the others are numbered along the longest extent of the mesh.
-    `memberships` are each group's numbers of cells in every block, `point_groups` the numbers of points of further
-    groups, and `kinds` the allowed kinds of cells.  Of two groups of one name the one of fewer dimensions is taken: the
-    edge or face of a set of nodes, beside the set of the elements that touch it.  `source` is the mesh's name in
-    errors, and `lines` where each cell of each block is in its file, if that is known.  Raises the errors of
-    `read_mesh`.
+    cell uses are left out, and the others are numbered along the longest extent of the mesh.  `memberships` are each
+    group's numbers of cells in every block, `point_groups` the numbers of points of further groups, and `kinds` the
+    allowed kinds of cells.  Of two groups of one name the one of fewer dimensions is taken: the edge or face of a set
+    of nodes, rather than the set of the elements that touch it.  `source` is the mesh's name in errors, and `lines`
+    where each cell of each block is in its file, if that is known.  Raises the errors of `read_mesh`.
     """
 
     def refuse(what: str) -> InputError:
@@ -314,7 +313,11 @@ def named_mesh(
 
 
 def _group_of_points(cell: str, cells: Indices, inside: Mask) -> Group:
-    """Group of the cells, else faces, else edges, else points, that have all their vertices in the mask `inside`."""
+    """Group of the cells that have all their vertices in the mask `inside`.
+
+    If there is no such cell, the group is that of faces, edges or points, of the first of these kinds that has members.
+    The mask has to be true for a vertex of a cell.
+    """
     for dim, parts in reversed([*enumerate(cell_topology(cell))]):
         entities = cells[:, parts].reshape(-1, len(parts[0]))
         entities = entities[inside[entities].all(axis=1)]
@@ -385,7 +388,7 @@ def add_faces(mesh: NamedMesh, faces: Mapping[str, FaceNormal]) -> NamedMesh:
 
 
 def _outermost(points: Array, facets: Skin, face: FaceNormal) -> Indices:
-    """Numbers of the outermost facets that have the normal of `face`; empty if no facet has it.
+    """Numbers (k,) of the outermost facets that have the normal of `face`; empty if no facet has it.
 
     `points` are the mesh's vertices.  Of several connected patches of such facets, those count that reach farthest
     along the normal.
@@ -403,7 +406,7 @@ def _outermost(points: Array, facets: Skin, face: FaceNormal) -> Indices:
 
 
 def _both_sides(mesh: NamedMesh) -> Skin:
-    """Triangles of a shell, first with the normals of one side, then with those of the other."""
+    """Triangles of a shell twice: with the normals of one side, then with those of the other."""
     normals = triangle_normals(mesh.points[mesh.cells])
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     number = np.arange(len(mesh.cells))

@@ -68,17 +68,17 @@ class MidLine:
 
     @cached_property
     def lengths(self) -> Array:
-        """Lengths of the sides, (k,) m."""
+        """Lengths (k,) in m of the sides."""
         return np.array([side.length for side in self.sides])
 
     @cached_property
     def thickness(self) -> Array:
-        """Thicknesses of the sides, (k,) m."""
+        """Thicknesses (k,) in m of the sides."""
         return np.array([side.thickness for side in self.sides])
 
     @cached_property
     def points(self) -> Array:
-        """Coordinates y and z of the Gauss points, (k, q, 2) m."""
+        """Coordinates y and z (k, q, 2) in m of the Gauss points."""
         return np.array([points_along(side, POINTS) for side in self.sides])
 
     @cached_property
@@ -93,7 +93,7 @@ class MidLine:
 
     @property
     def middle(self) -> Array:
-        """Centroid (2,) in m of the line itself, whatever the thickness: the mean position over the end of a shell."""
+        """Centroid (2,) in m of the line, without regard to thickness: the mean position over the end of a shell."""
         return _zero_round_off(
             np.einsum("k,kqi,q", self.lengths, self.points, WEIGHTS) / self.lengths.sum(), self._size
         )
@@ -173,7 +173,7 @@ def section_of(profile: BoxProfile, poisson: float) -> BeamSection:
 
 
 def _zero_round_off(values: Array, size: float) -> Array:
-    """Copy of `values` in which values that are round-off compared to `size` are set to zero."""
+    """Copy of `values`, of the same shape, with zeros for values that are round-off compared with `size`."""
     return np.asarray(np.where(np.abs(values) > ROUND_OFF * size, values, 0.0))
 
 
@@ -233,7 +233,7 @@ def _strip(side: Side, before: Side, after: Side) -> Integrals:
 def _mitre(side: Side, other: Side) -> float:
     """Length by which a plate's end is shorter per metre outwards from the mid-line, to meet `other` in a mitre.
 
-    It is 0 beside an arc.
+    It is 0 next to an arc.
     """
     if other.centre is not None:
         return 0.0

@@ -106,12 +106,12 @@ class SectionsAlong:
 
     @cached_property
     def centroid(self) -> Array:
-        """Centroids (K, 2) m: y and z beside the axis."""
+        """Centroids (K, 2) in m: distances from the axis along y and z."""
         return np.array([section.centroid for section in self.each])
 
     @cached_property
     def shear_centre(self) -> Array:
-        """Shear centres (K, 2) m: y and z beside the axis."""
+        """Shear centres (K, 2) in m: distances from the axis along y and z."""
         return np.array([section.shear_centre for section in self.each])
 
     @property
@@ -222,7 +222,7 @@ def stations_of(breaks: Sequence[float], elements: int) -> Array:
 
 
 def _principal_axes(section: BeamSection) -> Array:
-    """Principal axes of a section as rows (2, 2)."""
+    """Principal axes of a section as the rows (y, z) of a matrix (2, 2)."""
     if section.product_of_inertia == 0.0:
         return np.eye(2)
     difference = section.second_moment_z - section.second_moment_y

@@ -248,7 +248,8 @@ def of(body: Body, mesh: NamedMesh) -> Shell:
     """The shell model of a scene's body on a mesh.
 
     A region's own thickness replaces the one that the box has there.  A region without a thickness or a material has
-    the box's thickness there and the body's material.
+    the box's thickness there and the body's material.  Raises an InputError for a body that has neither a box nor a
+    thickness.
     """
     if body.box is not None:
         of_box = shell_body(body.box, body.material)

@@ -74,7 +74,7 @@ class Trace:
         )
 
     def shift_to(self, axis: int, place: float) -> Trace:
-        """This trace for the point that has the coordinate `place` (m) on an `axis`, 0 to 2.
+        """Trace of the point that has the coordinate `place` (m) on an `axis`, 0 to 2, instead of this trace's point.
 
         The trace is unchanged if the points' centroid has this coordinate.
         """
@@ -166,7 +166,7 @@ def section_trace(mesh: NamedMesh, nodes: Nodes, at: float, degree: int) -> Trac
 
 
 def coordinates_on(mesh: NamedMesh, nodes: Nodes, name: str, components: Sequence[int]) -> Indices:
-    """Numbers, ascending, of the coordinates with the given components whose nodes lie on a named group.
+    """Ascending numbers (k,) of the coordinates with the given components whose nodes lie on a named group.
 
     Raises the errors of `group_trace`.
     """

@@ -33,10 +33,10 @@ SILENT, INTERVALS = 0.5, 3.0
 
 
 def find_stuck(values: Array, step: float) -> NDArray[np.bool_]:
-    """Whether, at each step of `step` s, a sensor's measurement (T, p) is the same as all those of `STUCK` s before.
+    """Mask (T, p): where a sensor's measurement equals all those of the `STUCK` s before, at steps of `step` s.
 
-    It has to be the third of equal values at least.  Steps without a measurement, NaN, are passed over, and are never
-    stuck.
+    `values` (T, p) are the measurements; NaN stands for none.  The measurement has to be the third of equal values at
+    least.  Steps without a measurement are passed over, and are never stuck.
     """
     stuck = np.zeros(values.shape, bool)
     for column, marked in zip(values.T, stuck.T, strict=True):
@@ -136,7 +136,7 @@ def isolate(
 
     The measurements `values` (t, p) of the steps up to k are filtered again from the `earlier` state of the filter,
     once without each sensor that is not `excluded`.  A sensor is at fault if the largest mean square of the others'
-    innovations is below `AGREED` without it, and at least `APART` times as large without any other one.  The filter
+    innovations is below `AGREED` without it, and at least `APART` times this value without any other one.  The filter
     then gets the state that it reaches without this sensor; it stays as it is if no sensor is at fault.
     """
     trials, present = list[tuple[float, int, Array]](), kalman.memory.copy()

@@ -63,7 +63,7 @@ class MeasuredFrequencies:
 class Identification:
     """Fitted parameters with standard errors, and relative errors of frequencies that were fitted and held out.
 
-    Behind the columns of m frequencies are those of d damping ratios, if some were measured.
+    The columns of m frequencies are followed by those of d damping ratios, if some were measured.
     """
 
     names: tuple[str, ...]
@@ -181,11 +181,10 @@ UNITS = tuple(sorted(_UNITS | {unit_text(unit) for unit in _UNITS if unit_text(u
 
 
 def read_table(file: Path) -> NumberTable:
-    """Read a CSV table of numbers; units in brackets behind the names are left out.
+    """Read a CSV table of numbers; units in brackets after the names are left out.
 
-    Empty lines are left out; an empty cell is NaN.
-    Raises InputError for a unit that is not in `UNITS`, and with the line for a cell that is no number and for a line
-    of another length.
+    Empty lines are left out; an empty cell is NaN.  Raises InputError for a unit that is not in `UNITS`, for a cell
+    that is no number and for a line of another length; the error has the line.
     """
     try:
         with file.open(newline="", encoding="utf-8-sig") as stream:

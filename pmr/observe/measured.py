@@ -42,7 +42,7 @@ PARTS: Mapping[str, tuple[str, ...]] = {
 
 
 def output_errors(summary: Summary, motion: LinearMotion, run_step: float | None = None) -> dict[str, dict[str, float]]:
-    """Errors of outputs of a linear model, fractions of their RMS, by part of the budget and name of the output.
+    """Errors of a linear model's outputs, as fractions of their RMS, by part of the budget, then by output.
 
     `summary` is the content of a run's ``summary.json``, whose time step was `run_step` s.  If the model has another
     step, its error of the step is scaled by the squares of the steps, since the scheme is of second order.  An output
@@ -299,9 +299,9 @@ def describe_faults(figures: Summary, times: Array) -> list[str]:
 def read_measurements(file: Path, units: Mapping[str, str] | None = None) -> dict[str, tuple[Array, Array]]:
     """Times (n,) in s and values (n,) of each column of a CSV table, by its name; the first column is ``t``.
 
-    Units in brackets behind a name are left out.  Empty cells are not measured.  Raises InputError, with the line, for
-    a cell that is no number, a table without times, or times that do not grow, and for a unit other than that in
-    `units`, which are by name (`Observer.units`).
+    Units in brackets after a name are left out.  Empty cells are not measured.  Raises InputError, with the line, for a
+    cell that is no number, a table without times, or times that do not grow, and for a unit other than that in `units`,
+    which are by name (`Observer.units`).
     """
     table = read_table(file)
     table.check_units(file, {**(units or {}), TIME: "s"})
@@ -318,8 +318,8 @@ def read_measurements(file: Path, units: Mapping[str, str] | None = None) -> dic
 def read_unit_observer(file: Path, model: Path) -> UnitObserver:
     """Observer for an FMU, from a file that describes it and the saved system `model`, with the scene stored there.
 
-    The errors of the model are those in ``summary.json`` beside the model, if it is there.  Raises InputError for a
-    model without its scene, and as `ObserverFile.observer`.
+    The errors of the model are those in ``summary.json`` in the folder of the model, if it is there.  Raises InputError
+    for a model without its scene, and as `ObserverFile.observer`.
     """
     description, system, budget = ObserverFile.read(file), System.load(model), model.parent / "summary.json"
     if "scene" not in system.provenance:

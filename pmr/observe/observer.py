@@ -69,7 +69,7 @@ class UnknownLoad:
 
 @dataclass(frozen=True)
 class Payload:
-    """Mass beside that of the reference motion, which hangs at the place of a load along z."""
+    """Mass in addition to that of the reference motion; it hangs at the place of a load along z."""
 
     input: str  # name of the load, upwards, at the place that carries the payload
     acceleration: str  # output: acceleration of that place upwards
@@ -80,7 +80,7 @@ class Payload:
 
 @dataclass(frozen=True)
 class Parameter:
-    """Constant parameter of the model, such as a stiffness, known up to a multiple of one change."""
+    """Constant parameter of the model, such as a stiffness, known up to an unknown multiple of one change."""
 
     name: str
     sensitivity: Array  # (T, q): what the change makes of the outputs (`output_sensitivity`)
@@ -142,18 +142,20 @@ class Estimates:
         return Estimate(self.means[:, k], self.deviations[:, k])
 
     def coverage(self, name: str, truth: Array, share: float = 0.9) -> float:
-        """Share of T true values within the bands of the output or unknown `name` that should hold `share` of them.
+        """Share of the true values within the bands of an output or unknown `name`.
 
-        `truth` (T,) are the true values; times at which it is NaN are left out.
+        The bands should hold the fraction `share` of the values.  `truth` (T,) are the true values; times at which it
+        is NaN are left out.
         """
         (mean, deviation), comparable = self.of(name), np.isfinite(truth)
         width = float(scipy.stats.norm.ppf(0.5 + 0.5 * share))
         return float(np.mean((np.abs(truth - mean) <= width * deviation)[comparable]))
 
     def whiteness(self, lags: int = 10) -> dict[str, float]:
-        """p-value of the Ljung-Box test of each sensor's innovations with `lags` lags: small if they are not white.
+        """p-value of the Ljung-Box test of each sensor's innovations, by the sensor.
 
-        It is NaN where there are no more innovations than `lags`.
+        `lags` is the number of lags.  The value is small if the innovations are not white, and NaN for a sensor with no
+        more innovations than `lags`.
         """
         values = dict[str, float]()
         for name, column in zip(self.sensors, self.innovations.T, strict=True):
@@ -247,7 +249,10 @@ class Observer:
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """Names of what is estimated beside outputs: loads, payload, parameters, bias and gain of sensors."""
+        """Names of all that is estimated in addition to outputs.
+
+        They are those of loads, payload, parameters, and of bias and gain of sensors, in this order.
+        """
         return tuple(name for name in self.units if name not in self.model.outputs)
 
     @property
@@ -264,7 +269,7 @@ class Observer:
         }
 
     def total_errors(self) -> Array:
-        """Errors (q,) of the outputs over all parts of the budget, as fractions: roots of sums of squares.
+        """Errors (q,) of the outputs as fractions: roots of the sums of squares of the budget's parts.
 
         A part that does not cover an output counts as 0.
         """
@@ -319,9 +324,10 @@ class Observer:
         )
 
     def observability(self) -> dict[str, float]:
-        """Standard deviation of each unknown after the whole motion, over that before, whatever is measured.
+        """Standard deviation of each unknown after the whole motion as a share of that before, by the unknown's name.
 
-        It follows from covariances alone, with all sensors at all steps.  Near 1 the sensors can't tell the unknown.
+        The share follows from covariances alone, with all sensors at all steps, and not from measurements.  Near 1 the
+        sensors can't tell the unknown.
         """
         kalman, nothing = self.kalman_filter(), np.repeat(np.nan, len(self.sensors))
         for k in range(len(self.model.t)):
@@ -343,7 +349,7 @@ class Observer:
 
     @property
     def _first_unknown(self) -> int:
-        """Number of the first unknown in the filter's state, behind the states of the model."""
+        """Number of the first unknown in the filter's state; the unknowns follow after the model's states."""
         return 3 * self.model.matrices.modes
 
     def _unknown_deviations(self) -> Array:
@@ -419,6 +425,6 @@ class Observer:
 
 
 def _follows(events: NDArray[np.bool_], steps: float) -> NDArray[np.bool_]:
-    """Whether one of the `events` (T,) was at most this number of steps ago."""
+    """Mask (T,): whether one of the `events` (T,) was no more than `steps` steps ago."""
     at = np.where(events, np.arange(len(events)), -np.inf)
     return np.arange(len(events)) - np.maximum.accumulate(at) <= steps

@@ -90,7 +90,7 @@ def place_models(
     damping : (r,) or (S, r) array
         Damping ratios of the modes.
     mass : float, kg
-        Mass of the sensor beside that of the model.
+        Mass of the sensor in addition to that of the model.
     measured : mapping, optional
         Frequencies in Hz measured at places in m, lowest first: the model's are multiplied by factors on straight
         lines between these places, and by the factor of the nearest one beyond them.  Modes that are not measured at
@@ -231,7 +231,7 @@ class PositionObserver:
             raise InputError("observe", "mode_noise", self.settings.mode_noise, allowed)
 
     def bank(self) -> Bank:
-        """Bank of the kernel, with stationary gains at all places."""
+        """Bank of filters for the kernel, with stationary gains at all places."""
         models, settings = self.models, self.settings
         S, n = models.H.shape
         gain, variance = np.zeros((S, n)), np.zeros(S)

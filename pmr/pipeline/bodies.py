@@ -195,7 +195,7 @@ class Bodies:
         ]
 
     def results(self, motions: Motions) -> dict[str, BodyResult]:
-        """Return shapes, fields, stresses and envelopes of each body; on rank 0 alone."""
+        """Return shapes, fields, stresses and envelopes of each body, by the body's name; called on rank 0 alone."""
         results = {}
         for name, body in self.bodies.items():
             model, of = body.model, motions.recovered.get(name)

@@ -191,9 +191,9 @@ def measure_mesh(
         return {"mesh_reason": ON_MACHINE}
 
     def compare_scene(make: Callable[[], Scene], label: str) -> dict[str, Any]:
-        """Return differences between the scene and the scene that `make` returns, or the reason why there are none.
+        """Return differences by kind between the scene and the scene that `make` returns.
 
-        `label` is the name of the other scene.
+        If they can't be computed, ``reason`` says why.  `label` is the name of the other scene.
         """
         try:
             motion = call_on_first_rank(comm, lambda: Motion.compute(scene, system, response))
@@ -247,9 +247,10 @@ def _choose_model(options: list[Scene], comm: MPI.Comm, cache: Cache | None) -> 
 def _model_budget(
     scene: Scene, motion: Motion | None, other: Motion | None, label: str, comm: MPI.Comm
 ) -> dict[str, Any]:
-    """Return, on every rank, the differences of a scene's `motion` from the motion `other` of the scene `label`.
+    """Return the differences between the motions of two scenes, by kind as `model_budget` does; collective.
 
-    Rank 0 has both motions; they are None on the other ranks.
+    They are those of `motion` to the motion `other` of the scene `label`.  Rank 0 has both motions; they are None on
+    other ranks, which get the same result.
     """
     part = None if motion is None or other is None else model_budget(scene, motion, other, label)
     errors: dict[str, Any] = comm.bcast(part)
@@ -257,6 +258,6 @@ def _model_budget(
 
 
 def _chosen_model(scene: Scene) -> dict[str, Any]:
-    """Return name and wall model of the outermost body's structural model."""
+    """Return the structural model of the outermost body: its ``name`` and its ``walls``."""
     last = members(scene)[-1]
     return {"name": model_of(last), "walls": last.part.body.walls}

@@ -101,7 +101,7 @@ def pod(
     snapshots : Snapshots
         The pool.
     size : int or None
-        Number of vectors r, at most the numerical rank of the pool; None for as many as this rank.
+        Number of vectors r, at most the numerical rank of the pool; None stands for this rank.
     product : ``"euclidean"`` or ``"mass"``
         Product in which the vectors are orthonormal.
     solver : ``"auto"``, ``"dense"`` or ``"slepc"``
@@ -148,7 +148,7 @@ def modal_basis(modes: Snapshots) -> Basis:
 def with_rigid_modes(
     model: FullModel, snapshots: Snapshots, rigid: Array, size: int, product: str = "euclidean", solver: str = "auto"
 ) -> Basis:
-    """Basis of all rigid-body modes, then the POD of the rest of the pool; `size` vectors in all, collective.
+    """Basis of `size` vectors: all rigid-body modes, then the POD of what they leave of the pool; collective.
 
     A residual flexibility can't replace a rigid-body motion, so the basis has to contain all rigid-body modes exactly;
     a POD basis of modes with the slider held contains them to a few digits only.

@@ -39,7 +39,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class ReducedBody:
-    """Reduced model of a body, with its basis and the snapshots behind the basis; same on every rank."""
+    """Reduced model of a body, with its basis and the snapshots from which the basis is made; same on every rank."""
 
     snapshots: Snapshots
     basis: Basis
@@ -67,7 +67,10 @@ IRRELEVANT_KEYS = ("title", "start", "time", "recovery", "simulation", "compare"
 
 
 def model_digest(model: FullModel) -> str:
-    """Digest of all data of a full model and of the code, which also depends on the number of ranks; collective."""
+    """Digest of the code and of all data of a full model; collective.
+
+    It also depends on the number of ranks.
+    """
     digest = hashlib.blake2b(digest_size=16)
     matrices = [model.M, model.K, model.inputs, model.outputs, *model.matrices.values()]
     for A in matrices if model.rayleigh is not None else [*matrices, model.D]:
@@ -100,7 +103,7 @@ def structure_text(scene: Scene) -> str:
 
 
 class SystemFiles(NamedTuple):
-    """Paths of the file that shows that a scene's system is stored, and of the file that holds its refusal."""
+    """Paths of two files of a scene: one shows that its system is stored, the other holds the refusal to reduce it."""
 
     stored: Path
     refusal: Path
@@ -134,9 +137,10 @@ class SystemCache:
         return system
 
     def arrays(self, kind: str, request: Mapping[str, object], make: Callable[[], Array]) -> Array:
-        """Return the array of this kind for this request; if it is not stored, call `make` and store its result.
+        """Return the array of this kind for this request; collective.
 
-        It is the same on every rank; collective.
+        If it is not stored, `make` is called and its result is stored.  All ranks get the same array, of the shape that
+        `make` returns.
         """
         file = self._file(kind, request)
         stored = self._read(file)
@@ -241,7 +245,7 @@ class Cache(SystemCache):
         return ReducedBody(snapshots, Basis(V, arrays["sigma"], str(arrays["product"])), model)
 
     def _gather_rows(self, tall_matrix: PETSc.Mat) -> Array:
-        """Whole distributed matrix as an array on rank 0; an empty array on other ranks."""
+        """Whole distributed matrix (n, k) as an array on rank 0; an array without entries on other ranks."""
         shares = self.model.comm.gather(np.array(tall_matrix.getDenseArray()))
         return np.concatenate(shares) if shares is not None else np.empty((0, 0))
 

@@ -70,7 +70,7 @@ class FreeBody:
         return times(self.model.M, self.Z)
 
     def are_rigid(self, local: Array) -> Mask:
-        """Which (k,) of k vectors are combinations of the rigid-body modes; collective.
+        """Mask (k,) of those of k vectors that are combinations of the rigid-body modes; collective.
 
         `local` (n_local, k) is this rank's part of the vectors.
         """
@@ -91,9 +91,9 @@ class FreeBody:
         return self._solver.solve(g)
 
     def elastic_modes(self, count: int) -> Eigenpairs:
-        """1/omega^2 and vectors of the `count` lowest elastic modes, or of all if there are fewer.
+        """Values 1/omega^2 and vectors of the `count` lowest elastic modes, or of all if there are fewer.
 
-        A ConvergenceError is raised if fewer of them converge.
+        A ConvergenceError is raised if some of these do not converge.
         """
         loads = np.random.default_rng(7).uniform(-1.0, 1.0, (self.model.size, BLOCK))[self.model.share]
         dimension = self.model.size - len(fixed_rows(self.model)) - self.Z.shape[1]
@@ -102,7 +102,7 @@ class FreeBody:
         )
 
     def free_factor(self) -> None:
-        """Free the memory of the factor."""
+        """Free the memory of the factor of K; the next solve factorises anew."""
         if self._solver is not None:
             self._solver.destroy()
         self._solver = None
@@ -117,10 +117,10 @@ class FreeBody:
 
 
 def _anchor_rows(model: FullModel, Z: Array) -> list[Row]:
-    """Rows that each hold one coordinate, as many as there are rigid-body modes Z (n_local, c); empty if c is 0.
+    """Rows that each hold one coordinate; their number c is that of the rigid-body modes Z (n_local, c).
 
     The coordinates are those that determine the modes best.  They are chosen by pivoted QR of the modes, with each
-    coordinate weighted by the square root of its mass.
+    coordinate weighted by the square root of its mass.  There are no rows if c is 0.
     """
     if Z.shape[1] == 0:
         return []

@@ -160,7 +160,7 @@ SEARCHED_MODES, SEARCHED_OF_SECTIONS = 38, 16
 def take_snapshots(
     scene: Scene, model: FullModel, body: FreeBody | None = None, vectors: Vectors | None = None
 ) -> Snapshots:
-    """Snapshots as the scene asks for them, or made from the user's `vectors` if these are given.
+    """Snapshots of the kind that the scene chooses, or made from the user's `vectors` if these are given.
 
     They are eigenmodes with the slider held at several positions (POD), free modes with the sliders released, or
     vectors from a file or an installed package.  An InputError is raised if the mesh can't have such snapshots, and a
@@ -180,7 +180,7 @@ def take_snapshots(
 
 
 def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
-    """Basis of the snapshots as the scene asks for it: their POD, free modes as they are, or the user's vectors.
+    """Basis of the kind that the scene chooses: POD of the snapshots, free modes unchanged, or the user's vectors.
 
     If flexibility is added, rigid-body modes are the first vectors of a POD basis and of a basis of the user's vectors.
     An InputError is raised if the snapshots span too little.
@@ -196,7 +196,12 @@ def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
 
 
 def provenance(scene: Scene, basis: Basis, number: int = 0) -> dict[str, Any]:
-    """Provenance of the reduced model of the scene's body with the given `number`."""
+    """Return how the reduced model of the scene's body with the given `number` was made.
+
+    The keys are those of `Scene.provenance`, and ``basis``, ``kappa`` and ``versions``.  The recorded scene of a
+    section is that of a single body with the pads of its joints.  A basis that was passed as an array has no
+    ``reduction`` there.
+    """
     member, recorded = member_at(scene, number), scene.provenance
     if member.part.reduction.basis == ARRAY:  # the scene's own reduction does not describe this model
         recorded = recorded | {"scene": {key: value for key, value in recorded["scene"].items() if key != "reduction"}}

@@ -134,9 +134,9 @@ def _springs(structure: Structure, s: float) -> sp.csr_matrix:
 
 
 def _places(structure: Structure, q: Array) -> Places:
-    """Points where loads act and outputs are measured, and their motions in the modes q (n, count).
+    """Points where loads act and outputs are measured, and the points' motions in the modes q (n, count).
 
-    The loads' points come first; each point is there once.  Rotations are zero where the model has none.
+    The loads' points come first; points that coincide are listed once.  Rotations are zero where the model has none.
     """
     model = structure.model
     actions = [action for action in (*structure.loads, *structure.outputs) if isinstance(action, Action)]

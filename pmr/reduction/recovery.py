@@ -112,7 +112,10 @@ class Recovery:
         return np.concatenate(parts)
 
     def blocks(self, states: BodyStates) -> Iterator[Array]:
-        """Yield full coordinates q (at most `BLOCK`, n_local), this rank's part, for successive blocks of states."""
+        """Yield full coordinates q (k, n_local), this rank's part, for successive blocks of k states.
+
+        A block has at most `BLOCK` states.
+        """
         for k in range(0, len(states.t), BLOCK):
             yield self._block(states[k : k + BLOCK])
 
@@ -198,7 +201,7 @@ class BodyFields:
         return RunningEnvelope((*names, *[AXIAL_STRESS] * len(rows.points)), np.concatenate([x, rows.points[:, 0]]))
 
     def _sum_over_ranks(self, rows: sp.csr_matrix, q: Array) -> Array:
-        """Products (S, k) of `rows` (k, n_local) and q (S, n_local), summed over all ranks."""
+        """Products (S, k) of `rows` (k, n_local) and q (S, n_local), added up over all ranks; collective."""
         values = np.ascontiguousarray((rows @ q.T).T)
         self.comm.Allreduce(MPI.IN_PLACE, values)
         return values
@@ -296,7 +299,7 @@ def record_fields(
 
 
 def in_blocks(q: Array) -> Iterator[Array]:
-    """Yield successive blocks of at most `BLOCK` states, from states q (S, n_local)."""
+    """Yield successive blocks (k, n_local) of states q (S, n_local); k is at most `BLOCK`."""
     for k in range(0, len(q), BLOCK):
         yield q[k : k + BLOCK]
 
@@ -356,8 +359,8 @@ def recover(
     """Fields and stresses of the reduced and the full models of a scene's bodies, by name; collective.
 
     `reduced` are the states of the reduced bodies at the `Scene.recovered_steps`, the same on every rank.  Pictures are
-    recorded at as many of these, evenly spread, as the scene's recovery has frames.  `full` are this rank's parts of
-    the states of the full models; bodies whose states are not known are missing.
+    recorded at some of these steps, evenly spread; their number is that of frames in the scene's recovery.  `full` are
+    this rank's parts of the states of the full models; bodies whose states are not known are missing.
     """
     settings, recovered = scene.recovery, dict[str, RecoveredBody]()
     assert settings is not None

@@ -97,9 +97,9 @@ def section_model(
 
     The first `coordinates` modes of the basis are the model's coordinates, the others are its enrichment modes.  If
     there are enrichment modes and the model is to be `estimable`, it has the inertia of the residual part on the
-    carriers, with which errors are estimated; this takes as many solves again.  If a cylinder holds the section's tail,
-    the model has the responses to the cylinder's force, and the work of these responses on the `motions` (n_local, h)
-    of rigid supports (`pmr.reduction.free_body.support_motions`).
+    carriers, with which errors are estimated; this doubles the number of solves.  If a cylinder holds the section's
+    tail, the model has the responses to the cylinder's force, and the work of these responses on the `motions`
+    (n_local, h) of rigid supports (`pmr.reduction.free_body.support_motions`).
 
     An InputError is raised as by `flexible_model`, and a ValueError if the basis has vectors that are not eigenmodes.
     """
@@ -250,7 +250,10 @@ def _project(residual: ResidualFlexibility, basis: Basis, provenance: dict[str, 
 
 
 def _with_flexibility(reduced: ReducedModel, flexibility: Flexibility) -> ReducedModel:
-    """Return the model with this flexibility, changed by `_with_floor` unless the basis consists of eigenmodes."""
+    """Return the model with this flexibility.
+
+    Unless the basis consists of eigenmodes, the flexibility is changed by `_with_floor`.
+    """
     flexible = replace(reduced, flexibility=flexibility)
     return flexible if is_modal(flexible) else _with_floor(flexible)
 

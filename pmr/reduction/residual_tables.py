@@ -100,7 +100,7 @@ def terms(A: PETSc.Mat, X: Array) -> Array:
 
 
 def _diagonalise(model: FullModel, W: Array) -> Array:
-    """Combinations U of the columns W, and K U over the diagonal of U^T K U, as one array (2, n_local, k).
+    """Combinations U of the columns W, and K U divided by the diagonal of U^T K U, as one array (2, n_local, k).
 
     The combinations satisfy U^T M U = I, and U^T K U is diagonal.  For a column that is an eigenvector up to round-off,
     the second result is M U, which is more accurate.  Collective.
@@ -148,7 +148,10 @@ class LoadValues:
         self._on_loads, self._on_outputs = np.zeros((count, count)), np.empty((model.outputs.getSize()[1], count))
 
     def store(self, numbers: Indices, answers: Array) -> None:
-        """Store the values of the responses `answers` (n_local, k), this rank's part, to loads with these `numbers`."""
+        """Store the values of the responses `answers` (n_local, k) to the loads with these `numbers` (k,).
+
+        The responses are this rank's part.
+        """
         self._on_loads[:, numbers] = self._loads.multiply(answers)
         self._on_outputs[:, numbers] = self._outputs.multiply(answers)
 
@@ -180,9 +183,9 @@ def check_memory(model: FullModel, carriers: int, powers: int) -> None:
 
 
 def load_powers(residual: ResidualFlexibility, carriers: sp.csr_matrix, count: int) -> list[CarrierFlexibility]:
-    """The first `count` of R, R M R, ... between carriers (K, n), inputs and outputs; collective.
+    """The first `count` of the flexibilities R, R M R, ... between carriers (K, n), inputs and outputs; collective.
 
-    R is in m/N, R M R in s^2 m/N, and so on.  For each load, each of these takes one static solve.
+    R is in m/N, R M R in s^2 m/N, and so on.  Each of them takes one static solve per load.
     """
     model = residual.model
     check_memory(model, carriers.shape[0], count)

@@ -138,9 +138,9 @@ def free_modes(
 
     There are `count` modes, followed by up to `enrichment` further modes.  `count` is at least the number of rigid-body
     modes.  It is less than the number of excited modes, so that flexibility is left, or all coordinates of the model.
-    At least as many modes remain unused as there are rigid sliders and pads, because their flexibility determines the
-    forces of these; so a coarse mesh may give fewer enrichment modes.  Rigid-body modes come from the geometry
-    (`pmr.reduction.free_body`), all others are M-orthogonal to them.
+    The number of modes that remain unused is at least that of rigid sliders and pads, because the flexibility of these
+    modes determines the forces there; so a coarse mesh may give fewer enrichment modes.  Rigid-body modes come from the
+    geometry (`pmr.reduction.free_body`), all others are M-orthogonal to them.
 
     Modes that no load and no slider can excite, and that no damping couples to such modes, stay at rest for ever.
     Examples are those along the axis of a straight beam with all loads across it.  They are left out.  If axial forces

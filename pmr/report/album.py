@@ -246,9 +246,9 @@ class _Views:
         )
 
     def _time_clause(self, moment: Moment) -> str:
-        """Return a clause with the time of the close picture.
+        """Return the words of a caption that state the time of the close picture.
 
-        If no fields are stored at the time of the largest stress, the clause also names that time.
+        If no fields are stored at the time of the largest stress, they also name that time.
         """
         at, displacements = f"{moment.t:.2f}{SPACE}s", "displacements as above"
         peak = self.result.summary.get("stress_peak", {}).get("reduced", {}).get("t", moment.t)

@@ -14,7 +14,7 @@ TOLERANCE = 0.05  # relative deviation up to which a value counts as within 5 % 
 
 @dataclass(frozen=True)
 class Mark:
-    """Verdict on a value beside a published one.
+    """Verdict on a value compared with a published one.
 
     `kind` names its style, and `symbol` tells the verdict without colour.  `text` is the word for the verdict in the
     table, `explanation` is its text in the legend.
@@ -74,7 +74,7 @@ class ErrorTable:
 
 
 def mark_for(value: float, published: float, is_error: bool = True) -> Mark:
-    """Return the verdict on a value beside the published one.
+    """Return the verdict on a value compared with the published one.
 
     A deviation of exactly 5 % still counts as within 5 %.  If `is_error`, a smaller value is better; any other value,
     such as a displacement, can be neither better nor worse than the published one.

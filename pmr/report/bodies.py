@@ -135,7 +135,7 @@ _SIDES = np.array([(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2
 
 @dataclass(frozen=True)
 class Block:
-    """Cuboid to be drawn: corners (8, 3) in m, and k sides (k, 4) as indices of corners."""
+    """Cuboid to be drawn: its 8 corners (8, 3) in m, and k of its sides (k, 4) as indices of corners."""
 
     corners: Array
     sides: Indices
@@ -229,7 +229,10 @@ def fields_by_body(result: RunResult) -> dict[str, Fields]:
 
 
 def _axis_fields(result: RunResult) -> dict[str, Fields]:
-    """Displacements of the reduced model along the axis of each body that has outputs there, as fields of beams."""
+    """Displacements of the reduced model along the axis of each body, as fields of beams, by the body's name.
+
+    Bodies without outputs along their axis are left out.
+    """
     response, fields = result.responses["reduced"], dict[str, Fields]()
     steps = spread_indices(len(response.t), FRAMES)
     aside = {line.body: line for line in axis_points(result, response, "y")}
@@ -312,7 +315,7 @@ def place_of_peak(result: RunResult, moment: Moment) -> PointOfBody:
 
 
 def _summary_peak(result: RunResult) -> Mapping[str, Any]:
-    """Largest stress of the reduced model in the summary, with time and position; empty if the summary has none."""
+    """Entry ``stress_peak.reduced`` of the summary: the largest stress with its time and position; empty without it."""
     peak: Mapping[str, Any] = result.summary.get("stress_peak", {}).get("reduced") or {}
     return peak
 

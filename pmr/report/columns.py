@@ -73,7 +73,7 @@ def interpolate(t: Array, times: Array, values: Array) -> Array:
 
 
 def encode_array(values: Array) -> dict[str, Any]:
-    """Encode `values` for a page as whole numbers.
+    """Encode an array for a page as whole numbers.
 
     ``data`` are these numbers as little-endian 16-bit integers in base64, and ``count`` is the value that the number 1
     stands for.
@@ -182,7 +182,7 @@ def _floor(result: RunResult) -> float:
 
 
 def undrawn_sentence(directions: Sequence[str]) -> str:
-    """Sentence which says that the tip's displacements in these directions are round-off; empty without directions."""
+    """Sentence that the tip's displacements in these `directions` are round-off; empty without directions."""
     if not directions:
         return ""
     return f"The tip moves along {' and '.join(directions)} by no more than round-off."

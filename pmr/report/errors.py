@@ -81,7 +81,7 @@ def is_compared(result: RunResult) -> bool:
 def rows(result: RunResult) -> list[Row]:
     """Rows of the error table.
 
-    Errors against other models come first, then estimates, the largest displacement and the largest difference.
+    Differences to other models come first, then estimates, the largest displacement and the largest difference.
     """
     errors = (*_error_rows(result), *_further_rows(result), *_section_rows(result), *_estimate_rows(result))
     return [*errors, *_length_rows(result)]
@@ -112,7 +112,10 @@ def error_name(result: RunResult, kind: str) -> str:
 
 
 def _shown_label(result: RunResult, label: str) -> str:
-    """Label of a quantity; if the luffing cylinder is the only support that gives way, its force has its own name."""
+    """Label of a quantity in the table of errors.
+
+    The label of support forces names the luffing cylinder if it is the only support that gives way.
+    """
     return LUFFING_LABEL if label == QUANTITIES["support_force"].label and is_luffing_cylinder_alone(result) else label
 
 
@@ -150,7 +153,7 @@ def _error_rows(result: RunResult) -> Iterator[Row]:
 
 
 def _further_rows(result: RunResult) -> Iterator[Row]:
-    """Yield rows on forces beside impacts, and on references that could not be used; warnings give the reasons."""
+    """Yield rows on forces away from impacts, and on references that could not be used; warnings give the reasons."""
     for kind in result.summary.get("not_judged", {}):
         yield Row("reduced against full", error_name(result, kind), "not judged")
     if (impacts := result.summary.get("impacts")) is not None:
@@ -161,7 +164,7 @@ def _further_rows(result: RunResult) -> Iterator[Row]:
 
 
 def _section_rows(result: RunResult) -> Iterator[Row]:
-    """Yield a row with the error along each section of a boom against the full model."""
+    """Yield a row for each section of a boom with the error along it compared with the full model."""
     for section in result.summary.get("sections", ()):
         if "errors" in section:
             yield Row(
@@ -198,7 +201,7 @@ def _format_norm(unit: str, value: float) -> str:
 
 
 def _comparison_row(comparison: str, place: str, error: float, other: float, decimals: int) -> Row:
-    """Build a row with an error beside the published one; both are given as fractions.
+    """Build a row with an error and the published one; both are given as fractions.
 
     `comparison` says which models are compared, `place` names the quantity, `other` is the published error, and
     `decimals` is the number of decimals with which the published error is stated in per cent.
@@ -212,7 +215,7 @@ def _comparison_row(comparison: str, place: str, error: float, other: float, dec
 
 
 def _length_rows(result: RunResult) -> Iterator[Row]:
-    """Yield rows with the largest displacement in m and the largest difference in m, beside published values."""
+    """Yield rows with the largest displacement and the largest difference in m, with the published values."""
     published = result.scene.published
     for name, comparison, is_error in (
         ("max_displacement", "largest transverse displacement", False),
@@ -391,7 +394,10 @@ def _lacking_clauses(result: RunResult, summed: SummedErrors) -> Iterator[str]:
 
 
 def _step_words(step: Mapping[str, object]) -> str:
-    """Words before the error of the time step: whether it is at least so large, or that of the mean motion."""
+    """Words before the error of the time step.
+
+    They say whether the error is a lower bound, or that of the mean motion.
+    """
     least = "at least " if not step.get("settled", True) else ""
     return f"{'of the mean motion, ' if step.get('by') == 'mean' else ''}{least}"
 

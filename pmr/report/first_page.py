@@ -89,9 +89,10 @@ def largest_value_rows(result: RunResult) -> Rows:
 
 
 def largest_values(result: RunResult) -> list[LargestValue]:
-    """Rows of the table of largest values: first those with an allowed value, of which the largest share is used.
+    """Rows of the table of largest values.
 
-    The others follow by the part that they are of, in the order of `PLACES`.
+    Rows with an allowed value come first, those with the largest used share at the top.  The others follow by the part
+    to which they belong, in the order of `PLACES`.
     """
     return sorted(
         _largest_values(result), key=lambda row: (0, -row.share) if row.share is not None else (1, _rank(row))
@@ -111,7 +112,7 @@ OTHER_PLACES = {
 
 
 def _rank(row: LargestValue) -> int:
-    """Return the number in `PLACES` of the part that a row is of; rows of no such part are last."""
+    """Return the number in `PLACES` of the part to which a row belongs; rows of no such part are last."""
     places = {of.reported: of.place for of in QUANTITIES.values() if of.reported} | OTHER_PLACES
     names = [name for name in places if row.name.startswith(name)]
     return PLACES.index(places[max(names, key=len)]) if names else len(PLACES)
@@ -312,7 +313,7 @@ def _frequency_rows(result: RunResult) -> LargestValues:
 
 
 def _locked_clause(result: RunResult) -> str:
-    """Clause that a luffing cylinder which gives way is locked here; empty for a given luffing angle."""
+    """Clause that a luffing cylinder which gives way is locked here; empty if the luffing angle is prescribed."""
     if not has_free_luffing(result):
         return ""
     cylinder = None if result.scene.frame is None else result.scene.frame.cylinder

@@ -229,7 +229,7 @@ def _of_kind(result: RunResult, kind: str) -> list[Output]:
 
 
 def _acting(result: RunResult, outputs: Sequence[Output], unit: str) -> list[Output]:
-    """Those of the `outputs` in this unit that are more than round-off beside the largest of them."""
+    """Outputs in this unit that act: they exceed round-off compared with the largest of them."""
     response = result.responses["reduced"]
     sizes = [(output, float(np.abs(response.other(output.name)).max())) for output in outputs if output.unit == unit]
     largest = max((size for _, size in sizes), default=0.0)
@@ -237,7 +237,7 @@ def _acting(result: RunResult, outputs: Sequence[Output], unit: str) -> list[Out
 
 
 def _driven_grids(result: RunResult, key: str) -> tuple[Grid, ...]:
-    """Return a table with the extremes of what a cylinder does, if the summary has this `key`."""
+    """Return one table with the extremes of what a cylinder does; none if the summary lacks this `key`."""
     if (cylinder := result.summary.get(key)) is None:
         return ()
     extremes = {name.replace("_", " "): Extremes.from_summary(of) for name, of in cylinder.items() if name != "stops"}
@@ -357,8 +357,8 @@ def extremes_grid(
     """Build a table with a row for each name in `extremes`: least and largest value, their times and their places.
 
     `bases` are the units without prefix, by name or one for all; values of one unit have one prefix.  A value is
-    printed as 0 if it is less than `NOTHING` times the largest one with its unit, or at most `floor`.  `where` are
-    words for the places, by default `then_words`; `remark` is a sentence behind the caption.
+    printed as 0 if it is less than `NOTHING` times the largest one with its unit, or if its magnitude is at most
+    `floor`.  `where` are words for the places, by default `then_words`; `remark` is a sentence after the caption.
     """
     largest, units = dict[str, float](), {name: bases if isinstance(bases, str) else bases[name] for name in extremes}
     for name, of in extremes.items():

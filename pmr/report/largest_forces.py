@@ -131,7 +131,7 @@ def _luffing_length_row(result: RunResult, length: Summary) -> LargestValue:
     """Row on the length of the luffing cylinder, and on the stroke that the scene states.
 
     The row has a share of what is allowed only where a given angle needs a length beyond the stroke.  A cylinder that
-    turns the boom has stops, which are springs: on a stop it is a little beyond its stroke.
+    turns the boom has stops, which are springs: on a stop its length is a little beyond its stroke.
     """
     least, most = length["min"], length["max"]
     text, frame = format_range(least, most, f"{SPACE}m"), result.scene.frame
@@ -215,7 +215,7 @@ def _forces_by_kind_rows(result: RunResult) -> LargestValues:
 
 
 def _dynamic_factor_rows(result: RunResult) -> LargestValues:
-    """Yield a row with the largest forces of this motion over those at rest in the same posture."""
+    """Yield a row with the largest forces of this motion as multiples of those at rest in the same posture."""
     if rows := result.summary.get("dynamic_factors"):
         factors = ", ".join(
             f"{row['largest'] / row['rest']:.2f} {shown_force_name(row['name']).replace(FORCE_OF, '', 1)} "
@@ -244,7 +244,7 @@ def _bearer_words(key: str, name: str) -> str:
 def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestValues:
     """Yield a row with the pad whose force comes nearest to that at which walls begin to yield; `forces` are by pad.
 
-    It is missing unless a shell was compared (`pmr.fullmodel.wall_stress.yield_forces`).
+    Nothing is yielded unless a shell was compared (`pmr.fullmodel.wall_stress.yield_forces`).
     """
     limits = (result.summary.get("budget", {}).get("model") or {}).get("pad_yield", {})
     shares = {

@@ -81,7 +81,7 @@ def significant(value: float, digits: int = 3) -> str:
 
 
 def format_input(value: float, unit: str = "") -> str:
-    """Format an input value with as many digits as it was written with, at most ten, and with its `unit`.
+    """Format an input value with the digits with which it was written, at most ten, and with its `unit`.
 
     An empty `unit` is left out.  Whole numbers from 10 000 on are written in groups of three digits.
     """
@@ -178,7 +178,7 @@ def share_captured(kappa: float, count: int) -> str:
 
 
 def times_the_true_error(estimate: float, true: float | None) -> str:
-    """Say how many times as large as the true error an estimate is.
+    """Words for the ratio of an estimate to the true error.
 
     The text is empty if the true error is unknown, or if it is at most 1e-6, which is mostly round-off.
     """

@@ -101,9 +101,9 @@ OBSERVABILITY = (
 
 
 def _with_band(last: Mapping[str, float], unit: str) -> str:
-    """Mean and half the width of the band of 90 % of an estimate in `unit`, as text.
+    """Text of an estimate in `unit`: its mean, and half the width of its band of 90 %.
 
-    `last` has its ``mean`` and ``deviation``, the last ones of a run.
+    `last` has its ``mean`` and ``deviation`` at the end of a run.
     """
     mean, half = last["mean"], WIDTH * last["deviation"]
     shown = unit_for(max(abs(mean), half), unit)
@@ -197,7 +197,10 @@ def band_figure(t: Array, mean: Array, deviation: Array, measured: Array, truth:
 
 
 def innovation_figure(t: Array, innovations: Array) -> Figure:
-    """Draw a sensor's innovations (T,) over their standard deviations at t (T,) in s, and lines around 90 % of them."""
+    """Draw a sensor's innovations (T,), divided by their standard deviations, at t (T,) in s.
+
+    Two lines hold 90 % of the innovations between them.
+    """
     figure, axes = make_sheet(HALF, 1.6)
     ax, at = axes[0, 0], np.flatnonzero(np.isfinite(innovations))
     at = at[spread_indices(len(at), 4 * bins_of(ax))]

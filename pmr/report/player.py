@@ -92,9 +92,9 @@ def body_motion(result: RunResult) -> dict[str, Any]:
 
 
 def _frame_motion(result: RunResult) -> dict[str, Any] | None:
-    """Motion of a frame: rotations (frames, 9), origins (frames, 3) in m, angles, centre and size of the picture.
+    """Motion of a frame for the player; None if the scene has no frame.
 
-    It is None if the scene has no frame.
+    It has rotations (frames, 9), origins (frames, 3) in m, angles, and centre and size of the picture.
     """
     frame, pose = result.frame, result.pose(times(result))
     if frame is None or pose is None:
@@ -123,9 +123,11 @@ def _along_axis(shifts: Array) -> Array:
 
 
 def _body_data(result: RunResult, name: str, surface: Surface, shifts: Array, most_values: int) -> dict[str, Any]:
-    """Data of the body `name`: surface, shifts, shapes of its motion and stress, and the share left out of them.
+    """Data of the body `name` for the player.
 
-    `shifts` (frames,) are in m.  `most_values` limits the number of values in all shapes of a quantity.
+    The keys are ``points``, ``triangles``, ``edges`` and ``faces`` of the surface, its ``along`` shifts, and the shapes
+    of its ``motion`` and ``stress`` with the share that they leave out; ``stress`` is None without stresses.  `shifts`
+    (frames,) are in m.  `most_values` limits the number of values in all shapes of a quantity.
     """
     fields = fields_by_body(result)[name]
     motion = compress(surface.point_displacements(fields, fields.displacement).reshape(len(fields.t), -1), most_values)
@@ -176,5 +178,5 @@ def _encode_indices(values: NDArray[np.int64]) -> str:
 
 
 def _block_data(block: Block) -> dict[str, Any]:
-    """Data of a cuboid: its corners in m and its sides."""
+    """Data of a cuboid for the player: its ``corners`` in m as a list of coordinates, and its ``sides``."""
     return {"corners": block.corners.round(4).ravel().tolist(), "sides": block.sides.tolist()}

@@ -114,7 +114,10 @@ class SceneWords:
         return ", ".join(parts)
 
     def describe_value(self, table: BaseModel, key: str, value: object, unit: str = "") -> str:
-        """Describe the value of a key of a table; `unit` is that of numbers for which the table declares none."""
+        """Describe the value of a key of a table in words.
+
+        `unit` is the unit of numbers if the table declares none for the key.
+        """
         unit = self._unit(table, key) or (SIGNAL_UNITS.get(key, unit) if isinstance(table, SignalBase) else unit)
         if isinstance(value, BaseModel):
             text = self.describe(value, unit)

@@ -222,7 +222,7 @@ def basis_block(result: RunResult, prefix: str) -> Block | None:
 
 
 def _published_frequency_grids(result: RunResult) -> Iterator[Grid]:
-    """Yield a table with the first natural frequency of each model beside the published one.
+    """Yield a table with the first natural frequency of each model and the published one.
 
     Nothing is yielded if no frequency is published.
     """

@@ -65,7 +65,7 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
 
 
 def _total_error(totals: error_sentences.SummedErrors) -> KeyNumber:
-    """Key number of the largest of the errors that are added up over all sources."""
+    """Key number of the largest error after errors of all sources are added up."""
     label = max(totals.by_label, key=lambda name: totals.by_label[name])
     note = f"in {label}, {totals.sources_clause(label)}"
     return KeyNumber(format_percent(totals.by_label[label], 2), "largest error that is known", note)
@@ -123,7 +123,7 @@ def peak_part_name(peak: PeakSummary) -> str:
 
 
 def _other_points_clause(places: Sequence[Sequence[float]]) -> str:
-    """Clause on the other points, `places`, with an equally large stress; empty without such points."""
+    """Words that name the other points, `places`, at which the stress is equally large; empty without such points."""
     if len(places) > MOST_PLACES:
         return f", and as large at {len(places)} other places"
     return f", and as large at {' and '.join(map(_format_point, places))}" if places else ""

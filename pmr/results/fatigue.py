@@ -48,7 +48,10 @@ def rainflow_cycles(t: Array, x: Array) -> Array:
 
 @dataclass(frozen=True)
 class SNLine:
-    """S-N line: cycles to failure over the range of a stress; raises InputError for a number that is not allowed."""
+    """S-N line: the number of cycles to failure, depending on the range of a stress.
+
+    Raises InputError for a number that is not allowed.
+    """
 
     slope: float  # exponent m of the line, its slope with logarithmic axes
     reference: float  # range in Pa that leads to failure after 2e6 cycles

@@ -58,7 +58,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class Boxes:
-    """P boxes drawn beside a body at S times, such as its pads.
+    """P boxes that are drawn with a body at S times, such as its pads.
 
     Attributes
     ----------

@@ -87,11 +87,11 @@ class StressRows:
         return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
     def points_on(self, face: str) -> Indices:
-        """Return the indices of the points on the face called `face`."""
+        """Return the indices (k,) of the points on the face called `face`."""
         return np.flatnonzero(self.face == self.faces.index(face))
 
     def by_cell(self, values: Array, cells: int) -> dict[str, Array]:
-        """Return the largest of values (S, P) in each of `cells` cells: an array (S, cells) for each face, by name.
+        """Return the largest of values (S, P) in each of `cells` cells, (S, cells), by the name of the face.
 
         A cell without a point on a face has its largest value on any face; a cell without points has minus infinity.
         """
@@ -183,7 +183,7 @@ class StressHistory:
 def stress_history(
     rows: StressRows, grid: Grid, t: Array, largest: Array, point: Indices, at_peak: Array | None = None
 ) -> StressHistory:
-    """Return the history of the largest stress (S,) in Pa at times t (S,) in s, with its peak over all times.
+    """Return the history of the largest stress (S,) in Pa at times t (S,) in s, and its peak of all times.
 
     The largest stress occurs at the points `point` (S,), which are indices of points of `rows`.  `at_peak` is von
     Mises' stress (P,) in Pa at all points of `rows` at the time of the peak.  If it is given, the points that share the
@@ -321,7 +321,7 @@ class Envelope:
     most_at: Array  # (c, N) s
 
     def extremes(self) -> dict[str, dict[str, Any]]:
-        """Return the extremes over all positions of each quantity, as a mapping by the quantity's name.
+        """Return the extremes of each quantity along the body, by the quantity's name.
 
         The values are ``min`` and ``max`` in ``unit``, their times in s ``t_min`` and ``t_max``, and their positions in
         m ``x_min`` and ``x_max``.
@@ -361,8 +361,8 @@ class RunningEnvelope:
     def envelope(self, units: dict[str, str]) -> Envelope:
         """Return the least and the largest value over time of each quantity in `units`, at each of its positions.
 
-        `units` are the units of quantities, by name.  Values that are round-off, compared to the largest value with the
-        same unit, are set to zero.  A quantity that is always zero at a position has both extremes at the first time.
+        `units` are the units of quantities, by name.  Values that are round-off compared with the largest value of the
+        same unit are set to zero.  A quantity that is always zero at a position has both extremes at the first time.
         """
         names, x = [name for name in units if name in self._names], np.unique(self._x)
         shape = (len(names), len(x))

@@ -45,10 +45,10 @@ def pad_corners(ring: PadRing, place: tuple[str, Face, float], body: Array, box:
 
 
 def pads_over_time(result: RunResult) -> Boxes | None:
-    """Return all pads of a body alone at the times of its recovered fields, with their forces in N, NaN if not known.
+    """Return all pads of a body alone at the times of its recovered fields, with their forces in N.
 
-    If the scene has a moving frame, the corners are positions in space.  None is returned for a body without pads or
-    fields, and for a boom of sections.
+    A force is NaN if it is not known.  If the scene has a moving frame, the corners are positions in space.  None is
+    returned for a body without pads or fields, and for a boom of sections.
     """
     if ALONE not in (travelling := result.moving_fields):
         return None
@@ -71,7 +71,10 @@ def pads_over_time(result: RunResult) -> Boxes | None:
 
 
 def _extent(fields: Fields, box: Box | None) -> Array:
-    """Return the least and the largest coordinates (2, 3) in m of an undeformed body; a beam is as wide as its box."""
+    """Return the least and the largest coordinates (2, 3) in m of an undeformed body.
+
+    A beam has the width and height of its `box`.
+    """
     extent = np.array([fields.points.min(axis=0), fields.points.max(axis=0)])
     if fields.kind == "line" and box is not None:
         outside = np.array([corner.position for corner in box.corners])

@@ -121,7 +121,7 @@ class Columns:
 
 
 def values_of(response: Response) -> Array:
-    """Return all c columns of a response side by side, (T, c), in the order of `Columns.from_scene`."""
+    """Return all columns of a response as one array (T, c), in the order of `Columns.from_scene`."""
     parts = [response.displacement, response.slider_force, response.others]
     return np.hstack([part for part in parts if part is not None])
 
@@ -220,7 +220,10 @@ def _largest_measure(numbers: Sequence[int]) -> Measure | None:
 
 
 def _force_measure(kind: str) -> Callable[[Columns, Callable[[str], bool]], Measure | None]:
-    """Return the function `MeasureOf` for contacts of one kind; its measure is the largest absolute force of them."""
+    """Return the function `MeasureOf` for contacts of one kind.
+
+    Its measure is the largest absolute force of these contacts.
+    """
 
     def measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
         """Return the measure of the forces whose names `looks_at` accepts; None if there are no such forces."""
@@ -243,9 +246,10 @@ def _support_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measu
 
 
 def columns_by_support(columns: Columns, looks_at: Callable[[str], bool]) -> dict[str, list[int]]:
-    """Return the numbers of the columns of the forces of each support, by its name; of moments if no force is chosen.
+    """Return the numbers of the columns of each support's forces, by the support's name.
 
-    `looks_at` says whether a support is chosen; columns at the pivot and on the ground are never chosen.
+    If no force is chosen, they are the columns of moments.  `looks_at` says whether a support is chosen; columns at the
+    pivot and on the ground are never chosen.
     """
     chosen = [k for k in columns.support_columns() if any(looks_at(name) for name in support_names(columns, k))]
     groups = dict[str, list[int]]()
@@ -328,7 +332,7 @@ def _luffing_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measu
 
 
 def _least_measure(kind: str) -> Callable[[Columns, Callable[[str], bool]], Measure | None]:
-    """Return the function `MeasureOf` for columns of one kind; its measure is the smallest of them."""
+    """Return the function `MeasureOf` for columns of one kind; its measure is the smallest value of these columns."""
 
     def measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
         """Return the measure of the columns whose names `looks_at` accepts; None if there are none."""
@@ -352,12 +356,18 @@ def stress_remark(scene: Scene) -> str:
 
 
 def stress_name(scene: Scene) -> str:
-    """Return the name of the largest stress that a run states: on beams of boxes it is that of the beams alone."""
+    """Return the name of the largest stress that a run states.
+
+    For a scene with beams of boxes, the name says that the stress is that of the beams alone.
+    """
     return QUANTITIES["stress"].reported + (" of the beams" if stress_remark(scene) else "")
 
 
 def wall_stress(summary: Mapping[str, Any]) -> Mapping[str, Any] | None:
-    """Return the largest stress in walls at pads from a run's summary.json, or None."""
+    """Return the entry ``budget.model.wall_stress`` of a run's summary: the largest stress in walls at pads.
+
+    None is returned if the summary has no such entry.
+    """
     model = summary.get("budget", {}).get("model") or {}
     stress: Mapping[str, Any] | None = model.get("wall_stress")
     return stress
@@ -542,7 +552,7 @@ class ReductionErrors(NamedTuple):
 def reduction_error(summary: Summary) -> ReductionErrors:
     """Return the errors of the reduction of a run with this summary.
 
-    If the full model was simulated, they are errors against the full model, else estimates; errors of frequencies are
+    If the full model was simulated, they are differences to the full model, else estimates; errors of frequencies are
     always estimates.  Forces that jump at kinks of extensions are compared between the kinks only, and pad forces with
     impacts are left out.
     """

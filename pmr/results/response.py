@@ -53,7 +53,10 @@ class Output:
 
     @property
     def text(self) -> str:
-        """The kind with the direction after a space, or the kind alone without a direction: what `from_text` takes."""
+        """Kind and direction with a space between them, as `from_text` reads them.
+
+        Without a direction it is the kind alone.
+        """
         return f"{self.kind} {self.direction}".rstrip()
 
     @classmethod
@@ -74,9 +77,9 @@ ROUND_OFF = 1e-9
 class Energy:
     """Kinetic, strain and external energy in J over time, each (T,), relative to the axes that move with the boom.
 
-    In a moving frame the kinetic energy is that of the motion beside the boom's rigid motion, and the boom's weight and
-    inertia are loads.  `pmr.compare.space_energy.energy_in_space` returns energy and work in space, less those of the
-    same boom if it were rigid.
+    In a moving frame the kinetic energy is that of the motion relative to the boom's rigid motion, and the boom's
+    weight and inertia are loads.  `pmr.compare.space_energy.energy_in_space` returns energy and work in space, less
+    those of the same boom if it were rigid.
 
     The external energy is minus the work of the loads.  With a hoist the strain energy includes the kinetic energy of
     the payload and the elastic energy of the rope, and the kinetic energy is that of the bodies.
@@ -214,7 +217,7 @@ class Response:
     def with_others(self, values: Array, outputs: Iterable[Output]) -> Response:
         """Return this response with k further columns `values` (T, k).
 
-        They are neither displacements nor contact forces; `outputs` are their meanings.
+        They are neither displacements nor contact forces; `outputs` are the meanings of the new columns.
         """
         added = list(outputs)
         return replace(
@@ -233,7 +236,8 @@ class Response:
     def column(self, number: int) -> Array:
         """Return the history (T,) of the column with this number, in the order of `outputs`.
 
-        For a pad that only pushes, it is the largest force within each step, if such forces are stored.
+        For a pad that only pushes, it is the largest force within each step, if such forces are stored.  Raises
+        IndexError if there is no such column.
         """
         forces = self.slider_force if self.force_peaks is None else self.force_peaks
         for columns in (self.displacement, forces, self.others):

@@ -42,7 +42,7 @@ WHOLE = "whole body"
 
 @dataclass(frozen=True)
 class Table:
-    """Table: names of the columns, and rows."""
+    """Table: `names` of the columns, and rows of values."""
 
     columns: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
@@ -108,7 +108,7 @@ def probe_extremes(response: Response, path: Array) -> dict[str, Extremes]:
 
 
 def reaction_extremes(response: Response, path: Array) -> dict[Reaction, Extremes]:
-    """Return the extremes of the force in N, or moment in N m, of each rigid support.
+    """Return the extremes of the force in N, or moment in N m, by the `Reaction` of each rigid support.
 
     A reaction that is round-off at all times is set to zero.  `path` (T,) are path coordinates in m over time.
     """
@@ -229,12 +229,16 @@ _TABLES: Mapping[str, Callable[[RunResult], Table]] = {
 
 
 def _extreme_heads(unit: str = "") -> tuple[str, ...]:
-    """Return the headings of the columns of extremes: ``" [N]"`` is behind values in N, or the unit has a column."""
+    """Return the headings of the columns of extremes.
+
+    A `unit` in brackets, such as ``" [N]"``, follows after ``min`` and ``max``; it is empty if the table has a column
+    of units.
+    """
     return f"min{unit}", "t_min [s]", "s_min [m]", f"max{unit}", "t_max [s]", "s_max [m]"
 
 
 def _measured_probes(result: RunResult, response: Response) -> Iterator[Summary]:
-    """Yield name, unit, place and face of each output of a response that is a measurement."""
+    """Yield a mapping with name, unit, place and face for each output of a response that is a measurement."""
     probes = {probe["name"]: probe for probe in result.summary.get("probes", ())}
     for output in response.outputs:
         if output.kind == "probe":

@@ -126,7 +126,11 @@ def _add_units(root: ET.Element, variables: Sequence[Variable]) -> None:
 
 
 def _variable_attributes(variable: Variable) -> dict[str, str]:
-    """Attributes that every variable has: name, value reference, description, causality, variability, initial."""
+    """Attributes that every variable has, by their names in the FMI.
+
+    They are ``name``, ``valueReference`` and ``description``, and ``causality``, ``variability`` and ``initial`` as far
+    as the variable's role sets them.
+    """
     attributes = {
         "name": variable.name,
         "valueReference": str(variable.reference),
@@ -136,7 +140,10 @@ def _variable_attributes(variable: Variable) -> dict[str, str]:
 
 
 def _real_attributes(variable: Variable) -> dict[str, str]:
-    """Attributes of a real variable: unit, start, nominal, min and max, as far as the variable has them."""
+    """Attributes of a real variable by their names: ``unit``, ``start``, ``nominal``, ``min`` and ``max``.
+
+    Attributes that the variable does not set are left out.
+    """
     attributes = {} if not variable.unit else {"unit": variable.unit}
     low, high = variable.within or (None, None)
     numbers = {"start": variable.start, "nominal": variable.nominal, "min": low, "max": high}

@@ -61,7 +61,7 @@ class UnitObserver:
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """Names of what is estimated beside outputs."""
+        """Names of all that is estimated in addition to the outputs."""
         return tuple(name for name in self.units if name not in self.outputs)
 
     def arrays(self, drivers: Drivers) -> dict[str, NDArray[np.int32] | Array]:

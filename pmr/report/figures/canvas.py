@@ -94,7 +94,7 @@ class Pen:
     dash: tuple[float, ...] = ()
 
     def line(self, weight: float = 1.0) -> dict[str, Any]:
-        """Keywords for `Axes.plot`.
+        """Keywords ``color``, ``linewidth`` and ``linestyle`` for `Axes.plot`.
 
         `weight` multiplies the line's width; it is below 1 where many curves are close together.
         """
@@ -167,9 +167,9 @@ def make_sheet(
 
 
 def _place_labels(ax: Axes, aside: float = 0.42) -> None:
-    """Put axis labels at fixed distances from the axes, so that labels line up and no text has to be measured.
+    """Put axis labels at fixed distances from the axes of `ax`.
 
-    `aside` is the distance in inches of the label of the y-axis.
+    So labels line up, and no text has to be measured.  `aside` is the distance in inches of the label of the y-axis.
     """
     extent, inch = ax.get_window_extent(), mpl.rcParams["figure.dpi"]
     ax.yaxis.set_label_coords(-aside * inch / extent.width, 0.5)
@@ -189,7 +189,7 @@ def equal_axes(ax: Axes) -> None:
 
 
 def legend_rows(names: Sequence[str], width: float) -> int:
-    """Number of rows that a legend of `names` needs above the axes of a figure of `width` inches.
+    """Number of rows that a legend of `names` needs above a figure of `width` inches.
 
     The figure has to be higher by `ROW` inches for each row after the first.
     """
@@ -270,7 +270,7 @@ def _round_values(low: float, high: float, steps: Sequence[float] = (1.0, 2.0, 5
 
 
 def curve_style(number: int, size: float = 2.6) -> dict[str, Any]:
-    """Keywords for `Axes.plot` of the curve with this number: colour, marker of the given size, and dash.
+    """Keywords for `Axes.plot` of the curve with this number: colour, marker of the given `size`, and dash.
 
     When all colours of `SERIES` are used, they are used again with other dashes and marker fills.  After three rounds,
     styles repeat.

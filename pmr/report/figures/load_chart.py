@@ -304,9 +304,9 @@ def _cell_angles(place: Array) -> Array:
 
 
 def _midpoints(values: Array, axis: int) -> Array:
-    """First of the values along an axis, then the means of neighbours, then the last one.
+    """Means of neighbouring values along `axis`, with the first value before them and the last value after them.
 
-    There is one more result than there are values.
+    The result has one entry more along this axis than `values`.
     """
     count = values.shape[axis]
     first, last = np.take(values, [0], axis), np.take(values, [-1], axis)

@@ -222,7 +222,7 @@ def _draw_loads(ax: Axes, result: RunResult, axes: Mapping[str, tuple[Array, Arr
 
 
 def _cylinders(result: RunResult, steps: NDArray[np.intp]) -> list[Array]:
-    """Positions (2, 2) in m of the luffing cylinder's foot and lug, for each of the steps with the numbers `steps`.
+    """Positions (2, 2) in m of the luffing cylinder's foot and lug, at each of the `steps`.
 
     The list is empty if the scene has no luffing cylinder.
     """

@@ -285,9 +285,9 @@ def _stop_sentences(study: FinishedStudy, limit: str, stops: Array) -> Iterator[
 
 
 def _use_tables(names: list[str], n: int, arrays: Mapping[str, Array], sections: tuple[str, ...]) -> list[Table]:
-    """Build tables of the use of each limit of `names`, and of stresses, displacements of tips and forces.
+    """Build tables of the used shares of the limits `names`, and of stresses, tip displacements and forces.
 
-    They are those under the largest load that limit number `n` governs, from `arrays` of the study's results;
+    The values are those under the largest load that limit number `n` governs, from `arrays` of the study's results;
     `sections` are the names of the sections.
     """
     used = zip(names, arrays["at.used"][n], strict=True)
@@ -313,5 +313,8 @@ def _use_tables(names: list[str], n: int, arrays: Mapping[str, Array], sections:
 
 
 def _zero_round_off(values: Array) -> Array:
-    """Replace values below the share `ROUND_OFF` of the largest absolute value by 0."""
+    """Return `values`, of the same shape, with 0 for all round-off.
+
+    These are values below the share `ROUND_OFF` of the largest absolute value.
+    """
     return np.where(np.abs(values) < ROUND_OFF * np.abs(values).max(initial=0.0), 0.0, values)

@@ -46,7 +46,7 @@ def format_load(load: float | np.floating) -> str:
 
 
 def ceiling(study: FinishedStudy) -> str:
-    """Words for a load that no limit allows at most: the search ends before one is reached."""
+    """Words for a load at which no limit is reached: the search ends below any limit."""
     return f"more than {format_load(study.study_file['up_to'])} (search ends there)"
 
 
@@ -149,8 +149,8 @@ MOST_LENGTHS, LENGTHS_BESIDE = 24, 8
 def limit_grid(study: FinishedStudy, names: list[str], parts: Parts) -> Grid:
     """Build the table of the limits `names`: amount, factor, and numbers of points.
 
-    Behind the quantity stands what it leaves out.  Points are counted at which the limit governs, is not reached, or is
-    passed without a load.
+    After the name of a quantity stands what the quantity leaves out.  Points are counted at which the limit governs, is
+    not reached, or is passed without a load.
     """
     limits = {str(limit["name"]): limit for limit in study.study_file["limits"]}
     rows = []
@@ -183,9 +183,9 @@ def _degrees(parts: Parts) -> str:
 
 
 def error_bar_grids(study: FinishedStudy, names: list[str], parts: Parts) -> list[Grid]:
-    """List with a table of the error bars of the limits `names` and of their parts, as shares of the load.
+    """List with one table of the error bars of the limits `names`, and of the bars' parts, as shares of the load.
 
-    It is empty if no error bars were asked for.
+    The list is empty if no error bars were asked for.
     """
     if not study.study_file["error_bars"]:
         return []
@@ -255,7 +255,7 @@ def _format_amount(limit: Mapping[str, object], amount: float | None) -> str:
 
 
 def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Iterator[Grid]:
-    """Yield the table of loads over radius and boom length with letters of limits, and that of their lower bounds.
+    """Yield the duty table, with loads and letters of limits over radius and boom length, and that of lower bounds.
 
     The caption of the lower bounds says what is `not_covered` by them.
     """

@@ -77,7 +77,7 @@ class HasPublishedValues(Protocol):
 
 
 def comparison(study: HasPublishedValues) -> ErrorTable:
-    """Build the table of published statements beside the study's values.
+    """Build the table that compares the study's values with published statements.
 
     Statements about values that the study does not have are left out.
     """
@@ -125,7 +125,7 @@ def _comparison_row(statement: Statement, value: Scalar) -> Row:
 
 
 class Verdict(NamedTuple):
-    """Verdict on a value beside a published one, and the relative deviation of the value as text.
+    """Verdict on a value compared with a published one, and the relative deviation of the value as text.
 
     The deviation is None if either of the two is a text, or if the value rounds to the published one.
     """

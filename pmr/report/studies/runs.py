@@ -226,7 +226,7 @@ def _parameter_cells(run: RunRecord, keys: Sequence[str]) -> list[str]:
 
 
 def _grids(runs: Sequence[RunRecord]) -> Iterator[Grid]:
-    """Yield tables of the values of all runs, each with as many columns as fit on a page.
+    """Yield tables of the values of all runs; each has the columns that fit on a page.
 
     Values that are equal in all runs are only named in the caption of the first table.
     """
