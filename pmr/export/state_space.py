@@ -26,7 +26,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
 
-from pmr.errors import InputError
+from pmr.errors import BEYOND_ENDS, InputError
 from pmr.export.formats import Options
 from pmr.files.arrays import Array, Mask
 from pmr.files.whole import write_text
@@ -238,7 +238,8 @@ def path_positions(system: System, text: str | None) -> Mapping[str, Array]:
 
     `text` is ``1.5,2,4`` for one path, and ``mid=2,fly=3; mid=2.5,fly=3`` for several paths; None selects the grid,
     which is a single point if nothing travels.  Places on one path are returned in ascending order, each once.
-    Raises InputError for any other text, and for coordinates off the paths.
+    Places beyond an end by at most `BEYOND_ENDS` of the path's length are taken at the end.  Raises InputError for any
+    other text, and for coordinates farther off the paths.
     """
     ranges = system.ranges
     if text is None:
@@ -259,13 +260,16 @@ def path_positions(system: System, text: str | None) -> Mapping[str, Array]:
         else:
             pairs = ([part.split("=") for part in place.split(",")] for place in text.split(";"))
             points = [{name.strip(): float(value) for name, value in of_place} for of_place in pairs]
-    is_on_path = [
-        set(point) == set(ranges) and all(low <= point[path] <= high for path, (low, high) in ranges.items())
-        for point in points
-    ]
-    if not points or not all(is_on_path):
+    is_named = [set(point) == set(ranges) for point in points]
+    if not points or not all(is_named):
         raise InputError("command line", "--at", text, allowed)
-    return {path: np.array([point[path] for point in points]) for path in ranges}
+    places = dict[str, Array]()
+    for path, (low, high) in ranges.items():
+        at, slack = np.array([point[path] for point in points]), BEYOND_ENDS * (high - low)
+        if not np.all((at >= low - slack) & (at <= high + slack)):
+            raise InputError("command line", "--at", text, allowed)
+        places[path] = np.clip(at, low, high)
+    return places
 
 
 #: Number of characters of a wide field, which holds 10 to 12 digits.

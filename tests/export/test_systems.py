@@ -5,6 +5,8 @@ A section's model is no model of a boom: refused wherever a whole body is asked 
 import runpy
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -107,6 +109,15 @@ def test_files_say_the_same(saved: Path, system: System, run_command) -> None:
 def test_places_off_the_paths_are_refused(system: System, asked: str) -> None:
     with pytest.raises(InputError, match="--at = .*: each path by its name.*'middle="):
         path_positions(system, asked)
+
+
+def test_an_end_of_a_path_is_allowed_as_it_is_printed() -> None:
+    ranges = {"middle": (1.3, 5.699999999999999), "fly": (1.4000000000000004, 5.7)}
+    system = cast(System, SimpleNamespace(ranges=ranges))
+    places = path_positions(system, "middle=1.3,fly=1.4; middle=5.7,fly=5.7")
+    assert {path: tuple(at.tolist()) for path, at in places.items()} == ranges
+    with pytest.raises(InputError, match="fly from 1.4 to 5.7 m"):
+        path_positions(system, "middle=1.3,fly=1.3999")
 
 
 def test_without_places_all_sections_come_out_together(system: System) -> None:
