@@ -44,6 +44,8 @@ from pmr.system.rows import StraightRows
 
 #: Nodes of a beam that are observed by default: with all nodes, tables of outputs grow with the mesh's square.
 MOST_OBSERVED = 1000
+#: Distance from the tail to x = 0 that a mesh may have, as a share of its length.
+AT_TAIL = 1e-3
 
 
 def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
@@ -221,12 +223,14 @@ def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBo
     """Read the mesh of a body from its file; without a file, draw its box by gmsh.  Runs on this rank only.
 
     `kinds` are the kinds of cells that are allowed.  `write` writes the drawn boom to a file of gmsh, which is then
-    read.  Raises an InputError about a file that can't be read, or about the key of the scene that keeps the box from
-    being drawn.
+    read.  Raises an InputError about a file that can't be read or whose mesh is not where the boom is, or about the key
+    of the scene that keeps the box from being drawn.
     """
     if member.part.mesh.file is not None:
         groups = member.part.mesh.groups
         read = read_mesh(member.part.mesh.file, kinds, nodes=None if groups is None else groups.file)
+        if member.frame is not None or len(member.scene.sections) > 1:
+            _check_place(read)
         return add_faces(read, member.part.mesh.faces)
     from pmr.models.shell import draw_box
 
@@ -247,3 +251,15 @@ def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBo
             raise
         key = {"size": "mesh.size", "size_along": "mesh.along", "tail_layer": "mesh.tail_layer"}.get(error.key)
         raise InputError("scene", key or f"body.box.{error.key}", error.value, error.allowed) from None
+
+
+def _check_place(mesh: NamedMesh) -> None:
+    """Refuse a mesh that does not lie along x from x = 0 on, or is beside the axis y = z = 0."""
+    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    slack = AT_TAIL * float(high[0] - low[0])
+    if mesh.axis != 0 or abs(low[0]) > slack or np.any(low[1:] > slack) or np.any(high[1:] < -slack):
+        spans = ", ".join(f"{name} from {a:g} to {b:g}" for name, a, b in zip("xyz", low, high, strict=True))
+        allowed = (
+            "a mesh along x whose tail is at x = 0, on the axis y = z = 0, is allowed in a frame or a boom of sections"
+        )
+        raise InputError(mesh.source, "", None, f"{allowed}: it has {spans} m")

@@ -249,6 +249,25 @@ def test_a_mesh_of_ones_own_is_read(tmp_path: Path) -> None:
         build(scenes.load(tmp_path / "own.toml", ["observe.tip=nose"]))
 
 
+@pytest.mark.parametrize(
+    "corners",
+    [
+        ((0.0, -0.1, 0.0), (0.0, 0.1, 0.0), (0.0, 0.1, 4.0), (0.0, -0.1, 4.0)),  # upright
+        ((2.0, -0.1, 0.0), (6.0, -0.1, 0.0), (6.0, 0.1, 0.0), (2.0, 0.1, 0.0)),  # ahead of the pivot
+        ((0.0, 0.1, 0.0), (4.0, 0.1, 0.0), (4.0, 0.3, 0.0), (0.0, 0.3, 0.0)),  # beside it
+    ],
+)
+def test_a_mesh_in_a_frame_lies_along_x_from_its_tail_on(
+    tmp_path: Path, corners: tuple[tuple[float, float, float], ...]
+) -> None:
+    nodes = "\n".join(f"{k}, {x}, {y}, {z}" for k, (x, y, z) in enumerate(corners, 1))
+    (tmp_path / "plate.inp").write_text(f"*NODE\n{nodes}\n*ELEMENT, TYPE=S4, ELSET=bottom\n1, 1, 2, 3, 4\n")
+    scene = OWN.replace("boom.msh", "plate.inp") + "[gravity]\n[frame]\npivot = [0.0, 0.0, 0.0]\nluffing = 0.3\n"
+    (tmp_path / "own.toml").write_text(scene)
+    with pytest.raises(InputError, match=r"plate\.inp: .*along x whose tail is at x = 0.*: it has x from "):
+        build(scenes.load(tmp_path / "own.toml"))
+
+
 PADS = ("bottom right", "bottom left", "left")
 
 
