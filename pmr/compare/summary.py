@@ -249,7 +249,7 @@ def simulate_saved(system: System, scene: Scene) -> RunResult:
     natural = frequencies_on_way(scene, system, excitation, way_points(scene, excitation, 0))
     motion = results.simulated_system(system, excitation)
     by_frequency = response_on_way(scene, system, excitation)
-    error = _error(scene, motion, clock)
+    error = _estimated_error(scene, motion, clock)
     with clock.stage("step"):
         step = step_part(scene, motion, natural.models["reduced"])
     sizes = {name: {"reduced": model.size} for name, model in models.items()}
@@ -287,7 +287,7 @@ def simulate_saved(system: System, scene: Scene) -> RunResult:
     )
 
 
-def _error(scene: Scene, simulated: SimulatedSystem, clock: Clock) -> ReductionError:
+def _estimated_error(scene: Scene, simulated: SimulatedSystem, clock: Clock) -> ReductionError:
     """Estimated error of the reduction; it has no values if the file is of an earlier version (reason: `EARLIER`)."""
     error = reduction_error(scene, simulated, clock)
     bodies, estimated = simulated.system.reduced.items(), all(part.reduction.estimate for part in scene.sections)

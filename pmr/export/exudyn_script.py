@@ -99,13 +99,13 @@ def script_data(system: System, source: str) -> Arrays:
         "W": assembly.direct,
         "clearance": system.clearance,
         "rigid": assembly.contact_rows(x[0]).rigid,
-        **(_tables(system, x[0]) if ALONE in system.bodies else _sides(system, assembly, x[0])),
-        **_signals(scene, system, source),
-        **_tip(system, source),
+        **(_path_tables(system, x[0]) if ALONE in system.bodies else _sides(system, assembly, x[0])),
+        **_signal_arrays(scene, system, source),
+        **_tip_values(system, source),
     }
 
 
-def _tip(system: System, source: str) -> Arrays:
+def _tip_values(system: System, source: str) -> Arrays:
     """The last displacement, which the script prints: ``tip``, ``tip_of`` and ``tip_position``.
 
     They are its number among the outputs, words for its body, and its position in m.  Raises InputError, which names
@@ -124,7 +124,7 @@ def _tip(system: System, source: str) -> Arrays:
     return {"tip": displacements[-1], "tip_of": where, "tip_position": position}
 
 
-def _signals(scene: StoredScene, system: System, source: str) -> Arrays:
+def _signal_arrays(scene: StoredScene, system: System, source: str) -> Arrays:
     """Strands of paths and loads (`pmr.scene.signals.base.Strand`) in the order of the system's names.
 
     Raises InputError, which names the file `source`, if a signal has no strands.
@@ -154,7 +154,7 @@ def _strands(signal: SignalBase, name: str, source: str) -> Any:
         raise InputError(source, f"signal of {name}", None, f"{error}; one is allowed in a script") from None
 
 
-def _tables(system: System, x: Array) -> Arrays:
+def _path_tables(system: System, x: Array) -> Arrays:
     """Tables of C, F, H and X of a single body over its path, as arrays by name.
 
     F includes the compliance of contacts.

@@ -125,9 +125,9 @@ def free_motions(
     shifts = {name: _shifts(ahead) for name, ahead in positions.tails.items()}
     scale = np.ones(6)
     scale[3:] = max(float(np.max(positions.tails[name])) + body.reach for name, body in bodies.items())
-    rows = np.concatenate([_contacts(system, bodies, positions, shifts), *_supports(bodies, shifts)], axis=1) / np.tile(
-        scale, len(bodies)
-    )
+    rows = np.concatenate(
+        [_contact_measures(system, bodies, positions, shifts), *_supports(bodies, shifts)], axis=1
+    ) / np.tile(scale, len(bodies))
     size = np.linalg.norm(rows, axis=2, keepdims=True)
     rows = np.divide(rows, size, out=np.zeros_like(rows), where=size > 0.0)
     relative = np.kron(np.tril(np.ones((len(bodies), len(bodies)))), np.eye(6))  # m of d
@@ -164,7 +164,7 @@ def describe_free_motions(
     return FreeMotions(sentence if always else f"{sentence} {positions.labels[most]}", f"{who} can {first}{more}")
 
 
-def _contacts(
+def _contact_measures(
     system: FullSystem, bodies: Mapping[str, RigidBody], positions: CheckedPositions, shifts: Mapping[str, Array]
 ) -> Array:
     """Measures (T, m, 6 b) of the rigid motions of b bodies by the m contacts at T positions.
@@ -230,7 +230,10 @@ def _distribute_motions(free: Array, names: tuple[str, ...], scale: Array) -> di
 
 
 def _null_space(C: Array) -> Array:
-    """Orthonormal basis (n, f) of the motions x with C x = 0, for C (m, n); f = n if C has no rows."""
+    """Orthonormal basis (n, f) of the motions x with C x = 0, for C (m, n).
+
+    If C has no rows, f = n.
+    """
     _, sigma, Vt = np.linalg.svd(np.linalg.qr(C, mode="r"), full_matrices=True)
     return np.asarray(Vt[int(np.sum(sigma > FREE * sigma.max(initial=0.0))) :].T)
 

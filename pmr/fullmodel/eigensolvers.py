@@ -224,7 +224,7 @@ class SlepcEigenSolver:
         return finish_modes(model, s, omega2[:count], phi, cut)
 
     def _solve(self, M: PETSc.Mat, K: PETSc.Mat, count: int, deflation: list[PETSc.Vec]) -> SolvedModes:
-        """The `count` lowest omega^2 and the modes of these, M-orthogonal to the vectors in `deflation`; collective."""
+        """The `count` lowest values omega^2 and their modes, M-orthogonal to the vectors `deflation`; collective."""
         eps = lowest_mode_solver(K, M, self._sigma, count)
         pc = eps.getST().getKSP().getPC()
         pc.setType("cholesky")

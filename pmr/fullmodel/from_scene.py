@@ -66,7 +66,7 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
     """
     if traits_of(member).needs_fenicsx:
         check_fenicsx(model_of(member))
-    model, pads = structural_model_of(member, comm), _pads(member)
+    model, pads = structural_model_of(member, comm), _member_pads(member)
     if has_giving_walls(member):
         from pmr.fullmodel.wall_compliance import walls_of  # needs FEniCSx
 
@@ -124,7 +124,7 @@ def _load(member: Member, load: Load) -> Action | Warmth | LineLoad:
     return Warmth(load.name, load.direction, load.expansion / depth)
 
 
-def _pads(member: Member) -> Pads:
+def _member_pads(member: Member) -> Pads:
     """Pads, sliding points and contacts with other bodies, on the faces that a body's model has."""
     faces = pad_faces(member)
     fixed, moving = (

@@ -55,9 +55,9 @@ class Masses:
 
 
 def masses_of(model: StructuralModel, point_masses: Sequence[PointMass], M: PETSc.Mat) -> Masses | None:
-    """Masses and centre of gravity of a body: of its model with mass matrix M and of its `point_masses`; collective.
+    """Mass and centre of gravity of a `model` with the mass matrix M, and of its `point_masses`; collective.
 
-    Returns None for given matrices: supports inside them would falsify the mass.  A coordinate of the centre of
+    None is returned for given matrices: supports inside them would falsify the mass.  A coordinate of the centre of
     gravity that the model's motions do not show is 0.
     """
     if not is_assembled(model) and not isinstance(model, Mover):

@@ -366,7 +366,10 @@ def _free_places(pad: Pad, places: Array, off: Mask) -> str:
 
 
 def _off_face_error(pad: Pad, position: str, where: Extent | str) -> InputError:
-    """The error for a pad that leaves its face at a `position`, in words; `where` it is allowed."""
+    """The error for a pad that leaves its face at a `position`, in words.
+
+    `where` are the extent of the face, or words for the places at which the pad is allowed.
+    """
     allowed = f"the pad leaves the face {pad.on} {position}; places where all of it is on it are allowed: {where}"
     return InputError("scene", f"pads.{pad.name}", None, allowed)
 

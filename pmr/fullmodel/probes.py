@@ -161,7 +161,7 @@ class _Stresses:
 
     def gauges(self, number: int, measure: str) -> Iterator[Gauge]:
         """Yield gauges of the components of ``stress`` or ``strain`` (`measure`) that probe `number` measures."""
-        stress_rows, probe, (points, weights) = self.rows, self.part.probes[number], self._points(number)
+        stress_rows, probe, (points, weights) = self.rows, self.part.probes[number], self._probe_points(number)
         mean = self._mean(points, weights)
         if measure == "strain":
             by_material = self._by_material(points, weights)
@@ -171,7 +171,7 @@ class _Stresses:
         for k, component in enumerate(stress_rows.components):
             yield Gauge(f"{probe.name} {measure} {component}", UNITS[measure], mean[k], where, face)
 
-    def _points(self, number: int) -> _Points:
+    def _probe_points(self, number: int) -> _Points:
         """Stress points of probe `number`: the nearest to its point, on a beam those around it, or all in its group.
 
         In a group, only points on the probe's face count, or on the model's first face if the probe names none.

@@ -70,7 +70,10 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
 
 
 def _add_rayleigh(operators: Operators, law: Rayleigh) -> PETSc.Mat:
-    """Damping D + alpha M + beta K of a structure whose model has a damping D of its own, in place of D; collective."""
+    """Damping D + alpha M + beta K, in place of the damping D of a structure's model; collective.
+
+    `law` has the factors alpha and beta.
+    """
     assert operators.D is not None
     for factor, A in ((law.alpha, operators.M), (law.beta, operators.K)):
         if factor:

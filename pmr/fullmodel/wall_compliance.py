@@ -345,7 +345,10 @@ def _end_volume(box: Box, direction: str) -> float:
 
 
 def _loaded_ends(part: BoomSection) -> set[str | float]:
-    """Places on which a part has a mass, load or support, without those that a clamp or rigid mass keeps in shape."""
+    """Places on which a part has a mass, load or support.
+
+    Places that a clamp or rigid mass keeps in shape are left out.
+    """
     clamped = {support.on for support in part.supports if support.points == "all"}
     held_in_shape = clamped | {mass.on for mass in part.masses if mass.coupling == "rigid"}
     return {attached.on for kind in (part.masses, part.loads, part.supports) for attached in kind} - held_in_shape

@@ -146,7 +146,7 @@ def _without_rigid_flexibility(block: Block, rigid: NDArray[np.bool_]) -> Block:
 
 def _arrange_exactly(system: System) -> Arrangement:
     """Arrange the rows of a system; flexibility that is round-off is kept."""
-    parts, friction = _parts(system), Friction.from_contacts(system.contacts)
+    parts, friction = _body_parts(system), Friction.from_contacts(system.contacts)
     F = np.pad(system.compliance.constant, (0, 0 if friction is None else len(friction.pads)))
     size = {what: getattr(parts[-1], what).stop for what in ("modes", "inputs", "outputs")}
     C, H, X = (np.zeros((len(F), size[what])) for what in ("modes", "inputs", "outputs"))
@@ -176,7 +176,7 @@ def _arrange_exactly(system: System) -> Arrangement:
     return Arrangement(parts, paths, ranges, tuple(blocks), C, F, H, X, friction)
 
 
-def _parts(system: System) -> tuple[Part, ...]:
+def _body_parts(system: System) -> tuple[Part, ...]:
     """Bodies of a system, each with the slices of its modes, inputs and outputs among those of all bodies."""
     parts, r, i, o = list[Part](), 0, 0, 0
     for number, body in enumerate(system.reduced.values()):
@@ -247,7 +247,7 @@ def _rubbing_sides(system: System, friction: Friction | None) -> list[Side]:
     return [Side(m + k, s.place, s.sign) for k, pad in enumerate(pads) for s in system.sides if s.contact == pad]
 
 
-def _row(system: System, side: Side) -> Row:
+def _modal_row(system: System, side: Side) -> Row:
     """Row of a side as a function of the coordinate x on its body; for a side on which a moment acts, C'."""
     row = system.row(side.place)
     return row if side.contact < len(system.contacts) else row.slope
@@ -255,12 +255,12 @@ def _row(system: System, side: Side) -> Row:
 
 def _fixed_side_weights(system: System, side: Side) -> Array:
     """Weights (K,) on the carriers of the row of a side that does not travel, times the side's sign."""
-    return np.asarray(side.sign * _row(system, side).weights(side.place.at).toarray()[0])
+    return np.asarray(side.sign * _modal_row(system, side).weights(side.place.at).toarray()[0])
 
 
 def _row_on_path(system: System, side: Side) -> Row:
     """Row of a side as a function of the path coordinate s, with x = at + rate s, times the side's sign."""
-    row, place = _row(system, side), side.place
+    row, place = _modal_row(system, side), side.place
     c, breaks, touched = row.coefficients, row.breaks, row.touched
     if place.rate < 0.0:  # intervals are reversed: each begins at its former end
         shifted, h = c.copy(), np.diff(breaks)[:, None]

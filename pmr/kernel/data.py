@@ -58,9 +58,14 @@ def system_data(
     used = np.concatenate([part.modes.start + np.arange(part.body.size) for part in rows.parts])
     motions = 0 if frame is None else len(frame.drivers)
     split = Outputs.of(rows, supports)
-    arrays = _sizes(system, modal, rows, motions, len(split.outputs)) | _bodies(rows, split)
-    arrays |= _contacts(modal, rows, split) | _blocks(rows, split) | _terms(modal, rows) | _friction(rows)
-    arrays |= frame_arrays(frame, rows.paths) | _hoist(system, rows.paths)
+    arrays = _size_arrays(system, modal, rows, motions, len(split.outputs)) | _body_arrays(rows, split)
+    arrays |= (
+        _contact_arrays(modal, rows, split)
+        | _block_arrays(rows, split)
+        | _term_arrays(modal, rows)
+        | _friction_arrays(rows)
+    )
+    arrays |= frame_arrays(frame, rows.paths) | _hoist_arrays(system, rows.paths)
     modes, reactions = [part.modes for part in rows.parts], [name for of in supports for name in of.names]
     arrays |= support_arrays(system, supports, [*forms.values()], modes, round_up(len(reactions)) + LANES)
     scene = None if frame is None else frame.scene
@@ -136,7 +141,7 @@ def system_in_modes(system: System, forms: Mapping[str, Modal], supports: Sequen
     return System(bodies, system.contacts, terms=terms)
 
 
-def _sizes(system: System, modal: System, rows: Arrangement, motions: int, outputs: int) -> Arrays:
+def _size_arrays(system: System, modal: System, rows: Arrangement, motions: int, outputs: int) -> Arrays:
     """Sizes of the system: an array of whole numbers under the key that `read_arrays` in src/system.c reads.
 
     The numbers are in the order of that function.
@@ -164,7 +169,7 @@ def _sizes(system: System, modal: System, rows: Arrangement, motions: int, outpu
     return {"sizes": np.array(sizes)}
 
 
-def _hoist(system: System, paths: Sequence[str]) -> Arrays:
+def _hoist_arrays(system: System, paths: Sequence[str]) -> Arrays:
     """Arrays of the hoist of a system with these `paths`, by their names in the kernel's block.
 
     The arrays have no entries if the system has no hoist.
@@ -192,7 +197,7 @@ def _fill_rows(array: Array, width: int) -> Array:
     return np.pad(np.asarray(array, float), [(0, 0)] * (array.ndim - 1) + [(0, missing)])
 
 
-def _bodies(rows: Arrangement, split: Outputs) -> Arrays:
+def _body_arrays(rows: Arrangement, split: Outputs) -> Arrays:
     """Arrays of the modes, inputs and outputs of all bodies, by their names in the kernel's block."""
     last = rows.parts[-1]
     r, i, o = last.modes.stop, last.inputs.stop, last.outputs.stop
@@ -222,7 +227,7 @@ def _bodies(rows: Arrangement, split: Outputs) -> Arrays:
     }
 
 
-def _contacts(system: System, rows: Arrangement, split: Outputs) -> Arrays:
+def _contact_arrays(system: System, rows: Arrangement, split: Outputs) -> Arrays:
     """Constant arrays of the contacts by their names in the kernel's block.
 
     They hold the rows, the clearances, which contacts push, and the ropes that lengthen.
@@ -249,7 +254,7 @@ def _contacts(system: System, rows: Arrangement, split: Outputs) -> Arrays:
     }
 
 
-def _blocks(rows: Arrangement, split: Outputs) -> Arrays:
+def _block_arrays(rows: Arrangement, split: Outputs) -> Arrays:
     """Arrays of the blocks of rows, and of pairs of blocks, by their names in the kernel's block.
 
     The tables of all blocks are stored one after the other.
@@ -265,7 +270,7 @@ def _blocks(rows: Arrangement, split: Outputs) -> Arrays:
         return at
 
     numbers, pairs, reactions = list[list[int]](), list[list[int]](), list[list[int]]()
-    carriers = [_carriers(block.on_carriers) for block in rows.blocks]
+    carriers = [_touched_carriers(block.on_carriers) for block in rows.blocks]
     for block, on in zip(rows.blocks, carriers, strict=True):
         q, part, C, X = len(block.numbers), block.part, block.rows.c, block.outputs.c
         count, (first_output, first_reaction) = split.counts[part.number], split.before(part)
@@ -305,7 +310,7 @@ def _pad_powers(c: Array, powers: int) -> Array:
     return np.concatenate([np.zeros((max(powers - len(c), 0), *c.shape[1:])), c])
 
 
-def _carriers(rows: tuple[Row, ...]) -> NDArray[np.int64]:
+def _touched_carriers(rows: tuple[Row, ...]) -> NDArray[np.int64]:
     """Ascending numbers (k,) of the carriers that the `rows` touch, each once."""
     return np.unique(np.concatenate([np.zeros(0, np.int64), *(row.touched.ravel() for row in rows)]))
 
@@ -322,7 +327,7 @@ def _carrier_weights(row: Row, width: int, carriers: NDArray[np.int64]) -> dict[
     return {"touched": touched, "weights": weights}
 
 
-def _terms(system: System, rows: Arrangement) -> Arrays:
+def _term_arrays(system: System, rows: Arrangement) -> Arrays:
     """Matrices of the system's terms, by their names in the kernel's block.
 
     They are stored in registers of `LANES` rows by one column; registers without entries are left out.  Entries up to
@@ -358,7 +363,7 @@ def _terms(system: System, rows: Arrangement) -> Arrays:
     }
 
 
-def _friction(rows: Arrangement) -> Arrays:
+def _friction_arrays(rows: Arrangement) -> Arrays:
     """Arrays of the pads with friction, grouped by joint, by their names in the kernel's block.
 
     Without friction the only key is ``first_pad``.

@@ -183,7 +183,7 @@ def _outcome(
         SummaryPart(warnings=memory_warnings(scene, size, outputs)),
         *(SummaryPart(warnings=build_warnings(structure)) for structure in structures),
         SummaryPart(warnings=free_motions),
-        axial_part(scene, system, excitation, _masses(built)),
+        axial_part(scene, system, excitation, _body_masses(built)),
         SummaryPart(warnings=mesh_part.mesh_warnings(scene)),
         SummaryPart(probe_summary({name: body.structure.outputs for name, body in built.items()})),
         SummaryPart(summary_of_walls({name: body.structure.pads.walls for name, body in built.items()})),
@@ -276,7 +276,7 @@ def _stress_at_pads(bodies: Bodies, motions: Motions) -> Summary:
     return stress_at_pads(scene, bodies.built, bodies.bodies, states)
 
 
-def _masses(built: Mapping[str, AssembledBody]) -> dict[str, float]:
+def _body_masses(built: Mapping[str, AssembledBody]) -> dict[str, float]:
     """Masses of the bodies in kg by name, without what is attached to them; given matrices have none."""
     return {name: body.model.masses.body for name, body in built.items() if body.model.masses is not None}
 

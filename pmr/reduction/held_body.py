@@ -72,7 +72,7 @@ def held_body(scene: Scene, s: float, count: int) -> NodalBody:
         modes=q[order],
         omega=modes.omega,
         damping=symmetric_part(modes.phi.T @ times(full.D, modes.phi)),
-        frames=_places(structure, q),
+        frames=_measured_places(structure, q),
     )
 
 
@@ -133,7 +133,7 @@ def _springs(structure: Structure, s: float) -> sp.csr_matrix:
     return sp.csr_matrix(K)
 
 
-def _places(structure: Structure, q: Array) -> Places:
+def _measured_places(structure: Structure, q: Array) -> Places:
     """Points where loads act and outputs are measured, and the points' motions in the modes q (n, count).
 
     The loads' points come first; points that coincide are listed once.  Rotations are zero where the model has none.

@@ -123,10 +123,10 @@ class Recovery:
         """Full coordinates q (S, n_local), this rank's part."""
         q = states.p @ self.V.T
         if self._residual is not None:
-            q += self._residual.apply(self._loads(states)).T
+            q += self._residual.apply(self._acting_loads(states)).T
         return np.asarray(q)
 
-    def _loads(self, states: BodyStates) -> Array:
+    def _acting_loads(self, states: BodyStates) -> Array:
         """Loads B f - C(s)^T z (n_local, S) in N, this rank's part."""
         model_rows = self._model.rows
         pressed = sp.csr_matrix((len(states.t), model_rows.size))

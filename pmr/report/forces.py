@@ -124,7 +124,11 @@ def pivot_block(result: RunResult, prefix: str) -> Block | None:
             )
     of_boom = "of the boom on its machine, sum over all supports, in the axes of the boom."
     panels = [
-        Panel(f"pivot-{name}", f"{what} {of_boom}{note if unit == 'N' else ''}", _acting(result, outputs, unit))
+        Panel(
+            f"pivot-{name}",
+            f"{what} {of_boom}{note if unit == 'N' else ''}",
+            _acting_outputs(result, outputs, unit),
+        )
         for unit, what, name in (("N", "Forces", "forces"), ("N m", "Moments about the pivot", "moments"))
     ]
     drawings = _draw_panels(result, prefix, panels)
@@ -173,7 +177,11 @@ def driven_block(result: RunResult, prefix: str) -> Block | None:
     flows = [output for output in _of_kind(result, "flow") if output.unit != "m^3"]
     panels = (
         Panel("luffing-extension", "Extension that is computed.", extensions),
-        Panel("luffing-force", "Force on the extension, positive where it pushes.", _acting(result, driven, "N")),
+        Panel(
+            "luffing-force",
+            "Force on the extension, positive where it pushes.",
+            _acting_outputs(result, driven, "N"),
+        ),
         Panel("luffing-pressure", "Pressures of the oil above that of the surroundings.", _of_kind(result, "pressure")),
         Panel("luffing-flow", "Flows into bore and rod side, and out of the supply.", flows),
         Panel(
@@ -228,7 +236,7 @@ def _of_kind(result: RunResult, kind: str) -> list[Output]:
     return [output for output in response.outputs if output.kind == kind and np.any(response.other(output.name))]
 
 
-def _acting(result: RunResult, outputs: Sequence[Output], unit: str) -> list[Output]:
+def _acting_outputs(result: RunResult, outputs: Sequence[Output], unit: str) -> list[Output]:
     """Outputs in this unit that act: they exceed round-off compared with the largest of them."""
     response = result.responses["reduced"]
     sizes = [(output, float(np.abs(response.other(output.name)).max())) for output in outputs if output.unit == unit]

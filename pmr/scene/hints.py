@@ -241,7 +241,7 @@ def left_out(scene: Scene, at_rest: bool = False) -> dict[str, str]:
         "strength": _strength_effects(scene, at_rest),
         "walls": _wall_effects(scene),
         "pads": _pad_effects(scene, at_rest),
-        "masses": _masses(scene),
+        "masses": _missing_masses(scene),
         "loads": _load_effects(scene),
         "machine": _machine_effects(scene),
     }
@@ -329,7 +329,7 @@ def _pad_effects(scene: Scene, at_rest: bool) -> list[str]:
     return [*clauses, "wear", "spread of the pressure under a pad"]
 
 
-def _masses(scene: Scene) -> list[str]:
+def _missing_masses(scene: Scene) -> list[str]:
     """List the parts of a boom of boxes that have no mass in the model.
 
     Parts for which the scene names a mass are left out.

@@ -79,7 +79,7 @@ def read_scene(system: System, source: str, free: bool = False) -> StoredScene:
     """
     try:
         scene = system.provenance["scene"]
-        if any(map(_names_a_file, _signals(scene))):
+        if any(map(_names_a_file, _signal_entries(scene))):
             raise ValueError("a signal in a saved model contains its numbers; it reads no file")
         if ALONE in system.bodies and not (scene.get("frame") or scene.get("hoist")):
             return _read_body_scene(scene, system)
@@ -176,7 +176,7 @@ def path_ranges(system: System) -> dict[str, tuple[float, float]]:
     return {path: (max(low, ends[path][0]), min(high, ends[path][1])) for path, (low, high) in ranges.items()}
 
 
-def _signals(scene: Any) -> list[Any]:
+def _signal_entries(scene: Any) -> list[Any]:
     """Entries of joints, sliders and loads of a stored scene, in one list; the scene has one body or sections."""
     parts = [part for part in scene.get("sections", [scene]) if isinstance(part, dict)]
     return [part.get(key) for part in parts for key in ("joint", "slider", "loads")]
@@ -237,7 +237,7 @@ class MovingFrame:
         return cls(
             scene=scene,
             paths=tuple(scene.paths),
-            loads=tuple(_loads(scene)),
+            loads=tuple(_scene_loads(scene)),
             angles=(*(name for name in OF_FRAME if angles[name] is not None), *(OF_BASE if frame.base_angles else ())),
             axes=AXES if base_accelerations(scene) else (),
             inputs=_products(system.input_names, excitation.loads, {name: name for name in excitation.loads}),
@@ -301,7 +301,7 @@ class MovingFrame:
         assert frame is not None
         angles = dict(zip(ANGLES, (*frame.angles, *frame.base_angles), strict=False))
         shaken = dict(zip(AXES, base_accelerations(self.scene), strict=False))
-        signals = dict(self.scene.paths) | _loads(self.scene) | angles | shaken
+        signals = dict(self.scene.paths) | _scene_loads(self.scene) | angles | shaken
         return tuple(signals[name] for name in self.drivers)
 
     def drives(self, excitation: Excitation) -> bool:
@@ -335,7 +335,7 @@ def _products(
     return tuple(products)
 
 
-def _loads(scene: Scene) -> dict[str, SignalBase]:
+def _scene_loads(scene: Scene) -> dict[str, SignalBase]:
     """Signals of the loads by input name, as the scene gives them, and of the gravity."""
     signals = dict[str, SignalBase]()
     for name, member in zip(scene.names, members(scene), strict=True):

@@ -42,13 +42,13 @@ def first_load(
     they are `NODES` evenly spaced loads, all together if `at_once` is true and one after the other if it is false.
     """
     if 0.0 < guess < top:
-        points = _points(used, dict.fromkeys(min(guess * factor, top) for factor in FACTORS_AROUND_GUESS))
+        points = _share_points(used, dict.fromkeys(min(guess * factor, top) for factor in FACTORS_AROUND_GUESS))
         if points[0][1] < 0.0 <= points[-1][1]:
             return _find_root(used, points, TOP_TOLERANCE * top)
     loads = [0.0, top] if grows else np.linspace(0.0, top, NODES).tolist()
     points = []
     for some in [loads] if at_once else [[load] for load in loads]:
-        points += _points(used, some)
+        points += _share_points(used, some)
         if points[0][1] >= 0.0:
             return 0.0
         if any(excess >= 0.0 for _, excess in points):
@@ -56,7 +56,7 @@ def first_load(
     return np.nan
 
 
-def _points(used: UsedShares, loads: Iterable[float]) -> list[Point]:
+def _share_points(used: UsedShares, loads: Iterable[float]) -> list[Point]:
     """Return a point (load, share - 1) for each of the `loads` in kg."""
     return [(load, share - 1.0) for load, share in zip(loads, used([*loads]), strict=True)]
 
@@ -85,7 +85,7 @@ def _find_root(used: UsedShares, points: list[Point], tolerance: float) -> float
         if not trial_loads:
             return best
         before = high - low
-        points = sorted([*points, *_points(used, sorted(trial_loads))])
+        points = sorted([*points, *_share_points(used, sorted(trial_loads))])
 
 
 class RootEstimate(NamedTuple):

@@ -75,7 +75,9 @@ def contacts_of(scene: Scene, bodies: Mapping[str, Body]) -> tuple[Contact, ...]
     """
     if ALONE in bodies:
         return ground_contacts(bodies[ALONE])
-    contacts = [contact for number in range(1, len(scene.sections)) for contact in _contacts(scene, number, bodies)]
+    contacts = [
+        contact for number in range(1, len(scene.sections)) for contact in _joint_contacts(scene, number, bodies)
+    ]
     places = [place for contact in contacts for place in (contact.inner, contact.outer) if place is not None]
     joined = {(place.body, place.row) for place in places}
     ground = [
@@ -98,7 +100,7 @@ def force_names(scene: Scene) -> Mapping[str, Sequence[str]]:
                 for ring in getattr(joint, at):
                     faces = body_ring(ring, footprint(scene, ring)).named_pads if ring.faces else ()
                     rows = {row for row, face, _ in faces if face in felt}
-                    names["pad"] += [pad.name for pad in _pads(scene, number, ring, f"{name} {at}", rows)]
+                    names["pad"] += [pad.name for pad in _pad_contacts(scene, number, ring, f"{name} {at}", rows)]
             if has_driven_tail(member):
                 names["cylinder"].append(cylinder_name(name))
         body_pads = [(pad, face) for ring in member.part.pads for pad, face, _ in ring.named_pads]
@@ -116,7 +118,7 @@ def force_names(scene: Scene) -> Mapping[str, Sequence[str]]:
     return names
 
 
-def _contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator[Contact]:
+def _joint_contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator[Contact]:
     """Contacts of the joint in which the section with the given `number` slides; `bodies` are all bodies by name.
 
     The pads at the tail and at the mouth come first, then rows that keep a rigid overlap straight, then the cylinder.
@@ -127,10 +129,11 @@ def _contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator
     rows = set(bodies[inner].row_names) & set(bodies[outer].row_names)
     length = scene.sections[number - 1].length
     for ring in joint.tail:
-        yield from (pad_at_tail(pad, outer, inner) for pad in _pads(scene, number, ring, f"{inner} tail", rows))
+        yield from (pad_at_tail(pad, outer, inner) for pad in _pad_contacts(scene, number, ring, f"{inner} tail", rows))
     for ring in joint.mouth:
         yield from (
-            pad_at_mouth(pad, outer, inner, length) for pad in _pads(scene, number, ring, f"{inner} mouth", rows)
+            pad_at_mouth(pad, outer, inner, length)
+            for pad in _pad_contacts(scene, number, ring, f"{inner} mouth", rows)
         )
     if joint.rigid_overlap:
         within = Place(inner, "", length - min(ring.at for ring in joint.mouth), inner, -1.0)
@@ -158,7 +161,7 @@ def _contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator
         )
 
 
-def _pads(scene: Scene, number: int, ring: JointPads, prefix: str, rows: set[str]) -> Iterator[Contact]:
+def _pad_contacts(scene: Scene, number: int, ring: JointPads, prefix: str, rows: set[str]) -> Iterator[Contact]:
     """Yield the pads of one ring in the joint of section `number`.
 
     A pad is left out if one of both sections has none of the `rows` that it needs: a planar beam has no rows for
@@ -268,7 +271,7 @@ def combine_rings(system: System) -> CombinedRings:
             measured = share if len(ring) == 1 else share * scaled * [pad.direction for pad in pads]
             places = [
                 replace(same[0], row=bodies[same[0].body].combine([place.row for place in same], measured))
-                for same in zip(*map(_places, pads), strict=True)
+                for same in zip(*map(_contact_places, pads), strict=True)
             ]
             contact = replace(pads[n], inner=places[0], outer=(*places, None)[1])
             if len(ring) > 1:
@@ -290,7 +293,7 @@ def _rings(contacts: Sequence[Contact], bodies: Mapping[str, _BodyRows]) -> list
     groups = dict[object, list[int]]()
     for number, contact in enumerate(contacts):
         combines = contact.clearance is None and contact.compliance > 0.0 and not contact.friction
-        where = tuple((place.body, place.at, place.path, place.rate) for place in _places(contact))
+        where = tuple((place.body, place.at, place.path, place.rate) for place in _contact_places(contact))
         groups.setdefault(where if combines else number, []).append(number)
     rings = list[tuple[list[int], Array]]()
     for ring in groups.values():
@@ -299,7 +302,7 @@ def _rings(contacts: Sequence[Contact], bodies: Mapping[str, _BodyRows]) -> list
     return rings
 
 
-def _places(contact: Contact) -> list[Place]:
+def _contact_places(contact: Contact) -> list[Place]:
     """Inner place of a contact, followed by the outer place unless the contact is with the ground."""
     return [contact.inner] if contact.outer is None else [contact.inner, contact.outer]
 
@@ -319,7 +322,7 @@ def _ring_basis(bodies: Mapping[str, _BodyRows], pads: Sequence[Contact]) -> Arr
     saved, or if the rows can't be combined.
     """
     measured = []
-    for same in zip(*map(_places, pads), strict=True):
+    for same in zip(*map(_contact_places, pads), strict=True):
         measures = bodies[same[0].body].measures([place.row for place in same])
         if measures is None:
             return None

@@ -134,7 +134,7 @@ def read(path: Path) -> StoredSystem | ReducedModel:
             ]
             for kind, names in {"bodies": file_header.bodies, "on_modes": file_header.on_modes}.items()
         )
-        terms = tuple(_term(term, data, f"terms.{number}.") for number, term in enumerate(file_header.terms))
+        terms = tuple(_read_term(term, data, f"terms.{number}.") for number, term in enumerate(file_header.terms))
         wrong = _contradiction(file_header, models, on_modes)
     except InputError:
         raise
@@ -153,7 +153,7 @@ def read(path: Path) -> StoredSystem | ReducedModel:
     return StoredSystem(bodies, file_header.contacts, terms, file_header.provenance, modal)
 
 
-def _term(header: _TermHeader, data: Mapping[str, NDArray[np.generic]], prefix: str) -> Term:
+def _read_term(header: _TermHeader, data: Mapping[str, NDArray[np.generic]], prefix: str) -> Term:
     """Term with the name and bodies in `header`, and with matrices from `data`, whose names begin with `prefix`."""
     matrices = {key: np.asarray(data[prefix + key], float) for key in ("stiffness", "damping") if prefix + key in data}
     on = {name: f"{prefix}supports.{body}" for body, name in enumerate(header.bodies)}

@@ -131,10 +131,10 @@ def terms_of(
 
     `bodies` maps names to models.  A scene whose frame does not move, or is of first order, has no terms.
     """
-    return tuple(_term(scene, term, bodies) for term in (frame_terms(scene) if which is None else which))
+    return tuple(_build_term(scene, term, bodies) for term in (frame_terms(scene) if which is None else which))
 
 
-def _term(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Term:
+def _build_term(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Term:
     """Build the term of the equations for one frame term, with its work on the motions of rigid supports.
 
     `bodies` are all bodies by name.  Terms of cylinders join two sections.  They have the stiffness m D^T D: D (d, n)

@@ -55,7 +55,7 @@ class Contacts:
         return bool(self._pushes.any())
 
     def springs(self, x: Array) -> Array:
-        """Matrices K + C^T F^-1 C and B - C^T F^-1 H side by side, (T, n, n + i), at side positions x (T, sides) m.
+        """Matrices K + C^T F^-1 C and B - C^T F^-1 H as one array (T, n, n + i), at side positions x (T, sides) m.
 
         C, F and H are the matrices of contacts that give way.  Not to be called if any of these contacts only pushes.
         """
@@ -245,7 +245,7 @@ class Pads:
     def end(self, rows: Rows, q: Array, f: Array, t: float) -> PadState:
         """End the step at t s with coordinates q (n,) and loads f (i,), and return the state of the contacts.
 
-        The next step starts from its friction.  Otherwise as `state`.
+        The next step starts from the friction in this state.  Arguments and errors are those of `state`.
         """
         ended = self.state(rows, q, f, t)
         self.grip, self.t = ended.grip, t

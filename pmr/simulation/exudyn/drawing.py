@@ -66,13 +66,13 @@ class SystemObserver:
         """Outputs y = O q + W f - X lambda (o,) at t s, with the effect of the moments of friction."""
         equations, q = self._items.parts.equations, self._items.coordinates(self._mbs, configuration)
         at = self._contact_state(t, q)
-        y = equations.outputs @ q + equations.assembly.direct @ self._loads(t) - at.rows.X @ at.multipliers
+        y = equations.outputs @ q + equations.assembly.direct @ self._acting_loads(t) - at.rows.X @ at.multipliers
         if at.friction is not None:
             turned = equations.assembly.outputs_by_moments(self._items.parts.inputs.positions(t)[0])
             y = y + turned @ self._items.parts.rubbing.law.moments(at.friction, at.multipliers)
         return np.asarray(y)
 
-    def _loads(self, t: float) -> Array:
+    def _acting_loads(self, t: float) -> Array:
         """Loads (i,) at t s, with the inertia of the boom by the motion of its base."""
         loads, base = np.array(self._items.parts.inputs.loads(t)), self._items.parts.base
         return loads if base is None else loads + base.inertia(self._mbs, t)
@@ -84,7 +84,7 @@ class SystemObserver:
             self._items.parts.inputs,
             np.zeros(len(self._rest)),
         )
-        x, f, rubbing, grip = inputs.positions(t), self._loads(t), self._items.parts.rubbing, None
+        x, f, rubbing, grip = inputs.positions(t), self._acting_loads(t), self._items.parts.rubbing, None
         if self._held:
             multipliers[self._held] = self._mbs.GetObjectOutput(self._items.oContacts, exu.OutputVariableType.Force)
         if rubbing is not None:
@@ -139,7 +139,7 @@ def add_drawing(mbs: exu.MainSystem, items: SystemItems, scene: Scene, scale: fl
 
 
 class Posture(NamedTuple):
-    """Position and axes of a boom, and how far it is out."""
+    """Position and axes of a boom, and its extensions."""
 
     pivot: Array  # (3,) m
     axes: Array  # (3, 3): columns are the axes of the boom

@@ -267,7 +267,10 @@ class Inputs(ABC):
         return self.state(t)[2]
 
     def function_of_time(self, evaluate: PositionFunction) -> Callable[[float], Array]:
-        """Function of t in s that returns `evaluate` at the side positions of this time; computed once for each."""
+        """Function of t in s that returns `evaluate` at the side positions of this time.
+
+        It is computed once for each position.
+        """
         number, stored = -1, np.empty(0)
 
         def value(t: float) -> Array:

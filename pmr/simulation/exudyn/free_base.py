@@ -347,7 +347,7 @@ def terms_on_base(loads: Mapping[str, Driving], paths: Mapping[str, Driving], on
 
 
 def _cylinder_load(load: Driving, extension: Driving, mbs: exu.MainSystem, t: float) -> float:
-    """Load along a cylinder over its length, in N/m, at t s."""
+    """Load along a cylinder divided by the cylinder's length, in N/m, at t s."""
     return driving_value(load, mbs, t) / driving_value(extension, mbs, t)
 
 

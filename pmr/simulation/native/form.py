@@ -135,7 +135,7 @@ class SystemForm:
 
 
 def driver_signals(form: SystemForm, excitation: Excitation) -> list[SignalBase]:
-    """Signals of the kernel's N drivers in its order: paths, loads, amplitudes of terms, what drives a hoist.
+    """Signals of the kernel's N drivers in its order: paths, loads, amplitudes of terms, then drivers of a hoist.
 
     A single body without a path is at the beginning of its domain.  Raises InputError if a path, a load or a term has
     no signal.
@@ -188,8 +188,8 @@ def begin(
     """Start a kernel of `form` by ``start(kind, *modes)``; return the arguments with which it started.
 
     It begins in the states `initial` of bodies by name, or, if that is None, as the excitation says: at rest or in
-    equilibrium.  Beside the errors of `start`, a StepError is raised if no equilibrium with a hoist is found.  An
-    InputError is raised if nothing holds the bodies, or if a system with a hoist has more than `DENSE_WITH_HOIST`
+    equilibrium.  In addition to the errors of `start`, a StepError is raised if no equilibrium with a hoist is found.
+    An InputError is raised if nothing holds the bodies, or if a system with a hoist has more than `DENSE_WITH_HOIST`
     modes.
     """
     system, modes, failed = form.system, form.kernel.modes, None

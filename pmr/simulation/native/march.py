@@ -226,7 +226,10 @@ class March:
             taken, per = taken + done, needed or max(self.state.settings.parts[0], per // 2)
 
     def sample_drivers(self, first: int, last: int, per: int) -> Array:
-        """Values (K, N) of the drivers from step `first` to step `last`: K = (last - first) per + 1, `per` a step."""
+        """Values (K, N) of the drivers from step `first` to step `last`, at `per` evenly spaced times in each step.
+
+        K is (last - first) per + 1.
+        """
         begun = perf_counter()
         t = np.arange(first * per, last * per + 1) * (float(self.t[1]) / per)
         u = np.column_stack([np.empty((len(t), 0)), *(signal.value(t) for signal in self._drivers)])

@@ -161,7 +161,7 @@ def displacements(
 
 
 def outputs_by_body(system: System, outputs: Sequence[int] | None) -> dict[str, Indices | slice]:
-    """Indices of `outputs` among the outputs of each body alone, by the body's name.
+    """Indices of the chosen `outputs` among the outputs of each body alone, by the body's name.
 
     `outputs` are ascending indices among the outputs of all bodies, one body after the other; None selects all.
     """

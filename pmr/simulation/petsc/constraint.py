@@ -192,7 +192,10 @@ class CarrierAnswers(NamedTuple):
 
 
 def solve_for_carriers(factor: MatrixFactor, E: sp.csr_matrix, comm: MPI.Comm, stored: bool) -> CarrierAnswers:
-    """Response to unit forces on carriers, by a `factor` of S; the argument `E` has this rank's columns of E^T."""
+    """Response to unit forces on carriers, by a `factor` of S; collective.
+
+    `E` has this rank's columns of E^T.  Displacements are kept only if `stored` is true.
+    """
     p, n = E.shape
     P, stored_rows = np.zeros((p, p)), np.zeros((n, p if stored else 0), order="F")
     for k in range(0, p, BLOCK):

@@ -206,7 +206,7 @@ class _RayleighCoefficients:
 
 
 def contact_frequency(system: FullSystem, x: Array, mass: BlockFactor) -> float:
-    """Largest omega in rad/s of one-sided contacts, with the sides at x (T, q) in m; collective."""
+    """Largest omega in rad/s of contacts that only push, with the sides at x (T, q) in m; collective."""
     pushing, largest = np.flatnonzero(~np.isnan(system.clearance)), 0.0
     steps = np.unique(np.linspace(0, len(x) - 1, contact_step.PLACES).astype(int))
     rows = rows_on_paths(system, x[steps])

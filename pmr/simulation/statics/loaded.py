@@ -363,7 +363,7 @@ class LoadedStructure:
         return self._states[load]
 
     def states(self, loads: Sequence[float]) -> LoadedStates:
-        """Equilibria under several loads."""
+        """Equilibria under several loads, in the order of `loads`; errors as `state`."""
         return LoadedStates.from_states([self.state(load) for load in loads])
 
     def _form(self, closed: Mask) -> Form:

@@ -121,7 +121,7 @@ class Study(StudyBase):
         for key, angles in (("luffing", self._luffing_angles), ("slewing", self.slewing)):
             scene.frame.refuse_without_unit(key, angles, "study")
         unit = np.pi / 180.0 if scene.frame.unit == "degrees" else 1.0
-        points = [(row, a * unit, b * unit) for row, a, b in self._points]
+        points = [(row, a * unit, b * unit) for row, a, b in self._chart_points]
         held = {name: float(path.value(0.0)) for name, path in scene.paths.items() if name not in scene.names}
         at = {
             "extensions": {name: [(held | row)[name] for row, *_ in points] for name in scene.paths},
@@ -181,7 +181,7 @@ class Study(StudyBase):
 
     def summary_line(self, results: StudyResults) -> str:
         """Return a line with the least and the largest load in kg that all limits allow at the points."""
-        points, table = len(self._points), self.table(results)
+        points, table = len(self._chart_points), self.table(results)
         loads = self.loads(table)
         if not np.isfinite(loads.least).any():
             alone = f"; only {STABILITY_WORDS} was evaluated; [[limits]] of the study adds others"
@@ -245,7 +245,7 @@ class Study(StudyBase):
         done = [run.status == "done" for run in results.runs]
         if not any(done):
             return {"chart.csv": "", "duty.csv": "", "duty.xlsx": ""}
-        points, table = compress(self._points, np.repeat(done, self._row_size)), self.table(results)
+        points, table = compress(self._chart_points, np.repeat(done, self._row_size)), self.table(results)
         loads = self.loads(table)
         rows = [self._cells(table, loads, k, *point) for k, point in enumerate(points)]
         cells = [[_cell(value) for _, value in row] for row in rows]
@@ -306,7 +306,7 @@ class Study(StudyBase):
         return table_hints(self, self._scene)
 
     @property
-    def _points(self) -> list[tuple[dict[str, float], float, float]]:
+    def _chart_points(self) -> list[tuple[dict[str, float], float, float]]:
         """All points: extensions in m by section, luffing and slewing angle in the scene's unit."""
         return [(row, a, b) for row in self._extension_rows for a in self._luffing_angles for b in self.slewing]
 

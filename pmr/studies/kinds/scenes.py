@@ -119,7 +119,7 @@ class Study(StudyBase):
     def plan(self) -> Plan:
         """Return a task for each run, and for single bodies the frequencies and references they share."""
         runs, common = [], dict[str, Task]()
-        for file, point in self._points():
+        for file, point in self._run_points():
             key = task_key(",".join(point.words) or file.stem)
             scene = _varied_scene(file, point, key)
             arguments, needs = shared.scene_arguments(scene), dict[str, Task]()
@@ -132,7 +132,7 @@ class Study(StudyBase):
             runs.append(Task(key, run_case, arguments, keys, point.parameters))
         return Plan(tuple(runs), tuple(common.values()))
 
-    def _points(self) -> Iterator[tuple[Path, ScenePoint]]:
+    def _run_points(self) -> Iterator[tuple[Path, ScenePoint]]:
         """Yield the scene's file and the changes of each run."""
         for file in self.scenes:
             of_scene: dict[str, Scalar] = {"scene": file.stem} if len(self.scenes) > 1 else {}
