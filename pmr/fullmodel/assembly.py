@@ -87,9 +87,11 @@ class Assembler:
     def __init__(self, model: FiniteElementModel, domain: object) -> None:
         self.model, self.comm, self.space = model, comm_of(domain), model.space(domain)
         self._order = model_order(model, self.space)
-        numbers = np.arange(len(self._order))
-        ordered = sp.csr_matrix((np.ones(len(numbers)), (self._order, numbers)))
-        self._projection = ordered if model.transformation is None else sp.csr_matrix(ordered @ model.transformation)
+        self._projection: sp.csr_matrix | None = None  # None: the model's coordinates are those of the space, reordered
+        if model.transformation is not None:
+            numbers = np.arange(len(self._order))
+            ordered = sp.csr_matrix((np.ones(len(numbers)), (self._order, numbers)))
+            self._projection = sp.csr_matrix(ordered @ model.transformation)
 
     def matrix(self, form: object, zeros: bool = True) -> PETSc.Mat:
         """Assemble a UFL form to a matrix (n, n); if `zeros`, explicit zeros of its pattern are kept.  Collective."""
@@ -100,16 +102,20 @@ class Assembler:
 
         If `zeros`, explicit zeros of the pattern are kept.  Collective.
         """
-        A, columns = assemble(form), share(self._projection.shape[1], self.comm)
-        size = int(columns[1] - columns[0])
-        P = sparse(self._projection[slice(*A.getOwnershipRange())], A, columns=size)
-        product = A.PtAP(P)
-        rows = local_csr(product)
-        free_objects(P, product, A)
+        A, size = assemble(form), len(self._order) if self._projection is None else self._projection.shape[1]
+        low, high = (int(number) for number in share(size, self.comm))
+        if self._projection is None:
+            change = PETSc.IS().createGeneral(self._order[low:high].astype(PETSc.IntType), comm=A.comm)
+            reordered = A.createSubMatrix(change, change)  # a tenth of the time of a product with a permutation
+        else:
+            change = sparse(self._projection[slice(*A.getOwnershipRange())], A, columns=high - low)
+            reordered = A.PtAP(change)
+        rows = local_csr(reordered)
+        free_objects(change, reordered, A)
         if not zeros:
             rows.eliminate_zeros()
-        sizes, csr = (size, rows.shape[1]), (rows.indptr, rows.indices, rows.data)
-        matrix = PETSc.Mat().createAIJ((sizes, sizes), csr=csr, comm=self.comm)  # the product is on dolfinx' copy of it
+        sizes, csr = (high - low, size), (rows.indptr, rows.indices, rows.data)
+        matrix = PETSc.Mat().createAIJ((sizes, sizes), csr=csr, comm=self.comm)  # `reordered` is on dolfinx' copy of it
         matrix.assemble()
         return matrix
 

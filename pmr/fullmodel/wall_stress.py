@@ -111,9 +111,14 @@ class SectionPiece:
         ]
 
     @cached_property
+    def beam(self) -> PieceBeam:
+        """Beam of the piece, which both meshes are compared with."""
+        return PieceBeam(self.bodies[0])
+
+    @cached_property
     def meshes(self) -> list[PieceMesh]:
         """Models of the piece on the coarser and the finer mesh."""
-        return [PieceMesh(body) for body in self.bodies]
+        return [PieceMesh(body, self.beam) for body in self.bodies]
 
     def place(self, x: Array) -> Array:
         """Return the places (...) in m on the piece that stand for places x (...) in m on the section."""
@@ -152,32 +157,56 @@ class SectionPiece:
 
     def destroy(self) -> None:
         """Free the memory of the models."""
-        for mesh in self.__dict__.get("meshes", ()):
-            mesh.destroy()
+        if "meshes" in self.__dict__:
+            self.beam.destroy()
+            for mesh in self.meshes:
+                mesh.destroy()
+
+
+class PieceBeam:
+    """Beam of a piece of a section, and its section forces under pads."""
+
+    def __init__(self, body: PlateBody) -> None:
+        line = beam_of(body)
+        self._held, self._rows = HeldModel(line, body), line.section_forces()
+
+    def section_forces(self, pads: Sequence[Pad], x: Array) -> Array:
+        """Section forces (k, 6, P) under 1 N of each of k pads at the places x (P,) in m."""
+        forces, names = self._rows.rows @ self._held.under_pads(pads), np.array(self._rows.names)
+        result = np.zeros((len(pads), len(FORCES), len(x)))
+        for number, name in enumerate(FORCES):
+            if np.any(of := names == name):
+                at, values = mean_by_place(self._rows.x[of], forces[of].T)
+                result[:, number] = [np.interp(x, at, value) for value in values]
+        return result
+
+    def destroy(self) -> None:
+        """Free the memory of the model."""
+        self._held.destroy()
 
 
 class PieceMesh:
-    """Shell and beam of a piece of a section, and means of the shell's stresses at the nodes of its walls."""
+    """Shell of a piece of a section, its beam, and means of the shell's stresses at the nodes of its walls."""
 
-    def __init__(self, body: PlateBody) -> None:
-        self._shell, self._line = shell_of(body), beam_of(body)
-        self._on_shell, self._on_line = HeldModel(self._shell, body), HeldModel(self._line, body)
-        self._means = node_means(self._shell.mesh, body.box.size)
-        self._body = body
+    def __init__(self, body: PlateBody, beam: PieceBeam) -> None:
+        shell = shell_of(body)
+        self._body, self._beam, self._held = body, beam, HeldModel(shell, body)
+        self._rows, self._thickness = shell.stresses(), shell.thickness
+        self._means = node_means(shell.mesh, body.box.size)
 
     def stress(self, pads: Sequence[Pad]) -> RingStress:
         """Return the local stresses of pads, at points near the pads.
 
         At each point, the stress of a pad is at least the share `STORED` of the pad's largest stress.
         """
-        rows, means = self._shell.stresses(), self._means
-        stress = rows.evaluate(self._on_shell.under_pads(pads).T)
+        rows, means = self._rows, self._means
+        stress = rows.evaluate(self._held.under_pads(pads).T)
         faces = [rows.points_on(face) for face in (rows.faces[0], rows.faces[-1])]
         points = np.concatenate([means @ rows.points[on] for on in faces])
         unit = np.array([np.concatenate([means @ of_pad[on] for on in faces]) for of_pad in stress])
-        thickness = np.tile(means @ self._shell.thickness, 2)
+        thickness = np.tile(means @ self._thickness, 2)
         section = section_of(self._body.profile, self._body.material.poisson)
-        forces = self._beam_forces(pads, points[:, 0])
+        forces = self._beam.section_forces(pads, points[:, 0])
         unit[..., 0] -= np.einsum("pc,kcp->kp", axial_stress_factors(section, points[:, 1:]), forces)
         unit[..., 2] += np.einsum("pc,kcp->kp", torsion_stress_factors(self._body.profile, thickness), forces)
         size = von_mises(unit)
@@ -185,21 +214,9 @@ class PieceMesh:
         points[:, 0] -= pads[0].at
         return RingStress(points[near], thickness[near], unit[:, near])
 
-    def _beam_forces(self, pads: Sequence[Pad], x: Array) -> Array:
-        """Section forces (k, 6, P) of the beam under 1 N of each of k pads at the places x (P,) in m."""
-        rows = self._line.section_forces()
-        forces, names = rows.rows @ self._on_line.under_pads(pads), np.array(rows.names)
-        result = np.zeros((len(pads), len(FORCES), len(x)))
-        for number, name in enumerate(FORCES):
-            if np.any(of := names == name):
-                at, values = mean_by_place(rows.x[of], forces[of].T)
-                result[:, number] = [np.interp(x, at, value) for value in values]
-        return result
-
     def destroy(self) -> None:
-        """Free the memory of the models."""
-        self._on_shell.destroy()
-        self._on_line.destroy()
+        """Free the memory of the model."""
+        self._held.destroy()
 
 
 def mean_by_place(x: Array, values: Array) -> tuple[Array, Array]:
@@ -281,10 +298,11 @@ def wall_peak(part: BoomSection, states: SectionStates, rings: Sequence[LoadedRi
             largest = np.zeros(len(places))
             for number, place in enumerate(looked_at.tolist()):
                 fine, numbers = piece.stresses(ring.pads, place)[-1], np.flatnonzero(nearest == number)
-                largest[numbers] = [_combined(piece, fine, ring, states, k).max() for k in numbers.tolist()]
+                factors = piece.factors(fine)
+                largest[numbers] = [_combined(factors, fine, ring, states, k).max() for k in numbers.tolist()]
             state = int(largest.argmax())
             on_meshes = piece.stresses(ring.pads, float(places[state]))
-            combined = [_combined(piece, stress, ring, states, state) for stress in on_meshes]
+            combined = [_combined(piece.factors(stress), stress, ring, states, state) for stress in on_meshes]
             estimate = Estimate.from_meshes(*(float(values.max()) for values in combined))
             if best is None or estimate.value > best.stress.value:
                 point = on_meshes[-1].points[combined[-1].argmax()] + [ring.x[state], 0.0, 0.0]
@@ -301,11 +319,11 @@ def _by_size(rings: Sequence[LoadedRing]) -> dict[tuple[float, float], list[Load
     return by_size
 
 
-def _combined(piece: SectionPiece, stress: RingStress, ring: LoadedRing, states: SectionStates, state: int) -> Array:
-    """Return the von Mises stress (P,) in Pa at the points of `stress` at one time."""
+def _combined(factors: Array, stress: RingStress, ring: LoadedRing, states: SectionStates, state: int) -> Array:
+    """Return the von Mises stress (P,) in Pa at the points of `stress` at one time, with the `factors` of its piece."""
     layers, layer = np.unique(stress.points[:, 0], return_inverse=True)
     forces = states.near(state, np.clip(ring.x[state] + layers, *states.x[[0, -1]]))[:, layer]
-    of_section = np.einsum("psc,cp->ps", piece.factors(stress), forces)
+    of_section = np.einsum("psc,cp->ps", factors, forces)
     return von_mises(of_section - np.einsum("k,kps->ps", ring.forces[state], stress.unit))
 
 
