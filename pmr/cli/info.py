@@ -97,7 +97,7 @@ def _list_names(names: list[str]) -> str:
 
 
 def describe_scene(scene: Scene) -> dict[str, str]:
-    """Return lines, by name, about a scene: its title, its hash and all keys that differ from what is usual."""
+    """Return lines about a scene by name: its title, its hash and the rows of its tables (`input_tables`)."""
     from pmr.report.scene_tables import input_tables
 
     rows = {"title": scene.title, "hash": scene.hash}

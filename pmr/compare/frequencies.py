@@ -289,7 +289,10 @@ def lowest_mode_part(scene: Scene, system: System, excitation: Excitation, natur
 
 
 def response_on_way(scene: Scene, system: System, excitation: Excitation) -> FrequencyResponse | None:
-    """Frequency response of the last body's tip in `RESPONSES` positions on the way; None unless it is asked for."""
+    """Frequency response of the last body's tip in `RESPONSES` positions on the way.
+
+    None unless the scene asks for it.
+    """
     if not scene.sections[-1].observe.frequency_response:
         return None
     if ALONE in system.bodies:

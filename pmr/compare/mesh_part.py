@@ -85,7 +85,7 @@ def has_long_elements(scene: Scene) -> bool:
 
 
 def finer_beams(scene: Scene) -> Scene:
-    """The scene with twice as many elements of all beams."""
+    """The scene with twice the number of elements in all beams."""
 
     def halve_elements(part: BoomSection) -> dict[str, object]:
         """Change of a section's keys that halves its elements: the key ``mesh`` with its new values.

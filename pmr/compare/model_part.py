@@ -196,7 +196,7 @@ def _probe_errors(motion: Motion, richer: Motion) -> dict[str, float]:
 def frequency_error(f: Array, reference: Array) -> float | None:
     """Largest :math:`|f / f_r - 1|` of frequencies f (..., n) in Hz against f_r; None if all are of rigid motions.
 
-    f_r is `reference`, of the same shape; NaN entries are left out.
+    f_r is `reference`, of the shape of f; NaN entries are left out.
     """
     vibrates = reference > RIGID * np.nanmax(reference, initial=0.0)
     return float(np.nanmax(np.abs(f[vibrates] / reference[vibrates] - 1.0))) if vibrates.any() else None
@@ -213,7 +213,7 @@ def _largest(*values: Array) -> Array:
 
 
 def _relative_difference(y: Array, reference: Array) -> float | None:
-    """Norm of y - reference over the norm of the reference, a fraction; None if the reference is zero.
+    """Norm of y - reference as a fraction of the norm of the reference; None if the reference is zero.
 
     Both are divided by the largest value of the reference first, so that squares don't overflow.
     """

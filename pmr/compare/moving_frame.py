@@ -290,9 +290,10 @@ def _second_order_steps(excitation: Excitation) -> NDArray[np.int64]:
 
 
 def decide_second_order(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Scene:
-    """The scene with or without second order, if its frame leaves the decision open (``auto``); else the same scene.
+    """Return the scene with or without second order, if its frame leaves the choice open (``auto``).
 
-    Second order is included if it matters (`SecondOrderEffect.matters`), or if contacts do not hold the bodies.
+    Any other scene is returned unchanged.  Second order is included if it matters (`SecondOrderEffect.matters`), or if
+    contacts do not hold the bodies.
     """
     if scene.frame is None or scene.frame.second_order != "auto":
         return scene

@@ -73,7 +73,7 @@ class Outputs:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of outputs that there are; ``velocity`` is always among them, even if no velocities were computed."""
+        """Kinds of outputs that a simulation has; ``velocity`` is always among them, even if it was not computed."""
         return tuple(
             kind for kind in (*OUTPUT_KINDS, CYLINDER_FORCE) if kind == "velocity" or self.of_kind(kind).shape[1]
         )

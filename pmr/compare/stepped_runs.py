@@ -135,15 +135,19 @@ class SteppedSystem:
         return np.hstack(list(systems.displacements(self.system, run, chosen.tolist()).values()))
 
     def simulate_displacements(self, stepping: TimeStepping, numbers: list[int] | None = None) -> Array:
-        """Displacements (T, o) in m on a time grid: all, or those with the given `numbers`; nothing else is recorded.
+        """Displacements (T, o) in m on a time grid, without recording anything else.
 
-        Raises InputError or SimulationError as for `pmr.simulation.SystemSimulator`.
+        They are all displacements, or those with the given `numbers`.  Raises InputError or SimulationError as for
+        `pmr.simulation.SystemSimulator`.
         """
         chosen = self.moved if numbers is None else self.moved[numbers]
         return systems.observe(self._form, self.excitation.on_grid(stepping), chosen.tolist()).y
 
     def record(self, stepping: TimeStepping, rates: bool) -> SystemTrajectory | None:
-        """Run on a time grid; None if it takes too much memory, and has not to be recorded for velocities (`rates`)."""
+        """Run on a time grid; None if its states take too much memory.
+
+        Velocities (`rates`) need the states, so that the run is then recorded in any case.
+        """
         return self.simulate(stepping) if rates or fits_in_memory(self.system, stepping) else None
 
     def sample(self, run: SystemTrajectory | None, stepping: TimeStepping, every: int, rates: bool) -> Sample:

@@ -82,7 +82,7 @@ def comparison_part(
     simulators: Mapping[str, str],
     rigid: Sequence[str] = (),
 ) -> SummaryPart:
-    """Errors against the references, in the quantities that `measured` returns, and the simulators of each model.
+    """Differences to the references in the quantities that `measured` returns, and the simulators of each model.
 
     `responses` are the responses by model.  Errors that come from ringing of the full model are not listed as errors:
     they are in ``not_judged``, with a warning each.  The warnings name `rigid`, the rigid contacts of the full model.
@@ -197,7 +197,7 @@ def parts_of_motion(
 def sections_part(
     boom: Scene, responses: Mapping[str, Response], sizes: Mapping[str, Mapping[str, int]], more: Mapping[str, Summary]
 ) -> SummaryPart:
-    """``sections`` of summary.json: name, coordinates, error along each section against the full model, and `more`.
+    """``sections`` of summary.json: name, coordinates, difference to the full model along each section, and `more`.
 
     `responses` are the responses by model, and `sizes` the numbers of coordinates by section and model.  `more` has
     further values for each section by name.  The largest ``stress_peak`` of all sections is returned as well, and its

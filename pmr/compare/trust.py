@@ -242,7 +242,7 @@ def unsettled_force_clauses(kinds: Sequence[str]) -> list[str]:
 def reduction_warnings(summary: Summary) -> list[str]:
     """A warning if the reduced model's error in the summary is above `FAR`; the list is empty if it is not.
 
-    The error is that against the full model, or an estimate.
+    The error is the difference to the full model, or an estimate.
     """
     source, errors = reduction_error(summary)
     far = {kind: error for kind, error in errors.items() if error > FAR}
@@ -333,7 +333,7 @@ def alternating_share(signal: Array) -> float:
 
 
 def ringing_share(signal: Array, reference: Array | None = None) -> float:
-    """RMS of the alternating part of a signal (T, o), over the RMS of the signal, or of `reference` (T, o) if given.
+    """RMS of a signal's alternating part, divided by the RMS of the signal (T, o), or of `reference` if it is given.
 
     It is averaged over the columns as in `relative_error`.
     """

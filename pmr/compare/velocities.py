@@ -125,7 +125,7 @@ class BodyMotion(NamedTuple):
 
 
 def only_body_motion(system: System, run: SystemTrajectory, excitation: Excitation) -> BodyMotion:
-    """The single body, with only the rows of its contacts, and its motion with one path coordinate s (T,) in m."""
+    """The single body with the rows of its contacts alone, and its motion with one path coordinate s (T,) in m."""
     (body,), (motion,) = system.reduced.values(), run.bodies.values()
     rows = [body.row_names.index(contact.inner.row) for contact in system.contacts]
     s = excitation.on_slider.path_within(body.domain) if excitation.paths else np.full(len(run.t), body.domain[0])

@@ -280,9 +280,10 @@ _RECTANGULAR_DMIG, _DOUBLE = 9, 2
 
 @dataclass(frozen=True)
 class _NastranMatrix:
-    """A matrix for Nastran: first letter of its name, number of its grid point or "", values, and number of its form.
+    """Matrix for Nastran, with what its cards state.
 
-    The forms are numbered as in OUTPUT4.
+    They state the first letter of its name, the number of its grid point or ``""``, its values, and the number of its
+    form.  The forms are numbered as in OUTPUT4.
     """
 
     letter: str

@@ -160,7 +160,7 @@ class Axes:
 
 
 def read_axes(card: Card) -> Axes | None:
-    """Return the axes of a card `*SYSTEM`; None if it has no data, which stands for the axes of the whole.
+    """Return the axes of a card `*SYSTEM`; None, for the axes of the whole, if the card has no data.
 
     The first line has the origin a and a point b on the x axis, the second one a point c in the xy plane.  Without c
     the axes are turned about z; without b they are moved alone.  Raises InputError for points on a line.

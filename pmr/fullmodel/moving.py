@@ -184,7 +184,10 @@ class FrameAssembler:
 
     @cached_property
     def _rigid_loads(self) -> dict[bytes, Array]:
-        """Loads A_S R (n, k) computed so far, by the bytes of S, for the k rigid motions R; empty at first."""
+        """Loads A_S R (n, k) that were computed so far, by the bytes of S; empty at first.
+
+        R are the k rigid motions.
+        """
         return {}
 
     def geometric_stiffness(self, name: str) -> PETSc.Mat:

@@ -84,7 +84,10 @@ class Supports:
 
 
 def supports_of(system: System, name: str, form: Modal, output: bool = True) -> Supports:
-    """Reactions of rigid supports of the body `name` in its modes; empty if `output` is false or they are not known."""
+    """Reactions of rigid supports of the body `name` in its modes.
+
+    They are empty if `output` is false or if they are not known.
+    """
     body, X, r = system.bodies[name], form.X, form.body.size
     reactions = body.reactions if isinstance(body, ReducedModel) else None
     carried = reactions is not None and reactions.carried is not None and body.carriers is not None
@@ -190,7 +193,7 @@ def support_arrays(
 
 
 def cylinder_arrays(scene: Scene, paths: Sequence[str], numbers: Mapping[str, int], outputs: int) -> Arrays:
-    """Arrays of the luffing cylinder; empty without hinges, if it holds the base, or if a force has no number.
+    """Arrays of the luffing cylinder by name; empty without hinges, if it holds the base, or a force has no number.
 
     The force of the cylinder follows from K forces on the ground, ``cylinder_sources`` (K,), by their moments about the
     pivot.  ``cylinder_moments`` (K, 1 + P) are the moments of unit forces in m, and the changes of these by 1 m of each

@@ -189,7 +189,7 @@ class PadFriction(NamedTuple):
 def slide_pads(
     stiffness: Array, laws: Array, forces: Array, old: Array, displacement: float, speed: float, cylinder: JointCylinder
 ) -> PadFriction:
-    """Friction of a joint's n pads at the end of a step.
+    """Friction of a joint's n pads at the end of a step; raises ValueError for another number of constants per pad.
 
     Parameters
     ----------

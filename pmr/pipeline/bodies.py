@@ -205,7 +205,10 @@ class Bodies:
         return results
 
     def _choose_models(self, scene: Scene) -> Choice | None:
-        """Return models and step that meet the scene's tolerance or budget, alike on all ranks; None without either."""
+        """Return models and step that meet the scene's tolerance or budget, the same on all ranks.
+
+        None if the scene has neither a tolerance nor a budget.
+        """
         if scene.goal is None:
             return None
         models = {name: body.modal for name, body in self.bodies.items()}

@@ -36,7 +36,7 @@ RANKED = (BETTER, SAME, WITHIN, DIFFERENT, WORSE)  # from the best to the worst
 
 @dataclass(frozen=True)
 class Row:
-    """Row of the error table, as text: an error or another value of this run, beside the published value.
+    """Row of the error table, as text: an error or another value of this run, with the published value.
 
     `comparison` says which models are compared, `place` names the quantity, `value` is this run's value, and `absolute`
     is the norm of the difference with its unit.  An entry is None if its column does not apply to the row.

@@ -51,7 +51,10 @@ class AppliedLoad:
 
 
 def no_play_clause(result: RunResult) -> str:
-    """Clause that a figure lacks the play of pads, for a boom whose pads only push and have none; else empty."""
+    """Clause that a figure is computed without the play of pads.
+
+    It is empty unless some pads only push, and none of these has play.
+    """
     rings = [ring for part in result.scene.sections for ring in part.rings if ring.unilateral]
     gaps = [max(ring.clearance.values()) if isinstance(ring.clearance, dict) else ring.clearance for ring in rings]
     return "; without play of pads, which no error bar has in it" if rings and not any(gaps) else ""

@@ -333,7 +333,7 @@ def reaction_name(name: str) -> str:
 
 
 def friction_name(section: str) -> str:
-    """Return the name of the friction force along a section's joint, summed over all of its pads."""
+    """Return the name of the friction force along a section's joint, the sum for all of its pads."""
     return f"friction of {section}"
 
 

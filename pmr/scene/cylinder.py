@@ -117,7 +117,7 @@ class Oil(SceneTable):
 
 
 class DrivenCylinder(SceneTable):
-    """Drive of a free luffing angle or a free extension, and the forces beside it."""
+    """Drive of a free luffing angle or a free extension, and the forces that act together with it."""
 
     force: Signal | None = Field(default=None, description="Force over time, in N, above 0 where it pushes")
     length: Signal | None = Field(
@@ -317,8 +317,8 @@ class FreeExtension(DrivenCylinder):
     r"""Extension that is computed with the boom's motion, with what drives the section along the boom.
 
     The cylinder's length is the extension s.  It is driven by a force, by a length over a spring, or by oil; if no
-    drive is given, the section slides by itself.  Damping, dry friction and stops at both ends of the stroke act beside
-    the drive.
+    drive is given, the section slides by itself.  Damping, dry friction and stops at both ends of the stroke act in
+    addition to the drive.
     """
 
     kind: Literal["free"] = Field(default="free", description="That the extension is computed")

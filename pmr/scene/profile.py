@@ -83,7 +83,10 @@ class Side:
 
     @property
     def span(self) -> Pair:
-        """Least and largest coordinate in m across a flat plate; 0 is the point of its plane nearest to the axis."""
+        """Least and largest coordinate in m across a flat plate.
+
+        It is 0 at the point of the plate's plane that is nearest to the axis.
+        """
         low, high = sorted(float(self.across_direction @ end) for end in (self.start, self.end))
         return low, high
 

@@ -201,7 +201,7 @@ class MoverBody(SceneTable):
     """A mass that crosses the section before it on a wheel, with a spring and a damper between both, if they are given.
 
     Its displacement along z is unknown; its joint says where the wheel is.  A moving force is a load on a mover of a
-    mass that is small beside the section's.
+    mass that is small compared with that of the section.
     """
 
     mass: Annotated[Mass, Usual(1e-12, 1e6)] = Field(description="Mass, on which loads act")

@@ -86,7 +86,7 @@ class Chart:
         return np.asarray(np.nan_to_num(np.fmin.reduce(loads), nan=self.up_to))
 
     def reduction_errors(self, models: ChartModels, k: int, loads: Array) -> Array:
-        """Return for each limit the error (l,) in kg that reduction causes in its smallest load over all cases.
+        """Return for each limit the error (l,) in kg by reduction of its smallest load of all cases.
 
         `loads` (c, l) in kg are the loads that the reduced model allows at the k-th posture.  The error is a margin
         times the difference d between the smallest loads that the reduced model and the richer model
@@ -112,10 +112,10 @@ class Chart:
         return error
 
     def comparison_errors(self, models: ChartModels, part: str, k: int, loads: Array) -> Array:
-        """Return for each limit the error (l,) in kg that mesh or structural model cause in its smallest load.
+        """Return for each limit the error (l,) in kg by mesh or structural model of its smallest load of all cases.
 
         `loads` (c, l) in kg are the loads that the reduced model allows at the k-th posture; for each limit the
-        smallest over all cases is compared.  `part` is ``"mesh"`` or ``"model"``.  The error is the difference to the
+        smallest of all cases is compared.  `part` is ``"mesh"`` or ``"model"``.  The error is the difference to the
         smallest load of the model ``models.comparisons[part]``, times ``share`` of that model.  The error is NaN for
         limits that this model can't evaluate, and for all limits if there is no such model.
         """
@@ -142,7 +142,7 @@ class Chart:
         return np.asarray(np.abs(other - self.least_loads(loads)[columns]))
 
     def rotation_errors(self, places: Sequence[Place], loads: Array, reach: float) -> Array:
-        """Return for each limit the error (l,) in kg that large rotations cause in its smallest load over all cases.
+        """Return for each limit the error (l,) in kg by large rotations of its smallest load of all cases.
 
         `loads` (c, l) in kg are the loads that the limits allow at c `places`, one for each case; `reach` is the length
         of the boom in m.  The error is a margin times the change that `large_rotation_changes` returns for the case in

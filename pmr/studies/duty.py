@@ -79,7 +79,7 @@ class ChartLoads:
 
 
 class LeastLoads(NamedTuple):
-    """Smallest loads over all slewing angles, for E boom lengths in increasing order, A luffing angles and l limits."""
+    """Smallest loads of all slewing angles, for E boom lengths in increasing order, A luffing angles and l limits."""
 
     load: Array  # (E, A, l) kg, NaN where a limit is not reached
     error: Array  # (E, A, l) kg

@@ -36,7 +36,10 @@ DRIVE_UNITS = {"opening": "1", "force": "N", "length": "m"}
 
 @dataclass(frozen=True)
 class Drivers:
-    """A system in the kernel's form, and its N drivers: paths, loads and, if its frame moves, motions of the frame."""
+    """A system in the kernel's form, and its N drivers.
+
+    They are paths, then loads, then motions of the frame if the frame moves.
+    """
 
     system: System
     forms: Mapping[str, ModalForm]

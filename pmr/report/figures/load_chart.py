@@ -304,9 +304,9 @@ def _cell_angles(place: Array) -> Array:
 
 
 def _midpoints(values: Array, axis: int) -> Array:
-    """Means of neighbouring values along `axis`, with the first value before them and the last value after them.
+    """Means of neighbouring `values` (..., n, ...) along `axis`, between the first and the last value.
 
-    The result has one entry more along this axis than `values`.
+    The result (..., n + 1, ...) has one entry more along this axis.
     """
     count = values.shape[axis]
     first, last = np.take(values, [0], axis), np.take(values, [-1], axis)

@@ -283,7 +283,10 @@ def _row_name(name: str, base: str) -> str:
 
 
 def _span(run: RunRecord, name: str) -> list[float]:
-    """The least and the largest value called `name` of a run, as far as it has them, or its only one."""
+    """The least and the largest value called `name` of a run, in this order.
+
+    The list has one entry if the run has a single value of this name, and fewer if it has none.
+    """
     values = (number_of(run.figures.get(key)) for key in (f"{name}.min", f"{name}.max", name))
     return [value for value in values if value is not None]
 

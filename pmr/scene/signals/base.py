@@ -225,7 +225,7 @@ class Chirp(SignalBase):
         return self
 
     def frequency(self, t: ArrayLike) -> Array:
-        """Return the instantaneous frequency in Hz at the times t in s."""
+        """Return the instantaneous frequency (...) in Hz at the times t (...) in s."""
         return np.interp(np.asarray(t, dtype=float), self.times, self.frequencies)
 
     def _angle(self, t: ArrayLike) -> Array:

@@ -391,12 +391,12 @@ def _with_rows(mbs: exu.MainSystem, items: SystemItems, base: Base, extending: E
     k, n = base.count, base.boom.size
 
     def gap(t: float, z: Array) -> Array:
-        """Gaps of the contacts at coordinates z of the marker."""
+        """Gaps (m,) in m of the m contacts at the time t in s and the coordinates z of the marker."""
         at = base.split(t, np.array(z))
         return extending.gap(at.s, at.boom)
 
     def gap_derivative(t: float, z: Array) -> Array:
-        """Derivative of the gaps by all coordinates of the marker, whose values are z."""
+        """Derivatives of the gaps of the m contacts by all coordinates z of the marker, one row for each contact."""
         at = base.split(t, np.array(z))
         derivative = extending.gap_derivative(at.s, at.boom)
         return np.hstack([np.zeros((len(derivative), k)), derivative[:, :n], derivative[:, n:] @ base.paths.along])
