@@ -220,7 +220,10 @@ def info(
 
 
 def _estimate_lines(summary: Path) -> dict[str, str]:
-    """Return lines, by name, with the estimated errors in the file `summary` of a run; empty without such a file."""
+    """Return lines with the estimated errors in the summary of a run, by name.
+
+    `summary` is the file; the result is empty if there is no such file.
+    """
     try:
         estimates = json.loads(summary.read_text(encoding="utf-8"))["estimate"]
         shares = {place: float(estimates[place]) for place in ("tip", "beam") if estimates[place] is not None}

@@ -234,7 +234,10 @@ def _none_if_unknown(errors: Mapping[str, float]) -> dict[str, float | None]:
 
 
 def accuracy_warnings(choice: Choice) -> list[str]:
-    """Warnings if the model and its step, or the mesh, exceed the tolerance; empty if the scene has no tolerance."""
+    """Warnings if the model and its step, or the mesh, exceed the tolerance.
+
+    The list is empty if the scene has no tolerance.
+    """
     accuracy, trial = choice.scene.accuracy, choice.trial
     if accuracy is None:
         return []

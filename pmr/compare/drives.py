@@ -323,7 +323,7 @@ def hoist_part(scene: Scene, response: Response) -> SummaryPart:
 
 
 def _jerk_warnings(scene: Scene, hoist: Hoist, gravity: float) -> list[str]:
-    r"""Warning about a rope that moves at t = 0 with another speed than its payload; empty if that matters little.
+    r"""Warning about a rope that moves at t = 0 with another speed than its payload; none if that matters little.
 
     Let v be the difference of the speeds, m the mass, k the stiffness of all falls and g the `gravity`.  On a boom that
     does not give, the force of a rope without damping rises to :math:`1 + |v| \sqrt{k / m} / g` times the weight; it

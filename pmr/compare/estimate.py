@@ -171,7 +171,7 @@ def estimate_error(models: Models, first: SimulatedSystem) -> Estimate:
 
 
 def _reason_without_forces(model: ReducedModel, excitation: Excitation, of_run: Outputs, richer: Outputs) -> str | None:
-    """Why forces of sliders and pads of a single body have no estimate, in words; None if they have one.
+    """Why forces of sliders and pads of a single body have no estimate, in words; None if there is an estimate.
 
     `of_run` are the outputs of the model, `richer` those of the richer model.
     """

@@ -138,7 +138,9 @@ def write_sid(body: NodalBody, target: Path) -> Path:
 
 
 def _centrifugal(of: Array) -> Array:
-    """Coefficients (m, [m,] 6), for the products of components of omega, of the integral of phi . omega x (omega x r).
+    """Coefficients (m, [m,] 6) of the integral of phi . omega x (omega x r).
+
+    There is one for each product of two components of omega.
 
     `of` (3, 3, m, [m]) are integrals of products of a component of r (or of its modes) and one of phi.
     """
@@ -207,5 +209,5 @@ def _entry_line(indent: int, key: str, value: str) -> str:
 
 
 def _number(x: float) -> str:
-    """The number x with all 17 digits in Fortran's notation; 23 characters, as mantissas may have 19 at most."""
+    """Text of the number x in Fortran's notation, with all 17 digits; its mantissa has 19 characters."""
     return f"{x: .16E}".replace("E", "D")

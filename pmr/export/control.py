@@ -59,10 +59,11 @@ def write_python_control(npz_path: Path, target: Path, options: Options) -> Path
 
 
 def write_frequency_response(npz_path: Path, target: Path, options: Options) -> Path:
-    """Write gain (unit of output over unit of input) and phase (degrees) as a table, and a picture of the gain.
+    """Write gain and phase as a table, and a picture of the gain.
 
-    The output is the last displacement, which is that of the tip.  The path `target` of the table is returned; the
-    picture is written next to the table.  Raises InputError as `write_matlab`.
+    The gain has the unit of the output per unit of the input; the phase is in degrees.  The output is the last
+    displacement, which is that of the tip.  The path `target` of the table is returned; the picture is written next to
+    the table.  Raises InputError as `write_matlab`.
     """
     check_installed("matplotlib")
     system = saved_system(npz_path, options)
@@ -118,10 +119,10 @@ def write_matlab(npz_path: Path, target: Path, options: Options) -> Path:
 def interpolation_error(system: System, space: StateSpace, source: str) -> list[float]:
     """Errors of A, B, C and D interpolated linearly, halfway between neighbouring grid points.
 
-    The first number is the largest error of a displacement's static gain, over the largest gain from the same input to
-    the same output.  The second number is the largest error of a natural frequency, over this frequency.  Free motions,
-    which have neither static gains nor natural frequencies, are left out.  Both numbers are zero for a grid of one
-    point and for a system without paths.  `source` names the file in messages.
+    The first number is the largest error of a displacement's static gain, as a fraction of the largest gain from the
+    same input to the same output.  The second number is the largest error of a natural frequency, as a fraction of this
+    frequency.  Free motions, which have neither static gains nor natural frequencies, are left out.  Both numbers are
+    zero for a grid of one point and for a system without paths.  `source` names the file in messages.
     """
     if len(space.s) < 2 or not space.paths:
         return [0.0, 0.0]

@@ -125,9 +125,10 @@ def _tip_values(system: System, source: str) -> Arrays:
 
 
 def _signal_arrays(scene: StoredScene, system: System, source: str) -> Arrays:
-    """Strands of paths and loads (`pmr.scene.signals.base.Strand`) in the order of the system's names.
+    """Strands of paths and loads (`pmr.scene.signals.base.Strand`), as arrays by name.
 
-    Raises InputError, which names the file `source`, if a signal has no strands.
+    Paths and loads are in the order of the system's names.  Raises InputError, which names the file `source`, if a
+    signal has no strands.
     """
     excitation = scene.excitation
     names = [*system.paths, *system.input_names]
@@ -178,7 +179,7 @@ def _path_tables(system: System, x: Array) -> Arrays:
 
 
 def _sides(system: System, assembly: Assembly, x: Array) -> Arrays:
-    """Rows of the sides of contacts, and responses of their bodies to forces on carriers.
+    """Arrays of the sides of contacts by name: their rows, and responses of their bodies to forces on carriers.
 
     The compliance of the contacts is that at x (sides,) in m.
     """

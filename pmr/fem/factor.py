@@ -360,7 +360,7 @@ class Exchange:
     def rows(self, full: Array, local: Array) -> None:
         """Write this rank's rows to `local` (n_local, k) in Fortran's order, from its columns `full` (n, k_own).
 
-        Collective; it is the reverse of `columns`.
+        Collective; the method undoes `columns`.
         """
         with self._parts(local, full) as (of_rows, of_columns):
             self._comm.Alltoallw(of_columns, of_rows)

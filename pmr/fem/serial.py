@@ -162,7 +162,7 @@ class Mat:
         return Mat(sp.csr_matrix(P.values.T @ self.values @ P.values))
 
     def createSubMatrix(self, rows: IS, columns: IS) -> Mat:
-        """Submatrix of the given rows and columns, as a new matrix."""
+        """Submatrix of the given `rows` and `columns` of this matrix, as a new matrix."""
         return Mat(self.values[rows.numbers][:, columns.numbers])
 
     def scale(self, factor: float) -> None:

@@ -82,7 +82,10 @@ class Part:
 
 @dataclass(frozen=True)
 class Block:
-    """Tables, on common breaks, for q sides that travel along one path on one body, and w sides there that don't."""
+    """Tables on common breaks for q sides that travel along one path on one body.
+
+    They are also for the w sides on this body that do not travel.
+    """
 
     part: Part
     path: int
@@ -248,7 +251,10 @@ def _rubbing_sides(system: System, friction: Friction | None) -> list[Side]:
 
 
 def _modal_row(system: System, side: Side) -> Row:
-    """Row of a side as a function of the coordinate x on its body; for a side on which a moment acts, C'."""
+    """Row of a side as a function of the coordinate x on its body.
+
+    For a side on which a moment acts it is the derivative C' of the row.
+    """
     row = system.row(side.place)
     return row if side.contact < len(system.contacts) else row.slope
 

@@ -96,7 +96,7 @@ def system_data(
 
 @dataclass(frozen=True)
 class Outputs:
-    """Numbers, among all outputs of the bodies, of the system's own outputs and of the reactions of supports."""
+    """Numbers of the system's own outputs, and of reactions of supports, among all outputs of the bodies."""
 
     outputs: NDArray[np.int64]
     reactions: NDArray[np.int64]
@@ -122,7 +122,7 @@ class Outputs:
         return [np.pad(_fill_rows(columns, columns.shape[1]), ((0, 0), (0, LANES))) for columns in parts]
 
     def before(self, part: Part) -> list[int]:
-        """Number of a body's first output among all outputs, and of its first reaction among all reactions."""
+        """Number of a body's first output among all outputs, then of its first reaction among all reactions."""
         return [int(np.searchsorted(numbers, part.outputs.start)) for numbers in (self.outputs, self.reactions)]
 
 

@@ -111,7 +111,7 @@ class KalmanFilter:
         return self._step
 
     def update(self, k: int, measured: Array, use: NDArray[np.int64]) -> Array:
-        """Correct the state at step k by `measured` (p,); return innovations (p,) over their standard deviations.
+        """Correct the state at step k by `measured` (p,); return innovations (p,) divided by their standard deviations.
 
         Measurements that are not finite are missing.  `use` (p,) says for each sensor whether it is used never, if
         possible, only if it is near, or as expected from covariances alone.  The innovation of a missing measurement is

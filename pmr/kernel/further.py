@@ -374,9 +374,10 @@ DIRECTIONS = dict.fromkeys(("x", "y", "z"), "N") | dict.fromkeys(("rx", "ry", "r
 
 
 def ground_outputs(scene: Scene) -> dict[str, str]:
-    """Units by name of a scene's force and moment on the ground, of outriggers, margins, and the use of the polygon.
+    """Units of the quantities about a scene's ground, by the quantity's name.
 
-    The dict is empty if the scene has no ground.
+    They are force and moment on the ground, forces of outriggers, margins, and the use of the polygon.  The dict is
+    empty if the scene has no ground.
     """
     ground = None if scene.frame is None else scene.frame.ground
     if ground is None:
@@ -392,7 +393,7 @@ def ground_outputs(scene: Scene) -> dict[str, str]:
 
 
 def mass_numbers(masses: Sequence[MachineMass]) -> Array:
-    """Numbers (m, 8) of the masses of a machine in the kernel's order (`pmr_masses_wrench`)."""
+    """Numbers (m, 8) of the m masses of a machine, in the order of `pmr_masses_wrench` in the kernel."""
     rows = [[mass.mass, *mass.at, *mass.inertia, mass.slews] for mass in masses]
     return np.array(rows, float).reshape(-1, 8)
 

@@ -230,11 +230,11 @@ class Bank:
 
 
 def advance_bank(bank: Bank, y: Array, activity: Array, least_level: Array, delay: int = 0) -> BankRecord:
-    """Take T steps from equally likely places, with measurements y (T,), NaN where there is none.
+    """Take T steps from equally likely places, with measurements y (T,); NaN stands for no measurement.
 
     `activity` (T,), 0 to 1, is how much the slider is in motion.  The level of the innovations, a running mean of their
-    squares over their variance, scales all variances; it never falls below `least_level` (T,) and
-    the floor of `bank`.  Probabilities of a step are those by measurements of up to `delay` further steps.
+    squares divided by their variance, scales all variances; it never falls below `least_level` (T,) and the floor of
+    `bank`.  Probabilities of a step are those by measurements of up to `delay` further steps.
     """
     S, n = bank.H.shape
     fields = {name: value for name, value in vars(bank).items() if name != "following"} | dict(bank.following)

@@ -329,7 +329,7 @@ class State:
         return array
 
     def raise_unless_done(self, failed: int, where: str) -> None:
-        """Raise a StepError for the error code `failed` of a kernel function; nothing if the code is PMR_DONE.
+        """Raise a StepError for the error code `failed` of a kernel function, unless the code is PMR_DONE.
 
         The message contains `where` the function failed, and names the contact that caused it.
         """

@@ -166,7 +166,7 @@ class Bodies:
         return Motions(simulations, simulated, error, references, recovered)
 
     def summary_parts(self, motions: Motions, natural: Frequencies) -> list[SummaryPart]:
-        """Return the contributions to summary.json; on rank 0 alone."""
+        """Return the contributions to summary.json, in the order in which they are combined; on rank 0 alone."""
         scene, system, responses = self.scene, self.system, motions.responses
         simulated, error = motions.simulated, motions.error
         assert motions.reduced is not None and simulated is not None and error is not None
@@ -230,9 +230,9 @@ class Bodies:
         return choice
 
     def _other_model(self) -> Any:
-        """Return another reduced model from which a single body's error is estimated, or None.
+        """Return another reduced model from which a single body's error is estimated.
 
-        The result is None if the body's own model can estimate its error, and if the other model can't be made.
+        None if the body's own model can estimate its error, or if the other model can't be made.
         """
         if ALONE not in self.bodies or not needs_other_model(self.scene, self.bodies[ALONE].model):
             return None

@@ -83,7 +83,10 @@ class FullOrder:
 
     @cached_property
     def gathered_system(self) -> System | None:
-        """The system as SciPy matrices on rank 0, for simulators that are not distributed; None on other ranks."""
+        """The system as SciPy matrices on rank 0, for simulators that are not distributed.
+
+        None on other ranks.
+        """
         gathered_system = self.system.gather()
         return gathered_system and replace(gathered_system, terms=terms_of(self.scene, gathered_system.bodies))
 
@@ -201,9 +204,10 @@ class FullOrder:
         return FullMotion(with_forces_on_machine(self.scene, response), states)
 
     def _with_terms(self) -> FullSystem:
-        """Return the distributed system with the terms of its moving frame; unchanged if the frame has no terms.
+        """Return the distributed system with the terms of its moving frame.
 
-        The sparse matrices of the terms are whole on every rank.
+        The system is returned unchanged if the frame has no terms.  The sparse matrices of the terms are whole on every
+        rank.
         """
         if not list(frame_terms(self.scene)):
             return self.system

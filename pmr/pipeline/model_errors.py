@@ -67,7 +67,7 @@ class ModelDecision:
 
 
 def decide_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None) -> ModelDecision:
-    """Choose the simplest models that differ from a shell by `compare.model_tolerance` at most; collective.
+    """Choose the simplest models whose difference to a shell is at most `compare.model_tolerance`; collective.
 
     A scene without a choice of models is returned unchanged.  If no model can be compared with a shell, the simplest
     models are taken, and the result contains the reason.  `cache` is a folder for the reduced systems that are
@@ -206,9 +206,9 @@ def measure_mesh(
 
 
 def _unknown_model_error(error: Exception, label: str) -> dict[str, Any]:
-    """Return the entries of summary.json for an error that can't be measured: ``reason`` and, if long, ``detail``.
+    """Return the entries of summary.json for an error that can't be measured.
 
-    `label` is the name of the other scene.
+    They are ``reason`` and, if the reason is long, ``detail``.  `label` is the name of the other scene.
     """
     reason = error.allowed if isinstance(error, InputError) else str(error)
     if isinstance(error, NotHeldError):

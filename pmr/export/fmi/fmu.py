@@ -106,7 +106,10 @@ class UnitObserver:
 
     @staticmethod
     def _output(names: Identifiers, what: str, name: str, unit: str) -> Variable:
-        """Output variable with `what` the observer says of `name`, in the unit `unit`."""
+        """Output variable in the unit `unit` for a result of the observer about the output or unknown `name`.
+
+        `what` says which result it is, such as a standard deviation.
+        """
         return Variable(names(f"{what}_of_{name}"), 0, f"{what} of {name}, one step ago", unit=unit)
 
 
@@ -294,7 +297,10 @@ def library_bytes(platform: Platform) -> bytes:
 
 
 def _platform_folder(platform: Platform, version: str) -> str:
-    """Name of the platform's folder in a version of FMI; empty if that version does not support the platform."""
+    """Name of the platform's folder in a version of FMI.
+
+    The name is empty if that version does not support the platform.
+    """
     return platform.folder_2 if version == "2" else platform.folder_3
 
 

@@ -129,14 +129,17 @@ class CubicSignal(SignalBase):
         return np.asarray(x1 + at * (x2 + at / 2.0 * x3))
 
     def _pieces(self, t: ArrayLike) -> Array:
-        """Time in s since the current step began, and value and three rates at its beginning, (5, ...)."""
+        """Time in s since the current step began, then value and three rates at its beginning, (5, ...)."""
         at, rates = np.asarray(t, float), np.array(self.rates)
         number = np.clip(np.floor(at / self.step + 1e-9).astype(int), 0, rates.shape[1] - 1)
         return np.array([at - number * self.step, *rates[:, number]])
 
 
 def _cubic_excitation(drivers: Drivers, excitation: Excitation, inputs: Array) -> Excitation:
-    """Excitation with the cubics of `inputs` (4, T, n) as paths and loads; unchanged in a frame that moves."""
+    """Excitation with the cubics of `inputs` (4, T, n) as paths and loads.
+
+    In a frame that moves, the excitation is returned unchanged.
+    """
     if drivers.frame is not None:
         return excitation
     step = excitation.stepping.step

@@ -139,12 +139,15 @@ class Drivers:
 
     @property
     def moved_paths(self) -> tuple[str, ...]:
-        """Names of the paths of a free extension and of the sections that follow it; else empty."""
+        """Names of the paths of a free extension and of sections that follow it; empty without a free extension."""
         return () if self.frame is None or self.frame.computed is None else tuple(self.frame.computed.moved)
 
     @property
     def started(self) -> tuple[str, ...]:
-        """Name of the free luffing angle or extension, whose value and rate at the start are parameters; else empty."""
+        """Name of the free luffing angle or extension, whose value and rate at the start are parameters.
+
+        The name is empty if neither is free.
+        """
         return () if not self.has_free_motion else self.moved_paths[:1] or (LUFFING,)
 
     @property
