@@ -10,7 +10,7 @@ from pmr.scene.choice import FROM_AN_END, is_undecided, model_of, traits_of
 from pmr.scene.joints import BoomSection
 from pmr.scene.members import members
 from pmr.scene.model_traits import model_traits, models_by_rank
-from pmr.scene.run_settings import Observe, Reduction, Simulation
+from pmr.scene.run_settings import Reduction, Simulation
 from pmr.scene.scene import Scene
 
 #: For comparisons of models: coordinates of a body, and observed positions.
@@ -161,7 +161,7 @@ def _scene_with_models(scene: Scene, models: list[str]) -> Scene:
         places = {"start": FROM_AN_END * length, "end": (1.0 - FROM_AN_END) * length, "count": PLACES}
         changes = {
             "body": part.body.model_copy(update={"model": model, "walls": walls}),
-            "observe": Observe(tip=part.observe.tip, rotation=part.observe.rotation, **places),
+            "observe": part.observe.model_copy(update={**places, "frequency_response": False}),
             "probes": (),
             "reduction": Reduction(coordinates=COORDINATES, estimate=False, solver=part.reduction.solver),
         }

@@ -85,8 +85,13 @@ class Observe(SceneTable):
             return None
         return tuple(float(x) for x in np.linspace(self.start, self.end, self.count))
 
+    @property
+    def rotations(self) -> tuple[str, ...]:
+        """Directions about which the tip's rotation is an output, such as ``ry``."""
+        return ("ry",) if self.rotation else ()
+
     def tip_along(self, direction: str) -> str:
-        """Return the name of the output of the tip's displacement along `direction`, y or z."""
+        """Return the name of the output of the tip's displacement along y or z, or of its rotation about ry."""
         return f"{self.tip} {direction}"
 
 

@@ -178,8 +178,7 @@ def names_in_tables(scene: Scene) -> dict[str, list[str]]:
     for (body, part), member in zip(scene.bodies.items(), members(scene), strict=True):
         if member.number == len(scene.sections) - 1:
             outputs += [qualified_name(body, part.observe.tip_along(axis)) for axis in transverse_axes(member)]
-        if part.observe.rotation:
-            outputs.append(qualified_name(body, part.observe.tip_along("ry")))
+        outputs += [qualified_name(body, part.observe.tip_along(d)) for d in part.observe.rotations]
         outputs += [qualified_name(body, probe.name) for probe in part.probes]
         for support in part.supports:
             rows = [support.row_name(d) for d in support.held_directions if d in motion_directions(member)]

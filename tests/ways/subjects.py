@@ -12,6 +12,7 @@ import numpy as np
 from ways.kinds import Kind
 
 import pmr
+import pmr.pipeline
 from pmr import InputError, ReducedModel, System
 from pmr.cli import main
 from pmr.files.arrays import Array
