@@ -271,8 +271,8 @@ class PositionObserver:
         A position follows from the accelerations up to `delay` s later, `math.inf` for all of a record.
 
         `activity` (T,) or a number is the power of what only a slider in motion excites, such as the acceleration above
-        the modes' frequencies; by default nothing tells.  Raises InputError for arrays of other shapes and for a delay
-        below 0.
+        the modes' frequencies; by default nothing tells.  Raises InputError for arrays of other shapes, for an
+        activity that is not finite or below 0, and for a delay below 0.
         """
         y = np.ascontiguousarray(acceleration, float)
         if y.ndim != 1:
@@ -280,7 +280,11 @@ class PositionObserver:
         if not delay >= 0.0:
             raise InputError("observe", "delay", delay, "0 s or more is allowed")
         later = round(min(delay / self.models.step, len(y)))
-        power = np.ascontiguousarray(np.broadcast_to(np.asarray(activity, float), y.shape))
+        power = np.asarray(activity, float)
+        if power.shape not in {(), y.shape} or not np.all(np.isfinite(power) & (power >= 0.0)):
+            allowed = f"finite numbers of 0 or more, {y.shape} or a single one, are allowed"
+            raise InputError("observe", "activity", power.shape, allowed)
+        power = np.ascontiguousarray(np.broadcast_to(power, y.shape))
         settings, models = self.settings, self.models
         record = advance_bank(self.bank(), y, power / (power + settings.active), settings.share * power, later)
         likely = np.argmax(record.probability, axis=1)

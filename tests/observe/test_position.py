@@ -149,3 +149,6 @@ def test_wrong_input_is_refused() -> None:
         PositionObserver(models, PositionSettings(mode_noise=(1.0, 1.0))).run(np.zeros((2, 2)))
     with pytest.raises(InputError, match="delay"):
         PositionObserver(models, PositionSettings(mode_noise=(1.0, 1.0))).run(np.zeros(2), delay=-1.0)
+    for activity in (np.nan, -0.01, np.ones(3), np.array([0.1, np.inf])):
+        with pytest.raises(InputError, match="activity"):
+            PositionObserver(models, PositionSettings(mode_noise=(1.0, 1.0))).run(np.zeros(2), activity)
