@@ -144,7 +144,7 @@ def explain_trial(trials: Trials, trial: Trial, coarsest: int, allowed: Allowed)
 
 
 def _fewest_modes(trials: Trials, trial: Trial, allowed: Allowed) -> Sizes:
-    """Smallest sizes with which the errors of the trial stay allowed.
+    """Smallest sizes whose models, in runs with the trial's step, are still within the `allowed` errors.
 
     The error of smaller models is their difference to the trial.  It may use what the error of the trial's step leaves
     of `allowed`.  Modes are left out of all bodies first, then of each body.  The runs have the fewest steps that

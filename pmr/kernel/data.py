@@ -142,9 +142,9 @@ def system_in_modes(system: System, forms: Mapping[str, Modal], supports: Sequen
 
 
 def _size_arrays(system: System, modal: System, rows: Arrangement, motions: int, outputs: int) -> Arrays:
-    """Sizes of the system: an array of whole numbers under the key that `read_arrays` in src/system.c reads.
+    """Sizes of the system: the array ``sizes`` of whole numbers, in the order in which `read_arrays` reads them.
 
-    The numbers are in the order of that function.
+    `read_arrays` is in src/system.c.
     """
     m, pads = len(modal.contacts), len(rows.F) - len(modal.contacts)
     inputs, order = rows.parts[-1].inputs.stop, np.arange(len(rows.F))
