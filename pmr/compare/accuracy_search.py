@@ -144,11 +144,11 @@ def explain_trial(trials: Trials, trial: Trial, coarsest: int, allowed: Allowed)
 
 
 def _fewest_modes(trials: Trials, trial: Trial, allowed: Allowed) -> Sizes:
-    """Smallest sizes whose models, in runs with the trial's step, are still within the `allowed` errors.
+    """Smallest sizes whose models are still within the `allowed` errors at the step of the trial.
 
     The error of smaller models is their difference to the trial.  It may use what the error of the trial's step leaves
-    of `allowed`.  Modes are left out of all bodies first, then of each body.  The runs have the fewest steps that
-    resolve the motion.
+    of `allowed`.  Modes are left out of all bodies first, then of each body.  The differences are those of runs with
+    the fewest steps that resolve the motion.
     """
     margin = {kind: size - trial.step[kind] for kind, size in allowed.items()}
     steps = trials.fewest_resolving_steps(trial.steps)
