@@ -139,7 +139,7 @@ class Table:
     """Table of rows (name, text) with a title.
 
     `bars` maps names of rows to the lengths of their bars, as shares of the full length; the full length is divided
-    into `marks` equal parts.
+    into `marks` equal parts.  `headings` maps the names of some rows to a small heading above the row.
     """
 
     title: str
@@ -147,6 +147,7 @@ class Table:
     bars: Mapping[str, float] = field(default_factory=dict)
     marks: int = 1
     note: str = ""
+    headings: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

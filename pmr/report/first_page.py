@@ -59,7 +59,7 @@ def first_page_tables(result: RunResult) -> tuple[Table, ...]:
     all_tables = (
         Table("What was asked", tuple(overview.system_rows(result))),
         Table("How sure", tuple(errors.certainty_rows(result))),
-        Table("Largest values of this motion", tuple(largest_value_rows(result))),
+        _largest_values_table(result),
         Table("What is not in this model", tuple(_left_out_rows(result))),
         errors.trust_table(result),
     )
@@ -88,6 +88,17 @@ def largest_value_rows(result: RunResult) -> Rows:
     yield from ((row.name, row.text) for row in largest_values(result))
 
 
+def _largest_values_table(result: RunResult) -> Table:
+    """Table of largest values, with a heading above the first row of each kind; no headings if all are of one kind."""
+    headings, rows = dict[str, str](), largest_values(result)
+    for row in rows:
+        heading = USED_UP if row.share is not None else _heading(row)
+        if heading not in headings.values():
+            headings[row.name] = heading
+    texts = tuple((row.name, row.text) for row in rows)
+    return Table("Largest values of this motion", texts, headings=headings if len(headings) > 1 else {})
+
+
 def largest_values(result: RunResult) -> list[LargestValue]:
     """Rows of the table of largest values.
 
@@ -99,8 +110,18 @@ def largest_values(result: RunResult) -> list[LargestValue]:
     )
 
 
+#: Heading of the rows with an allowed value.
+USED_UP = "shares that are used up"
+#: Headings of the other rows in their order, with the places of the quantities below each of them.
+HEADINGS = {
+    "supports and machine": ("support", "machine", "ground"),
+    "cylinders, ropes and hoist": ("cylinder", "rope", "hoist"),
+    "pads": ("pad",),
+    "stress": ("section", "probe"),
+    "tip, frequency and speeds": ("tip", "boom"),
+}
 #: Places of quantities in the order of their rows on the first page.
-PLACES = ("support", "machine", "ground", "cylinder", "rope", "hoist", "pad", "section", "probe", "tip", "boom")
+PLACES = tuple(place for places in HEADINGS.values() for place in places)
 #: Places of rows that are no quantities, by the beginnings of their names.
 OTHER_PLACES = {
     "dynamic factors": "machine",
@@ -116,6 +137,12 @@ def _rank(row: LargestValue) -> int:
     places = {of.reported: of.place for of in QUANTITIES.values() if of.reported} | OTHER_PLACES
     names = [name for name in places if row.name.startswith(name)]
     return PLACES.index(places[max(names, key=len)]) if names else len(PLACES)
+
+
+def _heading(row: LargestValue) -> str:
+    """Heading of a row without an allowed value; rows of no part in `PLACES` have the last one."""
+    place = PLACES[min(_rank(row), len(PLACES) - 1)]
+    return next(heading for heading, places in HEADINGS.items() if place in places)
 
 
 def _largest_values(result: RunResult) -> LargestValues:

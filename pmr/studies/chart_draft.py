@@ -15,10 +15,11 @@ import numpy as np
 
 from pmr.errors import InputError
 from pmr.errors.environment import is_installed
-from pmr.results.quantities import stress_remark
+from pmr.results.quantities import DIRECTION, stress_remark
 from pmr.scene.choice import has_unlike_side_walls, lateral_load_reasons
 from pmr.scene.hints import boom_scales
 from pmr.scene.members import members
+from pmr.system.from_scene import force_names
 
 if TYPE_CHECKING:
     from pmr.scene import Scene
@@ -145,6 +146,25 @@ def _wall_limits(scene: Scene) -> Iterator[WallLimit]:
         yield WallLimit(name, [json.dumps(f"{name} {end} *") for end in ends], at_yield.force, at_yield.section)
 
 
+class SupportLimit(NamedTuple):
+    """Limit on the resultant force of a support."""
+
+    name: str
+    columns: list[str]  # names of its forces and moments, in quotes
+    force: float  # N
+
+
+def _support_limits(scene: Scene) -> Iterator[SupportLimit]:
+    """Yield a limit of a chart for each support that has an allowed force."""
+    names = force_names(scene)["support"]
+    for body, part in scene.bodies.items():
+        for support in part.supports:
+            if support.allowed_force is not None:
+                name = f"{body} {support.name}".strip()
+                columns = [json.dumps(column) for column in names if DIRECTION.sub("", column) == name]
+                yield SupportLimit(name, columns, support.allowed_force)
+
+
 def check_chart(file: Path, scene: Scene, up_to: float) -> None:
     """Raise InputError if the scene of a file has no luffing angle over time, or `up_to` in kg is not above 0."""
     if scene.frame is None or scene.frame.luffing is None or scene.frame.luffing == "free":
@@ -155,22 +175,25 @@ def check_chart(file: Path, scene: Scene, up_to: float) -> None:
 
 
 def _allowed_luffing_force(scene: Scene) -> float | None:
-    """Return the least force in N that the luffing cylinder bears over the scene's luffing angles.
+    """Return the least push in N that the luffing cylinder bears over the scene's luffing angles; None if any.
 
-    None if the cylinder bears any force.
+    At rest the cylinder pushes unless boom and load lean behind the pivot.  So its allowed pull is returned only if the
+    scene limits no push.
     """
     frame = scene.frame
     if frame is None or frame.cylinder is None or not frame.cylinder.has_allowed_forces:
         return None
     angles = np.linspace(*frame.angles.luffing.bounds(0.0, scene.time.end), LUFFING_PLACES)
     allowed = frame.cylinder.allowed_forces(frame.cylinder.length_and_arm(angles).length)
-    return float(min(allowed.push.min(), allowed.pull.min()))
+    push = float(allowed.push.min())
+    return push if math.isfinite(push) else float(allowed.pull.min())
 
 
 def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
     """Return the text of a study file for a load chart, over the ranges of the scene's extensions and luffing angle.
 
-    Limits are tipping, the stress at probes and the stress of walls at pads, as far as the scene has what they need.
+    Limits are tipping, the stress at probes, the allowed forces of the luffing cylinder and of supports, and the stress
+    of walls at pads, as far as the scene has what they need.
     The stress of walls is computed on shells of the sections, on which the pads press.  `up_to` is the largest load in
     kg.  The scene is one that `check_chart` accepts.
     """
@@ -204,4 +227,5 @@ def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
         stress=1e-6 * min(filter(None, yields)) if yields and all(yields) else None,  # MPa
         walls=_wall_limits(scene),
         push=_allowed_luffing_force(scene),
+        supports=_support_limits(scene),
     )

@@ -259,23 +259,34 @@ def test_limits_of_walls_take_the_pads_of_their_joint_alone(
     assert [len(names) for names in taken] == [16, 16] and sorted(sum(taken, [])) == sorted(pads)
 
 
-def test_a_force_that_the_luffing_cylinder_bears_is_a_limit(
+def test_forces_that_luffing_cylinder_and_pin_bear_are_limits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_command
 ) -> None:
-    """A slender rod buckles where the cylinder is longest; without keys of the cylinder there is no limit."""
+    """A slender rod buckles where the cylinder is longest; without keys of cylinder and pin there are no limits."""
     _only_write_charts(monkeypatch, ("middle", "fly"))
     monkeypatch.chdir(tmp_path)
-    template, stiffness = (TEMPLATES / "crane.toml").read_text(), "stiffness = 1e8 }"
+    template, allowed = (TEMPLATES / "crane.toml").read_text(), r"(?m)^allowed_(push|pull|force).*\n"
+    assert len(re.findall(allowed, template)) == 3
     longest = scenes.load_any(TEMPLATES / "crane.toml").frame.cylinder.length_and_arm(np.deg2rad(60.0)).length
     euler = np.pi**3 * 210e9 * 0.06**4 / (64.0 * longest**2)
-    for keys, force in (("", None), (", allowed_push = 3e5, allowed_pull = 2e5", 2e5), (", rod = 0.06", euler)):
-        assert stiffness in template
-        (tmp_path / "crane.toml").write_text(template.replace(stiffness, f"stiffness = 1e8{keys} }}"))
-        run_command("chart", "crane.toml", "--up-to", "20000", "--out", str(tmp_path / f"out{len(keys)}"))
-        limits = call.load(tmp_path / f"out{len(keys)}" / "chart.toml").parts[0].study.limits
-        assert [limit.most for limit in limits if limit.of == "luffing"] == pytest.approx(
-            [force] if force else [], rel=1e-5
-        )
+    bare, table = re.sub(allowed, "", template), "[frame.cylinder]\n"
+    keyed = {
+        f"{table}{keys}\n": force
+        for keys, force in (("allowed_push = 3e5\nallowed_pull = 2e5", 3e5), ("rod = 0.06", euler))
+    }
+    texts = [(bare, {}), (template, {"luffing": 385e3, "support": 390e3})]
+    texts += [(bare.replace(table, keys), {"luffing": force}) for keys, force in keyed.items()]
+    for number, (text, limited) in enumerate(texts):
+        (tmp_path / "crane.toml").write_text(text)
+        run_command("chart", "crane.toml", "--up-to", "20000", "--out", str(tmp_path / f"out{number}"))
+        limits = call.load(tmp_path / f"out{number}" / "chart.toml").parts[0].study.limits
+        by_kind = {limit.of: limit for limit in limits if limit.of in ("luffing", "support")}
+        assert {of: limit.most for of, limit in by_kind.items()} == pytest.approx(limited, rel=1e-5)
+        if "support" in by_kind:
+            pin = by_kind["support"]
+            assert (
+                pin.concerns("base pin x") and pin.concerns("base pin z") and not pin.concerns("base luffing cylinder")
+            )
 
 
 def test_without_fenicsx_walls_are_not_limited_and_what_needs_it_is_refused_before_a_folder_is_made(
@@ -323,8 +334,9 @@ def test_a_chart_of_a_folder_has_its_name(tmp_path: Path, monkeypatch: pytest.Mo
     run_command("chart", "mine", "--up-to", "20000")
     study = call.load(tmp_path / "reports" / "chart_mine" / "chart.toml").parts[0].study
     limits = [(limit.of, limit.most, limit.factor) for limit in study.limits]
-    # the scene has outriggers, a probe of stress and pads
-    assert limits == [("tipping", 1.0, 1.33), ("stress", 690e6, 1.5), ("pad", 38.5e3, 1.5)]
+    # the scene has outriggers, a probe of stress, allowed forces of cylinder and pin, and pads
+    borne = [("luffing", 385e3, 1.0), ("support", 390e3, 1.0)]
+    assert limits == [("tipping", 1.0, 1.33), ("stress", 690e6, 1.5), *borne, ("pad", 38.5e3, 1.5)]
     assert study.limits[-1].which == ("middle tail *", "middle mouth *")
     assert study.slewing == (0.0, 45.0, 90.0, 135.0, 180.0)
     scene = json.dumps(study.plan().runs[0].arguments)

@@ -586,6 +586,16 @@ def test_rows_follow_by_share_then_supports_pads_tip_and_frequency(monkeypatch: 
     shown = [LargestValue(name, "", share) for name, share in names.items()]
     monkeypatch.setattr(first_page, "_largest_values", lambda result: iter(shown))
     assert [list(names).index(row.name) for row in first_page.largest_values(None)] == [7, 0, 6, 5, 4, 3, 2, 1]
+    table = first_page._largest_values_table(None)
+    assert [(list(names).index(name), heading) for name, heading in table.headings.items()] == [
+        (7, "shares that are used up"), (6, "supports and machine"), (4, "pads"), (3, "tip, frequency and speeds"),
+    ]  # fmt: skip
+    page = rendered([Chapter(anchor="case-1", title="Boom", first=(table,))])
+    assert [page.index(of) for of in ('colspan="2">pads<', ">largest pad force<", 'colspan="2">tip,')] == sorted(
+        page.index(of) for of in ('colspan="2">pads<', ">largest pad force<", 'colspan="2">tip,')
+    )
+    shown[:] = shown[1:3]  # rows of one kind only
+    assert not first_page._largest_values_table(None).headings
 
 
 @pytest.mark.parametrize(("clearance", "said"), [(0.0, True), (1e-3, False), ({"left": 0.0, "right": 1e-3}, False)])
