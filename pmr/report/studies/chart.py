@@ -167,7 +167,9 @@ def _paragraphs(study: FinishedStudy, parts: Parts) -> list[str]:
         "Error bars are the sum of four parts: the reduction, from a richer reduced model; the mesh, from elements "
         "half as long or, where walls give way, cells twice as long; the structural model, from shells in place of "
         "beams; and what second order neglects where the boom bends far. The lower bound in chart.csv is what all "
-        "limits allow at least, less their error bars. "
+        "limits allow at least, less their error bars. An error bar is that of the load which a limit allows at rest, "
+        "at one point. A run states errors of forces over its motion, as the norm of their difference over all times "
+        "and pads, so its per cent of pad forces is another figure than the bar of a limit of pads. "
         f"Neither error bars nor lower bounds contain: {parts[0]['not_covered'][0]}."
         if study.study_file["error_bars"]
         else "Error bars were not asked for."
