@@ -13,7 +13,7 @@ from pmr.files.arrays import Array, Summary
 from pmr.results import Response
 from pmr.results.fatigue import SNLine, damage
 from pmr.results.quantities import with_unit
-from pmr.results.response import Output
+from pmr.results.response import ROUND_OFF, Output
 from pmr.results.run import SummaryPart
 from pmr.scene import Scene
 from pmr.scene.built import Load, reaction_name
@@ -24,16 +24,19 @@ from pmr.scene.signals import Constant
 from pmr.simulation.at_rest import scene_at_rest
 from pmr.system.system import System
 
-#: Kinds of forces of which the largest one has a dynamic factor.
-KINDS = ("pad", "support", "cylinder", "outrigger")
+#: Kinds of outputs, in N or without a unit, of which the largest one has a dynamic factor.
+KINDS = ("pad", "support", "reaction", "cylinder", "outrigger", "tipping")
+#: Beginnings of names of forces on the machine.
+ON_MACHINE = tuple(reaction_name(f"{place} ") for place in (AT_PIVOT, AT_GROUND, "machine"))
 
 
 def dynamic_factors_part(scene: Scene, system: System, response: Response) -> SummaryPart:
-    """Entry ``dynamic_factors`` of summary.json: the largest force of each kind of `KINDS`, and this force at rest.
+    """Entry ``dynamic_factors`` of summary.json: the largest value of each kind of `KINDS`, and its value at rest.
 
-    Each row has the ``name`` of the force, its ``kind``, the time ``t`` in s and value ``largest`` in N of the force of
-    the largest magnitude, and its value ``rest`` in N at rest.  The boom at rest has the posture and the loads of this
-    time, and its full weight.  A kind is left out if one of both forces is within the round-off.
+    Each row has the ``name`` of the output, its ``kind``, the time ``t`` in s and value ``largest`` of the output of
+    the largest magnitude, and its value ``rest`` at rest: forces in N, and the use of the support polygon.  The boom at
+    rest has the posture and the loads of this time, and its full weight.  A kind is left out if one of both values is
+    within the round-off.  Forces at the pivot and on the ground are left out, as supports and outriggers share them.
 
     The entry is missing for scenes without a frame, with a hoist, or with a base that moves or is inclined, and for
     those that compute the motion of their machine, luffing angle or extension.
@@ -43,9 +46,14 @@ def dynamic_factors_part(scene: Scene, system: System, response: Response) -> Su
         return SummaryPart()
     names, rows = [output.name for output in response.outputs], list[dict[str, Any]]()
     for kind in KINDS:
-        of_kind = [k for k, output in enumerate(response.outputs) if output.kind == kind and output.unit == "N"]
+        of_kind = [
+            k
+            for k, output in enumerate(response.outputs)
+            if output.kind == kind and output.unit in ("N", "1") and not output.name.startswith(ON_MACHINE)
+        ]
         largest, number = max(((float(np.abs(response.column(k)).max()), k) for k in of_kind), default=(0.0, -1))
-        if largest <= response.force_floor:
+        floor = response.force_floor if kind != "tipping" else ROUND_OFF
+        if largest <= floor:
             continue
         values = response.column(number)
         step = int(np.abs(values).argmax())
@@ -54,7 +62,7 @@ def dynamic_factors_part(scene: Scene, system: System, response: Response) -> Su
         except SimulationError:  # nothing holds the boom at rest in this posture
             continue
         rest = float(still.column([output.name for output in still.outputs].index(names[number]))[0])
-        if abs(rest) > response.force_floor:
+        if abs(rest) > floor:
             rows.append({"name": names[number], "kind": kind, "t": float(response.t[step]),
                          "largest": float(values[step]), "rest": rest})  # fmt: skip
     return SummaryPart({"dynamic_factors": rows} if rows else {})
@@ -91,11 +99,8 @@ def _steady(load: Load, t: float) -> Load:
 MISSED, SMALL = 0.05, 0.2
 
 
-#: Kinds of outputs that have their peaks where stress has them, and beginnings of names of forces on the machine.
+#: Kinds of outputs that have their peaks where stress has them.
 STRESSING = ("pad", "support", "reaction", "probe")
-
-
-ON_MACHINE = tuple(reaction_name(f"{place} ") for place in (AT_PIVOT, AT_GROUND, "machine"))
 
 
 def missed_stress_part(scene: Scene, response: Response) -> SummaryPart:

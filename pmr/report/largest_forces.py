@@ -217,9 +217,14 @@ def _forces_by_kind_rows(result: RunResult) -> LargestValues:
 def _dynamic_factor_rows(result: RunResult) -> LargestValues:
     """Yield a row with the largest forces of this motion as multiples of those at rest in the same posture."""
     if rows := result.summary.get("dynamic_factors"):
+
+        def at_rest(row: Summary) -> str:
+            """Text of a row's value at rest."""
+            return format_percent(row["rest"]) if row["kind"] == "tipping" else format_quantity(abs(row["rest"]), "N")
+
         factors = ", ".join(
             f"{row['largest'] / row['rest']:.2f} {shown_force_name(row['name']).replace(FORCE_OF, '', 1)} "
-            f"({format_quantity(abs(row['rest']), 'N')} at rest)"
+            f"({at_rest(row)} at rest)"
             for row in rows
         )
         yield LargestValue(

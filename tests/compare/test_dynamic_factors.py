@@ -23,7 +23,7 @@ def rows(*keys: str) -> dict[str, dict[str, Any]]:
 
 def test_a_boom_at_rest_has_the_factor_1() -> None:
     of = rows(*STANDS, "start='equilibrium'", "time.end=0.02")
-    assert [*of] == ["pad", "cylinder"]
+    assert [*of] == ["pad", "reaction", "cylinder"]
     for row in of.values():
         assert row["largest"] / row["rest"] == pytest.approx(1.0, abs=1e-9)
 
@@ -63,7 +63,7 @@ def test_loads_of_one_name_on_two_sections_keep_their_own_values() -> None:
     scene = pmr.load_scene("boom_three", [*frame, *still, *loads, "gravity.rise=0.0"])
     model = pmr.reduce(scene).system
     found = dynamic_factors_part(scene, model, pmr.simulate(scene, model)).figures["dynamic_factors"]
-    assert [row["kind"] for row in found] == ["pad", "cylinder"]
+    assert [row["kind"] for row in found] == ["pad", "reaction", "cylinder"]
     assert all(row["largest"] / row["rest"] == pytest.approx(1.0, abs=1e-9) for row in found)
 
 
@@ -85,3 +85,13 @@ def test_a_body_on_a_moving_slider_rests_where_it_is_at_the_largest_force() -> N
 @pytest.mark.parametrize("key", ["frame.base={z={kind='sine', amplitude=0.1, frequency=1.0}}"])
 def test_a_base_that_moves_has_no_factor(key: str) -> None:
     assert rows(*STANDS, key, "time.end=0.02") == {}
+
+
+def test_a_machine_that_stands_has_the_factor_1_in_its_pin_and_in_the_use_of_its_support_polygon() -> None:
+    still = {f"sections.{name}.joint.extension": "2.0" for name in ("middle", "fly")}
+    still |= {"frame.luffing": "20.0", "frame.slewing": "30.0", "time.end": "0.04", "compare.against": "[]"}
+    scene = pmr.load_scene("crane_outriggers", [f"{key}={value}" for key, value in still.items()])
+    model = pmr.reduce(scene).system
+    found = dynamic_factors_part(scene, model, pmr.simulate(scene, model)).figures["dynamic_factors"]
+    assert {"reaction", "outrigger", "tipping"} < {row["kind"] for row in found}
+    assert all(row["largest"] / row["rest"] == pytest.approx(1.0, abs=1e-6) for row in found)
