@@ -12,7 +12,8 @@ half the size.  It converges with the square of the size, so that the limit and 
 
 .. math:: \sigma_v = \sigma_{fine} + (\sigma_{fine} - \sigma_{coarse}) / 3, \qquad e = |\sigma_v - \sigma_{fine}|
 
-Left out are the shear of transverse forces, which is small in walls that bend, and rings of pads nearby.
+Left out are the shear of transverse forces, which is small in walls that bend, rings of pads nearby, and half a cell
+along the edges where two walls meet.  There the stress can be a few per cent above the bar, if a pad is close.
 """
 
 from __future__ import annotations
