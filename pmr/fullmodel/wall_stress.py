@@ -335,6 +335,7 @@ class YieldForce:
     force: float  # N
     section: str
     pad: str
+    error: float  # N: error bar of `force` by the cells of the walls
 
 
 def yield_forces(scene: Scene) -> dict[str, YieldForce]:
@@ -354,7 +355,8 @@ def yield_forces(scene: Scene) -> dict[str, YieldForce]:
         for largest in largest_pad_stresses(scene, number):
             allowed = material.yield_stress / largest.stress.value
             if largest.joint not in least or allowed < (1.0 - ROUND_OFF) * least[largest.joint].force:
-                least[largest.joint] = YieldForce(allowed, part.name, largest.pad)
+                error = allowed * largest.stress.error / largest.stress.value
+                least[largest.joint] = YieldForce(allowed, part.name, largest.pad, error)
     return {scene.sections[k].name: least[k] for k in sorted(least) if k not in lacking}
 
 

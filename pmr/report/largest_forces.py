@@ -249,7 +249,7 @@ def _bearer_words(key: str, name: str) -> str:
 def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestValues:
     """Yield a row with the pad whose force comes nearest to that at which walls begin to yield; `forces` are by pad.
 
-    Nothing is yielded unless a shell was compared (`pmr.fullmodel.wall_stress.yield_forces`).
+    Nothing is yielded if these forces were not computed (`pmr.fullmodel.wall_stress.yield_forces`).
     """
     limits = (result.summary.get("budget", {}).get("model") or {}).get("pad_yield", {})
     shares = {
@@ -260,9 +260,10 @@ def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestVal
     if shares:
         pad = max(shares, key=lambda name: shares[name][0])
         share, limit = shares[pad]
+        bar = f" ± {format_quantity(limit['error'], 'N')} by their cells" if limit.get("error") else ""
         yield LargestValue(
             "largest pad force over that at which walls yield",
-            f"{format_percent(share)} of {format_quantity(limit['force'], 'N')}, {pad}, "
+            f"{format_percent(share)} of {format_quantity(limit['force'], 'N')}{bar}, {pad}, "
             f"{extreme_clause(result, forces[pad].largest)}; under the weakest pad of this joint alone the walls of "
             f"{limit['section']} then begin to yield at its edge; the bending of the whole section adds to it",
             share,

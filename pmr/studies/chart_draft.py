@@ -122,7 +122,8 @@ class WallLimit(NamedTuple):
 
     name: str  # section whose joint it is
     pads: list[str]  # patterns of names of its pads, in quotes
-    force: float  # N
+    force: float  # N, less its error bar
+    error: float  # N: the error bar
     section: str  # section whose walls yield
 
 
@@ -143,7 +144,8 @@ def _wall_limits(scene: Scene) -> Iterator[WallLimit]:
     for name, at_yield in forces.items():
         joint = scene.joint(scene.names.index(name))
         ends = [end for end, rings in (("tail", joint.tail), ("mouth", joint.mouth)) if any(r.faces for r in rings)]
-        yield WallLimit(name, [json.dumps(f"{name} {end} *") for end in ends], at_yield.force, at_yield.section)
+        pads, bar = [json.dumps(f"{name} {end} *") for end in ends], at_yield.error
+        yield WallLimit(name, pads, at_yield.force - bar, bar, at_yield.section)
 
 
 class SupportLimit(NamedTuple):

@@ -196,7 +196,7 @@ def test_what_has_no_chart_is_refused_in_one_line(
 def _only_write_charts(monkeypatch: pytest.MonkeyPatch, sections: tuple[str, ...] = ("middle",)) -> None:
     """Let `pmr chart` write its study without computing it, and with yield forces of pads that take no shell."""
     monkeypatch.setattr("pmr.cli.study.study", lambda *_, **__: None)
-    forces = {name: YieldForce(38.5e3, name, "tail bottom left") for name in sections}
+    forces = {name: YieldForce(38.5e3, name, "tail bottom left", 3e3) for name in sections}
     monkeypatch.setattr("pmr.fullmodel.wall_stress.yield_forces", lambda scene: forces)
 
 
@@ -336,7 +336,7 @@ def test_a_chart_of_a_folder_has_its_name(tmp_path: Path, monkeypatch: pytest.Mo
     limits = [(limit.of, limit.most, limit.factor) for limit in study.limits]
     # the scene has outriggers, a probe of stress, allowed forces of cylinder and pin, and pads
     borne = [("luffing", 385e3, 1.0), ("support", 390e3, 1.0)]
-    assert limits == [("tipping", 1.0, 1.33), ("stress", 690e6, 1.5), *borne, ("pad", 38.5e3, 1.5)]
+    assert limits == [("tipping", 1.0, 1.33), ("stress", 690e6, 1.5), *borne, ("pad", 35.5e3, 1.5)]
     assert study.limits[-1].which == ("middle tail *", "middle mouth *")
     assert study.slewing == (0.0, 45.0, 90.0, 135.0, 180.0)
     scene = json.dumps(study.plan().runs[0].arguments)
