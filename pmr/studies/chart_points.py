@@ -274,7 +274,7 @@ def governing_details(
       sections with the numbers ``bent.section`` (b,), in the directions ``direction.names`` (b,).
     - ``stress`` (p, s) Pa: von Mises stress at s probes.
     - ``used`` (p, l): used shares of all limits; the last one is the load divided by the buckling load.
-    - ``luffing`` (p,) rad.
+    - ``luffing`` and ``slewed`` (p,) rad: angles of the boom.
     - ``stops`` (p, stops, 5): numbers of `StopMotion.stop_figures`.
     - ``forces.names``, ``stress.names``, ``section.names``: names of contacts, probes, sections.
     """
@@ -326,6 +326,7 @@ def _place_arrays(
         "stress": np.array([float(von_mises_stress(state.outputs[numbers], names)) for numbers, names in of_probes]),
         "used": np.array([*(place.used_share(limit, state) for limit in limits), load / state.form.critical]),
         "luffing": at.place.luffing[place.k],
+        "slewed": at.place.slewing[place.k],
         "stops": np.array([stop.stop_figures(place, load, limit) for stop in stops]).reshape(-1, 5),
     }
 

@@ -246,13 +246,15 @@ def _governing_page(
         f"The boom at rest under {load:.5g}{SPACE}kg, seen from the side, displacements drawn {boom.scale:g} times as "
         "large; the thin line is the boom without any load."
     )
+    turns = "at.slewed" in arrays and len(arrays["at.slewing"]) > 1  # results of earlier versions have no such angle
+    slewed = f", slewed by {np.rad2deg(arrays['at.slewed'][n]):.4g}°" if turns else ""
     stands = ", ".join(f"{name} out {value:.3g}{SPACE}m" for name, value in out.items())
     bar = f"{SPACE}±{SPACE}{format_input(float(f'{error:.2g}'))}" if np.isfinite(error) else ""
     member = f" ({arrays['member'][k]})" if arrays["member"][k] else ""
     remark = f", {arrays['at.remarks'][n]}" if arrays["at.remarks"][n] else ""
     text = (
-        f"Raised by {np.rad2deg(angle):.3g}°{', ' if stands else ''}{stands}: radius {radius:.4g}{SPACE}m, height "
-        f"{height:.4g}{SPACE}m. It carries {load:.5g}{bar}{SPACE}kg, by {names[n]}{member}{remark}, the largest "
+        f"Raised by {np.rad2deg(angle):.3g}°{slewed}{', ' if stands else ''}{stands}: radius {radius:.4g}{SPACE}m, "
+        f"height {height:.4g}{SPACE}m. It carries {load:.5g}{bar}{SPACE}kg, by {names[n]}{member}{remark}, the largest "
         "load that this limit governs."
     )
     text += "".join(f" {name}" for name in _stop_sentences(study, names[n], arrays["at.stops"][n]))

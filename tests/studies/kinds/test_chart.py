@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from pmr import InputError
 from pmr.errors.environment import plugin_objects
 from pmr.report.studies import render_studies
+from pmr.report.studies.chart import governing_pages
+from pmr.report.studies.finished import FinishedStudy
 from pmr.scene import load_any
 from pmr.studies import call, shared
 from pmr.studies.call import Progress, compute_results, save
@@ -184,6 +186,21 @@ def test_pages_of_governing_points_say_what_the_boom_does_there(small: StudyResu
             pads = [float(f) for name, f in zip(names, forces, strict=True) if "tail" in name or "mouth" in name]
             assert max(map(abs, pads)) == pytest.approx(used[0] * 60e3 / 1.5, rel=1e-6)
     assert found >= 3
+
+
+def test_pages_of_governing_points_name_the_slewing_angle_of_a_boom_that_slews(
+    small: StudyResults, folder: Path
+) -> None:
+    study = FinishedStudy.load(folder)
+    names = [*(str(limit["name"]) for limit in study.study_file["limits"]), "stability"]
+    parts = [small.arrays(run.key) for run in small.runs]
+    assert all(set(part["at.slewed"][part["at.place"] >= 0]) == {0.0} for part in parts)
+    turned = [
+        part | {"at.slewing": np.array([0.0, 90.0]), "at.slewed": np.full(len(names), np.pi / 2.0)} for part in parts
+    ]
+    for arrays, is_named in ((parts, False), (turned, True)):
+        texts = [block.text for block in governing_pages(study, names, arrays, "chart")]
+        assert texts and all(("°, slewed by 90°, " in text) is is_named for text in texts)
 
 
 def test_cut_off_and_called_again_it_is_the_same_to_the_byte(folder: Path, tmp_path: Path) -> None:
