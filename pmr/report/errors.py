@@ -305,8 +305,13 @@ def _stress_certainty(result: RunResult) -> str:
     walls, unknown = wall_stress(result.summary), f"error is not known: {'; '.join(_stress_gaps(result))}"
     if walls is None or "error" not in walls:
         return f"its {unknown}"
-    share = format_percent(walls["error"] / walls["value"], 2)
-    return f"in walls at pads ± {share} by their cells, and the error of pad forces; elsewhere the {unknown}"
+    by_cells = walls["error"] / walls["value"]
+    by_pads = summed_errors(result.summary).by_label.get(QUANTITIES["pad_force"].label)
+    share = f"{format_percent(by_cells, 2)} by their cells, and the error of pad forces"
+    if by_pads is not None:
+        share = f"{format_percent(by_cells + by_pads, 2)}, of which {format_percent(by_cells, 2)} by their cells "
+        share += "and the rest by pad forces"
+    return f"in walls at pads ± {share}; elsewhere the {unknown}"
 
 
 def _stress_gaps(result: RunResult) -> Iterator[str]:

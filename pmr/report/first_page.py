@@ -207,6 +207,8 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
     used = ""
     if allowed is not None:
         used = f", {format_percent(shell['value'] / allowed)} of the {format_quantity(allowed, 'Pa')} of yield"
+        if "error" in shell:
+            used += f", with this bar {format_percent((shell['value'] + shell['error']) / allowed)}"
     return LargestValue(
         QUANTITIES["wall_stress"].reported,
         f"{wall_stress_words(shell)}{used}, {peak_place_clause(result, at)}; {WALL_STRESS_PARTS}"

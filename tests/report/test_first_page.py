@@ -442,10 +442,18 @@ def test_the_stress_of_beams_has_no_share_of_the_yield_stress(make_space: MakeSp
         compared, "from the side"
     )
     said = carries["largest von Mises stress in walls"]
-    assert said.startswith(f"284{SPACE}MPa ± 12{SPACE}MPa, 80.0{SPACE}% of the 355{SPACE}MPa of yield, left wall, ")
+    assert said.startswith(f"284{SPACE}MPa ± 12{SPACE}MPa, 80.0{SPACE}% of the 355{SPACE}MPa of yield, ")
+    assert f"of yield, with this bar 83.4{SPACE}%, left wall, " in said
     assert "added at each point; ± by the cells of the wall" in said and "not known" not in said
     sure = rows(compared, "How sure")["stress"]
     assert sure.startswith(f"in walls at pads ± 4.2{SPACE}% by their cells, and the error of pad forces; elsewhere the")
+    with_pads = {"model": budget["model"] | {"pad_force": 0.02}}
+    pressed = replace(compared, summary=compared.summary | {"budget": with_pads})
+    sure = rows(pressed, "How sure")
+    total = float(sure["stress"].removeprefix("in walls at pads ± ").partition(SPACE)[0])
+    by_pads = 100.0 * summed_errors(pressed.summary).by_label["pad forces"]
+    assert by_pads > 2.0 and total == pytest.approx(100.0 * 12 / 284 + by_pads, abs=0.06)
+    assert f"{SPACE}%, of which 4.2{SPACE}% by their cells and the rest by pad forces; elsewhere" in sure["stress"]
     assert not overload_sentences(compared)
     budget["model"]["wall_stress"] = {key: value for key, value in walls.items() if key != "error"}
     assert "largest von Mises stress in walls" in rows(compared, "Largest values of this motion")
@@ -456,7 +464,7 @@ def test_the_stress_of_beams_has_no_share_of_the_yield_stress(make_space: MakeSp
     grown = replace(compared, summary=compared.summary | {"budget": budget})
     said = rows(grown, "Largest values of this motion")["largest von Mises stress in walls"]
     assert said.endswith("; not known of fly and base: its walls change along it")
-    assert said.startswith(f"426{SPACE}MPa ± 12{SPACE}MPa, 120{SPACE}% of the 355{SPACE}MPa of yield, left wall")
+    assert said.startswith(f"426{SPACE}MPa ± 12{SPACE}MPa, 120{SPACE}% of the 355{SPACE}MPa of yield, with this bar")
     (over,) = overload_sentences(grown)
     assert over == f"largest von Mises stress in walls: {said}"
     page = rendered([Chapter(anchor="case-1", title="Boom", notices=Notices([over]), first=first_page_tables(grown))])
