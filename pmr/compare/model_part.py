@@ -17,7 +17,8 @@ run is at that position.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -27,14 +28,16 @@ from pmr.compare.errors import ForceHistories, force_errors, force_histories
 from pmr.compare.moving_frame import with_choice_of_terms
 from pmr.compare.outputs import probe_errors
 from pmr.compare.responses import march_once, refuse_growth
-from pmr.compare.round_off import zero_round_off
+from pmr.compare.round_off import probe_round_off, zero_round_off
 from pmr.files.arrays import Array, Summary
 from pmr.results import Response
 from pmr.results.quantities import COMPARED
 from pmr.scene import Scene
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import side_positions
+from pmr.simulation.reactions import outputs_of
 from pmr.system.assembly import Assembly
+from pmr.system.body import other_outputs
 from pmr.system.system import System
 
 #: Number of frequencies that are compared, of modes among which they are chosen, and of positions along the path.  The
@@ -60,6 +63,7 @@ class Motion:
     mode_motions: Array  # (P, 3, f): sums of the squared displacements of all outputs along x, y, z in each mode
     response: Response
     frequency_error: float = 0.0  # known relative error of the two lowest frequencies
+    round_off: Mapping[str, float] = field(default_factory=dict)  # of rotations and probes, by name, in their units
 
     @classmethod
     def compute(cls, scene: Scene, system: System, response: Response | None = None) -> Motion:
@@ -82,7 +86,11 @@ class Motion:
             shapes = assembly.outputs @ phi
             rows = ([kind in (f"beam {d}", f"tip {d}") for kind in kinds] for d in DIRECTIONS)
             motions.append(np.array([(shapes[which] ** 2).sum(axis=0) for which in rows]))
-        return cls(np.array(frequencies), np.array(motions), response)
+        others = np.concatenate([other_outputs(body) for body in system.bodies.values()])
+        names = [output.name for output, is_other in zip(outputs_of(system), others, strict=True) if is_other]
+        bounds = probe_round_off(system.bodies, excitation.forces(system.input_names), excitation.stepping.end)
+        round_off = dict(zip(names, bounds.tolist(), strict=True))
+        return cls(np.array(frequencies), np.array(motions), response, round_off=round_off)
 
     def lowest_frequencies(self, directions: Array) -> Array:
         """Lowest frequencies (P, `FREQUENCIES`) in Hz of the modes that move most in some of the directions x, y, z.
@@ -185,11 +193,16 @@ def model_budget(scene: Scene, motion: Motion, richer: Motion, richer_name: str)
 
 
 def _probe_errors(motion: Motion, richer: Motion) -> dict[str, float]:
-    """Error of each probe that both models have, a fraction (`pmr.compare.outputs.probe_errors`), by its name."""
+    """Error of each probe that both models have, a fraction (`pmr.compare.outputs.probe_errors`), by its name.
+
+    A probe that is round-off in both counts as zero.
+    """
     mine, theirs = motion.histories("probe"), richer.histories("probe")
     names = [name for name in mine if name in theirs]
     units = {output.name: output.unit for output in motion.response.outputs}
     y, r = (np.array([of[name] for name in names]).T for of in (mine, theirs))
+    bounds = [max(of.round_off.get(name, 0.0) for of in (motion, richer)) for name in names]
+    y, r = zero_round_off(y, r, np.array(bounds)) if names else (y, r)
     return dict(zip(names, probe_errors(y, r, [units[name] for name in names]).tolist(), strict=True)) if names else {}
 
 
