@@ -242,7 +242,8 @@ class _Views:
         return View(
             "close",
             shot,
-            f"The neighbourhood of the largest stress, seen from {side}; {tip}. {self._time_clause(moment)}.",
+            f"The neighbourhood of the largest stress that is drawn, seen from {side}; {tip}. "
+            f"{self._time_clause(moment)}.",
         )
 
     def _time_clause(self, moment: Moment) -> str:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pmr.files.arrays import Array, Summary
-from pmr.report.numbers import format_input, format_percent, format_quantity
+from pmr.report.numbers import SPACE, format_input, format_percent, format_quantity
 from pmr.results import BodyResult, RunResult
 from pmr.results.quantities import wall_stress
 from pmr.scene.built import PadRing
@@ -63,7 +63,9 @@ def no_play_clause(result: RunResult) -> str:
 def walls_clause(result: RunResult) -> str:
     """Clause of a caption on the stress in walls, which no picture of beams shows; empty if it is not known."""
     walls = wall_stress(result.summary)
-    return "" if walls is None else f"; walls under pads reach {wall_stress_words(walls)}, not drawn"
+    if walls is None:
+        return ""
+    return f"; walls under pads reach {wall_stress_words(walls)} at {walls['t']:.3g}{SPACE}s of this run, not drawn"
 
 
 def wall_stress_words(walls: Summary) -> str:

@@ -23,7 +23,7 @@ from pmr.report.figures.canvas import INK, drawn_text
 from pmr.report.first_page import first_page_tables, largest_value_rows, overload_sentences
 from pmr.report.sections import accuracy_block, chapter
 from pmr.report.sentences import key_numbers
-from pmr.report.subject import no_play_clause
+from pmr.report.subject import no_play_clause, walls_clause
 from pmr.results import Response, RunResult
 from pmr.results.response import LUFFING_ANGLE, Output
 from pmr.scene import Scene
@@ -436,6 +436,7 @@ def test_the_stress_of_beams_has_no_share_of_the_yield_stress(make_space: MakeSp
     number = next(number for number in key_numbers(compared) if "stress" in number.label)
     assert (number.label, number.value) == ("largest von Mises stress in walls", f"284{SPACE}MPa")
     assert number.note == f"284{SPACE}MPa ± 12{SPACE}MPa; of the beams 49.0{SPACE}MPa"
+    assert walls_clause(compared).endswith(f" ± 12{SPACE}MPa at 0.4{SPACE}s of this run, not drawn")
     ring = space.largest_stress(compared)
     assert ring is not None and (ring.value, ring.x, ring.step) == (284e6, 1.5, 400)
     assert "the ring is the place of the largest von Mises stress in walls" in space.view_caption(
