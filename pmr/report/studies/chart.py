@@ -96,7 +96,7 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     pages = governing_pages(study, shown_names, parts, prefix)
     return replace(
         chapter,
-        key_numbers=_key_numbers(study, least, error, parts),
+        key_numbers=_key_numbers(study, chart, error, parts),
         blocks=[Block("Load chart", (picture,)), *blocks[:2], over_radius, explained, blocks[3], *pages],
     )
 
@@ -132,17 +132,23 @@ def _cell_text(study: FinishedStudy, table: LeastLoads, chart: LoadChart, error:
     )
 
 
-def _key_numbers(study: FinishedStudy, least_loads: Array, error: Array, parts: Parts) -> list[KeyNumber]:
-    """Key numbers: number of points, and the largest of `least_loads` in kg.
+def _key_numbers(study: FinishedStudy, chart: LoadChart, error: Array, parts: Parts) -> list[KeyNumber]:
+    """Key numbers: number of points, the largest load of a `chart`, and the load at its largest radius.
 
     If an `error` bar is finite, two more follow: the largest error bar, with the errors that it contains, and the
     number of points at which another limit may govern within the error bars.
     """
-    count, most = len(study.study_file["limits"]) + 1, float(np.nanmax(least_loads))
-    key_numbers = [KeyNumber(str(least_loads.size), "points", f"{count} limit{'s' if count > 1 else ''}")]
+    count, most, radius = len(study.study_file["limits"]) + 1, float(np.nanmax(chart.load)), chart.place[..., 0]
+    key_numbers = [KeyNumber(str(chart.load.size), "points", f"{count} limit{'s' if count > 1 else ''}")]
     if most > 0.0:
-        governed = "most that a limit governs" if np.isnan(least_loads).any() else "most"
-        key_numbers.append(KeyNumber(format_load(most), governed))
+        governed = "most that a limit governs" if np.isnan(chart.load).any() else "most"
+        at_most = radius[np.unravel_index(np.nanargmax(chart.load), radius.shape)]
+        key_numbers.append(KeyNumber(format_load(most), governed, f"at a radius of {at_most:.4g}{SPACE}m"))
+    farthest = np.unravel_index(np.argmax(radius), radius.shape)
+    if chart.which[farthest] >= 0:
+        load = NOT_PERMITTED if chart.not_permitted[farthest] else format_load(chart.load[farthest])
+        by = f"by {chart.names[chart.which[farthest]]}"
+        key_numbers.append(KeyNumber(load, f"at the largest radius, {radius[farthest]:.4g}{SPACE}m", by))
     if np.isfinite(error).any():
         largest, doubt = format_load(float(f"{np.nanmax(error):.2g}")), str(study.figures["in_doubt"])
         key_numbers.append(KeyNumber(largest, "error bar, at most", covered_parts(parts)))

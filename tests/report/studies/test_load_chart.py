@@ -18,7 +18,7 @@ from pmr.report.figures.load_chart import (
     label_ends,
     load_chart,
 )
-from pmr.report.studies.chart import build_chapter
+from pmr.report.studies.chart import _key_numbers, build_chapter
 from pmr.report.studies.chart_tables import (
     NO_WALLS,
     case_sentence,
@@ -104,6 +104,19 @@ def test_the_first_sentence_names_the_case() -> None:
     assert case_sentence(asked) == "Static, for rest (factor of load 1.25, of the boom's weight 1, gust 400\u00a0N)."
     asked["cases"][0] |= {"machine": 0.9}
     assert "(factor of load 1.25, of the boom's weight 1, of the machine's 0.9, gust 400" in case_sentence(asked)
+
+
+def test_key_numbers_have_the_load_at_the_largest_radius_and_its_limit() -> None:
+    place = np.array([[[5.0, 5.0], [7.0, 1.0]], [[8.0, 8.0], [11.25, 2.0]]])
+    load, which = np.array([[900.0, 600.0], [300.0, 120.0]]), np.array([[0, 1], [0, 1]])
+    study: Any = SimpleNamespace(study_file={"limits": [{}]})
+    for at_tip, shown in ((120.0, "120\u00a0kg"), (0.0, NOT_PERMITTED)):
+        load[1, 1] = at_tip
+        chart = LoadChart(place, load, which, ["tip", "pads of fly"], 2e4)
+        _, most, farthest = _key_numbers(study, chart, np.full((2, 2), np.nan), [])
+        assert (most.value, most.note) == ("900\u00a0kg", "at a radius of 5\u00a0m")
+        assert (farthest.value, farthest.label) == (shown, "at the largest radius, 11.25\u00a0m")
+        assert farthest.note == "by pads of fly"
 
 
 def test_tables_of_loads_have_all_boom_lengths_and_are_not_wider_than_paper() -> None:
