@@ -111,14 +111,14 @@ def largest_values(result: RunResult) -> list[LargestValue]:
 
 
 #: Heading of the rows with an allowed value.
-USED_UP = "shares that are used up"
+USED_UP = "Shares that are used up"
 #: Headings of the other rows in their order, with the places of the quantities below each of them.
 HEADINGS = {
-    "supports and machine": ("support", "machine", "ground"),
-    "cylinders, ropes and hoist": ("cylinder", "rope", "hoist"),
-    "pads": ("pad",),
-    "stress": ("section", "probe"),
-    "tip, frequency and speeds": ("tip", "boom"),
+    "Supports and machine": ("support", "machine", "ground"),
+    "Cylinders, ropes and hoist": ("cylinder", "rope", "hoist"),
+    "Pads": ("pad",),
+    "Stress": ("section", "probe"),
+    "Tip, frequency and speeds": ("tip", "boom"),
 }
 #: Places of quantities in the order of their rows on the first page.
 PLACES = tuple(place for places in HEADINGS.values() for place in places)

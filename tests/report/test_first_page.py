@@ -597,11 +597,11 @@ def test_rows_follow_by_share_then_supports_pads_tip_and_frequency(monkeypatch: 
     assert [list(names).index(row.name) for row in first_page.largest_values(None)] == [7, 0, 6, 5, 4, 3, 2, 1]
     table = first_page._largest_values_table(None)
     assert [(list(names).index(name), heading) for name, heading in table.headings.items()] == [
-        (7, "shares that are used up"), (6, "supports and machine"), (4, "pads"), (3, "tip, frequency and speeds"),
+        (7, "Shares that are used up"), (6, "Supports and machine"), (4, "Pads"), (3, "Tip, frequency and speeds"),
     ]  # fmt: skip
     page = rendered([Chapter(anchor="case-1", title="Boom", first=(table,))])
-    assert [page.index(of) for of in ('colspan="2">pads<', ">largest pad force<", 'colspan="2">tip,')] == sorted(
-        page.index(of) for of in ('colspan="2">pads<', ">largest pad force<", 'colspan="2">tip,')
+    assert [page.index(of) for of in ('colspan="2">Pads<', ">largest pad force<", 'colspan="2">Tip,')] == sorted(
+        page.index(of) for of in ('colspan="2">Pads<', ">largest pad force<", 'colspan="2">Tip,')
     )
     shown[:] = shown[1:3]  # rows of one kind only
     assert not first_page._largest_values_table(None).headings
