@@ -165,7 +165,7 @@ def matrices(
     coordinates = f"{body.size} coordinates of {len(body.points)} nodes{amplitudes}"
     out.text(f"{coordinates}; groups: {', '.join(body.groups) or 'none'}")
     x, y, z = (round(float(c), 9) + 0.0 for c in body.centre)
-    free = " of what supports inside the matrices leave free" if body.lacks_displacements else ""
+    free = " of what supports inside the matrices leave free" if body.lacks else ""
     centre = f"centre of mass at ({x:.4g}, {y:.4g}, {z:.4g}) m"
     out.text(f"{body.mass:.4g} kg{free}, {centre}; {_held_motions_text(len(body.held))}")
     if body.D is not None:

@@ -134,7 +134,7 @@ class GivenMatrices:
         return np.asarray(R.T @ (self.M @ R))
 
     @property
-    def lacks_displacements(self) -> bool:
+    def lacks(self) -> bool:
         """Whether a node's displacement along some axis has no coordinate.
 
         Supports remove coordinates, and so do nodes that belong to no element.

@@ -152,7 +152,7 @@ def test_what_is_beyond_a_tolerance_is_not_rounded_to_it(load_scene, share: floa
         ("accuracy.tolerance=0", "greater than 0"),
         ("accuracy.outputs=['stress']", "'velocity' or 'probe' is allowed"),
         ("accuracy.outputs=['probe']", "a scene with probes"),
-        ("accuracy.outputs=['tip','tip']", "each kind once"),
+        ("accuracy.outputs=['tip','tip']", "each once"),
         ("reduction.flexibility=false", "free modes with flexibility"),
         ("reduction.estimate=false", "free modes with flexibility and an estimate"),
     ],
