@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import pmr
+from pmr.observe.budget import output_errors
 from pmr.observe.linear import linearize
-from pmr.observe.measured import output_errors
 from pmr.observe.observer import Observer, Parameter, Payload, Sensor, UnknownLoad
 from pmr.pipeline import run
 from pmr.scene.scene import Scene

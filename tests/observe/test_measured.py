@@ -10,7 +10,8 @@ from oscillator import OUTPUTS, H, history, measured, oscillator
 
 import pmr
 from pmr import InputError, Observer
-from pmr.observe.measured import Observation, ObserverFile, describe_faults, output_errors, read_measurements
+from pmr.observe.budget import output_errors
+from pmr.observe.measured import Observation, ObserverFile, describe_faults, read_measurements
 from pmr.observe.observer import Sensor, UnknownLoad
 
 FILE = """

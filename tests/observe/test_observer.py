@@ -16,8 +16,8 @@ from oscillator import OUTPUTS, H, history, measured, oscillator, weight
 
 from pmr import InputError, Observer, PositionObserver
 from pmr.files.arrays import Array
+from pmr.observe.budget import output_errors
 from pmr.observe.linear import LinearMotion
-from pmr.observe.measured import output_errors
 from pmr.observe.observer import Parameter, Payload, Sensor, UnknownLoad
 
 

@@ -1,0 +1,49 @@
+"""Parts of the error of a run's outputs, as standard deviations of what an observer adds to its bands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pmr.files.arrays import Summary
+from pmr.observe.linear import ACCELERATION, SPECIFIC_FORCE, VELOCITY, LinearMotion
+from pmr.results.quantities import QUANTITIES
+
+#: Parts of the error budget of a run, and where `summary.json` has them.
+PARTS: Mapping[str, tuple[str, ...]] = {
+    "reduction": ("estimate",), "step": ("step",), "mesh": ("budget", "mesh"), "model": ("budget", "model"),
+}  # fmt: skip
+
+
+def output_errors(summary: Summary, motion: LinearMotion, run_step: float | None = None) -> dict[str, dict[str, float]]:
+    """Errors of a linear model's outputs, as fractions of their RMS, by part of the budget, then by output.
+
+    `summary` is the content of a run's ``summary.json``, whose time step was `run_step` s.  If the model has another
+    step, its error of the step is scaled by the squares of the steps, since the scheme is of second order.  An output
+    that a part does not cover is missing in that part.  Accelerations and velocities have the errors of velocities, or
+    those of displacements if the part does not cover velocities.
+    """
+    errors = dict[str, dict[str, float]]()
+    for part, keys in PARTS.items():
+        table: Any = summary
+        for key in keys:
+            table = table.get(key) if isinstance(table, Mapping) else None
+        if not isinstance(table, Mapping):
+            continue
+        of_part = {name: _error_of(table, name, kind) for name, kind in zip(motion.outputs, motion.kinds, strict=True)}
+        factor = (motion.step / run_step) ** 2 if part == "step" and run_step else 1.0
+        errors[part] = {name: factor * error for name, error in of_part.items() if error is not None}
+    return {part: of_part for part, of_part in errors.items() if of_part}
+
+
+def _error_of(table: Summary, name: str, kind: str) -> float | None:
+    """Error of the output `name` of a kind as one part's `table` has it; None if the part does not cover it.
+
+    The error of a probe of this name comes first, then that of a quantity of this kind.  A velocity or acceleration has
+    the error of velocities, or that of the beam's displacements if no velocities are covered.
+    """
+    keys = [key for key, quantity in QUANTITIES.items() if quantity.kinds == (kind,)]
+    if name.startswith((VELOCITY, ACCELERATION, SPECIFIC_FORCE)):
+        keys = ["velocity", "beam"]
+    values = [table.get("probes", {}).get(name), *map(table.get, [*keys, kind])]
+    return next((float(value) for value in values if isinstance(value, int | float)), None)
