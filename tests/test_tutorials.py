@@ -140,8 +140,8 @@ def test_a_load_chart_from_an_empty_folder(
     )  # slewed by 0, 45, ..., 180 degrees
     walls = sum(stable["figures"][f"governs.walls at pads of {name}"] for name in ("middle", "fly"))
     assert (
-        f"Walls at pads govern at {walls}\nof its {stable['figures']['points']} points" in page
-        and stable["figures"]["governs.tipping"] > 0
+        f"Walls at pads govern at {walls}\nof its {stable['figures']['points']} points, the luffing cylinder at "
+        f"{stable['figures']['governs.luffing cylinder']}: it carries" in page
     )
     with (tmp_path / "reports" / "chart_mine" / "chart.csv").open() as file:
         rows_of_chart = list(csv.DictReader(file))

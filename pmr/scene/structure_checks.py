@@ -117,7 +117,9 @@ def _check_places(member: Member) -> None:
         places += [("observe.start", observe.start), ("observe.end", observe.end)]
     for i, mass in enumerate(member.part.masses):
         if mass.at is not None and traits_of(member).is_planar:
-            allowed = "none is allowed on a planar beam, whose masses are at `on`, its axis: a model in space has one"
+            allowed = (
+                "none is allowed on a planar beam, whose masses are at `on`, on its axis; a model in space has one"
+            )
             raise scene_error(f"masses[{i}].at", list(mass.at), allowed)
         if not isinstance(mass.on, str) and mass.coupling == "rigid":
             raise scene_error(f"masses[{i}].coupling", "rigid", "'average' is allowed at a place along the body")

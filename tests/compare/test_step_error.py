@@ -249,7 +249,7 @@ def test_a_run_whose_step_is_too_coarse_by_ten_says_so(load_scene, name: str) ->
     assert coarse[0]["errors"]["reduced_vs_full"]["beam"] < 0.02  # both models miss the same
     for summary_, shown in (fine, coarse):
         assert "displacements" in next(dict(table.rows)["time step"] for table in shown.first if table.bars)
-        assert [line.lower() for line in shown.warnings] == [line.lower() for line in summary_["warnings"]]
+        assert [line.lower() for line in shown.notices.warnings] == [line.lower() for line in summary_["warnings"]]
 
 
 @pytest.mark.slow

@@ -317,7 +317,7 @@ def test_meshes_of_sections_converge(two: Path, tmp_path: Path) -> None:
     chapter = convergence.main({"scene": str(two), "full": [2, 4, 16], "ancf": []}, tmp_path, 0)
     errors = {key: one["e_abs"] for key, one in json.loads((tmp_path / "summary.json").read_text())["rows"].items()}
     assert errors["full-2"] > 3.0 * errors["full-4"] > 0.0 and errors["full-16"] is None
-    assert "pull" in " ".join(chapter.warnings)
+    assert "pull" in " ".join(chapter.notices.warnings)
 
 
 @pytest.mark.parametrize(
@@ -371,7 +371,7 @@ def test_sizes_and_steps_of_sections_are_traded(two: Path, tmp_path: Path) -> No
     few = {"coordinates": [1, 3], "steps": [2.0, 1.0], "studies": []}
     (chapter,) = trade.main(trade.SETTINGS | few | {"scenes": [str(two)]}, tmp_path, 0)
     modes, flexible = json.loads((tmp_path / "summary.json").read_text())["rows"].values()
-    assert flexible["total.3.1"] < flexible["total.3.2"] and "pull" in " ".join(chapter.warnings)
+    assert flexible["total.3.1"] < flexible["total.3.2"] and "pull" in " ".join(chapter.notices.warnings)
     assert flexible["reduction.3"] < flexible["reduction.1"] < modes["reduction.1"]
 
 

@@ -19,7 +19,7 @@ import pmr
 from pmr.compare.errors import absolute_error, relative_error
 from pmr.compare.responses import march_once, simulate_cable
 from pmr.compare.summary import warnings_of_response
-from pmr.report.blocks import Block, Chapter, KeyNumber
+from pmr.report.blocks import Block, Chapter, KeyNumber, Notices
 from pmr.report.figures.canvas import WIDE, add_legend, curve_style, drawing, log_axis, log_x, make_sheet
 from pmr.report.numbers import format_length
 from pmr.scene import Scene
@@ -114,7 +114,9 @@ def chapter(results: dict[tuple[str, int], Row], findings: Findings) -> Chapter:
             if figures[f"chosen.{name}"] is not None
         ],
         paragraphs=[f"{' and '.join(compared)} are compared with the finest of their kind."],
-        warnings=list(dict.fromkeys(str(line) for one in results.values() for line in one["warnings"])),
+        notices=Notices(
+            warnings=list(dict.fromkeys(str(line) for one in results.values() for line in one["warnings"]))
+        ),
         blocks=[
             Block(
                 "Error over the number of coordinates",

@@ -35,7 +35,7 @@ from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.outputs import divide_steps, run_from_start
 from pmr.compare.summary import warnings_of_response
 from pmr.reduction.bodies import reduce_bodies, reduce_body
-from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
+from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, Notices
 from pmr.report.figures.canvas import WIDE, curve_style, drawing, log_axis, log_x, make_sheet
 from pmr.report.numbers import format_input, format_percent, format_quantity
 from pmr.report.studies import study_chapter
@@ -434,7 +434,9 @@ def chapter(results: Results, figures: Mapping[str, str | None], sizes: list[int
             "Times are those of the compiled loops, that of a step times the number of steps; offline times are "
             "those of the processor, without the assembly.",
         ],
-        warnings=list(dict.fromkeys(str(line) for errors in results.values() for line in errors["warnings"])),
+        notices=Notices(
+            warnings=list(dict.fromkeys(str(line) for errors in results.values() for line in errors["warnings"]))
+        ),
         blocks=[
             Block(
                 "Error over time",
