@@ -118,7 +118,7 @@ def test_the_mesh_of_a_beam_has_an_error_at_each_probe() -> None:
     for name, error in budget["probes"].items():
         least = 0.01 * max(size for other, size in sizes.items() if other[0] == name[0])
         apart = np.sqrt(np.mean((own.other(name) - finer.other(name)) ** 2)) / max(sizes[name], least)
-        assert error == pytest.approx(4.0 / 3.0 * apart, rel=1e-6, abs=1e-12)
+        assert error == pytest.approx(4.0 / 3.0 * apart, rel=1e-6, abs=1e-11)  # round-off counts as zero: ROUND_OFF
     assert budget["probe"] == max(budget["probes"].values()) > 1e-5
 
 
