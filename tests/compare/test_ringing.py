@@ -235,4 +235,5 @@ def test_a_load_along_the_axis_bends_nothing(name: str) -> None:
         0.0,
     ]  # along the axis the support bears
     assert (summary["estimate"]["beam"], summary["step"]["beam"]) == (0.0, 0.0)
-    assert all("axial forces change the stiffness" in warning for warning in summary["warnings"])  # nothing else
+    beyond = {"planar": ["second order is left out: axial forces change the stiffness by some 14 %"], "space": []}
+    assert [warning.partition(" at ")[0] for warning in summary["warnings"]] == beyond[name]
