@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from pmr.files.arrays import Array, Indices
 
 Value = TypeVar("Value")
-#: Two sizes, as PETSc returns them, and the pairs of the local and the global number of rows, and of columns.
-Pair: TypeAlias = tuple[int, int]
-Sizes: TypeAlias = tuple[Pair, Pair]
+#: Local and global number of rows, or of columns.
+Size: TypeAlias = tuple[int, int]
+#: Sizes of rows and of columns, which are the same here.
+Sizes: TypeAlias = tuple[Size, Size]
 
 
 class Comm:
@@ -113,18 +114,18 @@ class Mat:
     def duplicate(self, copy: bool = False) -> Mat:
         return self.copy()
 
-    def getSize(self) -> Pair:
+    def getSize(self) -> Size:
         rows, columns = self.values.shape
         return int(rows), int(columns)
 
-    def getLocalSize(self) -> Pair:
+    def getLocalSize(self) -> Size:
         return self.getSize()
 
     def getSizes(self) -> Sizes:
         rows, columns = self.getSize()
         return (rows, rows), (columns, columns)
 
-    def getOwnershipRange(self) -> Pair:
+    def getOwnershipRange(self) -> Size:
         return 0, self.getSize()[0]
 
     def getDenseArray(self) -> Array:
@@ -136,7 +137,7 @@ class Mat:
     def getDiagonal(self) -> Vec:
         return Vec(self.values.diagonal())
 
-    def createVecs(self) -> tuple[Vec, ...]:
+    def createVecs(self) -> tuple[Vec, Vec]:
         return self.createVecRight(), self.createVecLeft()
 
     def createVecRight(self) -> Vec:

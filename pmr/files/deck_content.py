@@ -100,8 +100,8 @@ MOST_DIGITS = 18
 
 
 @dataclass
-class DeckMesh:
-    """Nodes, elements and sets of a deck, a part or an instance.
+class Deck:
+    """Content of a deck, a part or an instance: its mesh, and the cards that join, turn or name parts of it.
 
     The names of sets are in small letters, and sets contain only nodes or elements that exist.  In the whole, sets of a
     part are joined over its instances, and if there are several the set of each is ``instance.set``.
@@ -114,12 +114,6 @@ class DeckMesh:
     element_sets: dict[str, set[int]] = field(default_factory=dict)
     surfaces: dict[str, set[int]] = field(default_factory=dict)  # nodes on each surface
     set_spellings: dict[str, str] = field(default_factory=dict)  # names of sets and surfaces as first written
-
-
-@dataclass
-class Deck(DeckMesh):
-    """Content of a deck, a part or an instance: its mesh, and the cards that join, turn or name parts of it."""
-
     constraints: list[tuple[Place, str]] = field(default_factory=list)  # place, keyword of cards in `CONSTRAINTS`
     turned: list[Card] = field(default_factory=list)  # cards that give nodes outside of parts axes of their own
     ties: list[Card] = field(default_factory=list)  # cards that tie two surfaces to each other

@@ -65,7 +65,7 @@ def gauges(part: OneBody, model: StructuralModel) -> list[Gauge]:
     measured, stresses = list[Gauge](), None
     for i, probe in enumerate(part.probes):
         if probe.at is not None:
-            _check_on_body(f"probes[{i}].at", probe.at, model)
+            _check_on_body(f"probes[{i}].at", probe.at, part, model)
         for measure in probe.measures:
             if measure == "displacement":
                 measured += _displacements(probe, model)
@@ -78,12 +78,12 @@ def gauges(part: OneBody, model: StructuralModel) -> list[Gauge]:
     return measured
 
 
-def _check_on_body(key: str, at: Point, model: FiniteElementModel) -> None:
+def _check_on_body(key: str, at: Point, part: OneBody, model: FiniteElementModel) -> None:
     """Raise an `InputError` with `key` if a point `at` in m is off the body: beyond an end, or far from its axis.
 
     A point outside may have a distance of up to the width or the height of the body, whichever is more: it stands for
-    the wall that is nearest to it.  A beam without a profile has no width, so that any distance from its axis is
-    accepted.
+    the wall that is nearest to it.  Where a beam has no width, as a planar beam along y, any distance from its axis is
+    accepted.  The axis is x, or the longest direction of a mesh from a file.
     """
     points = model.grid.points
     rows = model.stresses() if is_beam(model) else None
@@ -91,8 +91,11 @@ def _check_on_body(key: str, at: Point, model: FiniteElementModel) -> None:
         points = np.concatenate([points, rows.points])
     low, high = points.min(axis=0), points.max(axis=0)
     extent = high - low
-    slack = np.full(3, np.inf if is_beam(model) and rows is None else np.sort(extent)[1])
-    slack[extent.argmax()] = BEYOND_END * extent.max()
+    axis = 0 if is_beam(model) or part.body.box is not None else int(extent.argmax())
+    slack = np.full(3, np.delete(extent, axis).max())
+    if is_beam(model):
+        slack[extent == 0.0] = np.inf
+    slack[axis] = BEYOND_END * extent[axis]
     if np.any((np.array(at) < low - slack) | (np.array(at) > high + slack)):
         sizes = ", ".join(
             f"{name} from {a:.4g} to {b:.4g} m" for name, a, b in zip("xyz", low + 0.0, high + 0.0, strict=True)

@@ -1,13 +1,13 @@
 r"""Stress in the walls of a box under a ring of pads, on shells whose cells follow from pads, not from a scene's mesh.
 
 A piece of the section around the ring is a shell, which its inertia holds against the pads' forces.  Its stress under
-1 N of pad k, less the stress of a beam of the same piece under the same force, is the local stress :math:`\sigma_k`.
-It is added to the stress of the whole section, from its section forces F by the beam's law S.  At each point p of the
-wall
+1 N that pulls outwards at pad k, less the stress of a beam of the same piece under the same force, is the local stress
+:math:`\sigma_k`.  Pads push inwards, with the forces :math:`f_k`.  With the section forces F of the whole section and
+the beam's law S, the stress at each point p of the wall is
 
-.. math:: \sigma(p) = S(p)\, F(x_p) + \sum_k f_k\, \sigma_k(p)
+.. math:: \sigma(p) = S(p)\, F(x_p) - \sum_k f_k\, \sigma_k(p)
 
-with the pads' forces :math:`f_k`.  The largest von Mises stress is computed on two meshes, the finer one with cells of
+The largest von Mises stress is computed on two meshes, the finer one with cells of
 half the size.  It converges with the square of the size, so that the limit and its error bar are
 
 .. math:: \sigma_v = \sigma_{fine} + (\sigma_{fine} - \sigma_{coarse}) / 3, \qquad e = |\sigma_v - \sigma_{fine}|
@@ -35,7 +35,7 @@ from pmr.models.named_mesh import NamedMesh
 from pmr.models.profile_section import section_of
 from pmr.models.sections_along import axial_stress_factors, torsion_stress_factors
 from pmr.models.shell import draw_box
-from pmr.results.field_stress import FORCES, PLANE
+from pmr.results.field_stress import FORCES, PLANE, von_mises
 from pmr.scene.joints import BoomSection
 from pmr.scene.members import body_ring, seats
 from pmr.scene.scene import Scene
@@ -71,7 +71,7 @@ class Estimate(NamedTuple):
 
 @dataclass(frozen=True)
 class RingStress:
-    """Local stresses of k pads, each with 1 N alone, at P points on both faces of the walls around them."""
+    """Local stresses of k pads, each with 1 N outwards alone, at P points on both faces of the walls around them."""
 
     points: Array  # (P, 3) m: x from the middle of the pads, y and z
     thickness: Array  # (P,) m
@@ -80,12 +80,7 @@ class RingStress:
     @property
     def largest(self) -> Array:
         """Largest von Mises stress (k,) in Pa/N of each pad alone."""
-        return von_mises(self.unit).max(axis=1)
-
-
-def von_mises(stress: Array) -> Array:
-    """Return the von Mises stress (...) in Pa of plane stresses (..., 3) in Pa."""
-    return np.asarray(np.sqrt(np.maximum(np.sum(stress @ PLANE * stress, axis=-1), 0.0)))
+        return von_mises(self.unit, PLANE).max(axis=1)
 
 
 class SectionPiece:
@@ -210,7 +205,7 @@ class PieceMesh:
         forces = self._beam.section_forces(pads, points[:, 0])
         unit[..., 0] -= np.einsum("pc,kcp->kp", axial_stress_factors(section, points[:, 1:]), forces)
         unit[..., 2] += np.einsum("pc,kcp->kp", torsion_stress_factors(self._body.profile, thickness), forces)
-        size = von_mises(unit)
+        size = von_mises(unit, PLANE)
         near = np.any(size >= STORED * size.max(axis=1)[:, None], axis=0)
         points[:, 0] -= pads[0].at
         return RingStress(points[near], thickness[near], unit[:, near])
@@ -259,7 +254,7 @@ class SectionStates:
     x: Array  # (X,) m: places along the section, ascending
     forces: Array  # (S, 6, X) N and N m, in the order of `FORCES`
 
-    def near(self, state: int, x: Array) -> Array:
+    def at(self, state: int, x: Array) -> Array:
         """Return the section forces (6, P) at one time and the places x (P,) in m."""
         return np.array([np.interp(x, self.x, values) for values in self.forces[state]])
 
@@ -323,9 +318,9 @@ def _by_size(rings: Sequence[LoadedRing]) -> dict[tuple[float, float], list[Load
 def _combined(factors: Array, stress: RingStress, ring: LoadedRing, states: SectionStates, state: int) -> Array:
     """Return the von Mises stress (P,) in Pa at the points of `stress` at one time, with the `factors` of its piece."""
     layers, layer = np.unique(stress.points[:, 0], return_inverse=True)
-    forces = states.near(state, np.clip(ring.x[state] + layers, *states.x[[0, -1]]))[:, layer]
+    forces = states.at(state, np.clip(ring.x[state] + layers, *states.x[[0, -1]]))[:, layer]
     of_section = np.einsum("psc,cp->ps", factors, forces)
-    return von_mises(of_section - np.einsum("k,kps->ps", ring.forces[state], stress.unit))
+    return von_mises(of_section - np.einsum("k,kps->ps", ring.forces[state], stress.unit), PLANE)
 
 
 @dataclass(frozen=True)

@@ -185,7 +185,7 @@ class NamedMesh:
     def open_seam(self) -> Array:
         """Points (k, 3) m at which several vertices lie, which no cell joins: the body is open there."""
         pairs = cKDTree(self.points).query_pairs(COINCIDENT * float(np.ptp(self.points, axis=0).max()))
-        return self.points[sorted({first for first, _ in pairs})]
+        return self.points[sorted({first for first, _ in pairs} - {second for _, second in pairs})]
 
     def distribute(self, comm: MPI.Comm) -> Mesh:
         """The mesh as a dolfinx mesh, spread over `comm`; collective."""

@@ -43,6 +43,11 @@ SPATIAL = np.block([[1.5 * np.eye(3) - 0.5, np.zeros((3, 3))], [np.zeros((3, 3))
 FIBRE = np.diag([1.0, 3.0])
 
 
+def von_mises(stresses: Array, form: Array) -> Array:
+    """Return von Mises' stress (...) in Pa from stress components (..., c) in Pa; `form` (c, c) is their matrix A."""
+    return np.asarray(np.sqrt(np.maximum(np.sum((stresses @ form) * stresses, axis=-1), 0.0)))
+
+
 @dataclass(frozen=True)
 class StressRows:
     """Matrix from n coordinates to the stresses at P points of a body, with c stress components at each point.
@@ -83,8 +88,7 @@ class StressRows:
 
     def von_mises(self, stresses: Array) -> Array:
         """Return von Mises' stress (S, P) in Pa at P points from the components `stresses` (S, P, c) in Pa."""
-        squares = np.sum((stresses @ self.mises) * stresses, axis=-1)
-        return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
+        return von_mises(stresses, self.mises)
 
     def points_on(self, face: str) -> Indices:
         """Return the indices (k,) of the points on the face called `face`."""

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pmr.files.arrays import Array, Summary
-from pmr.results.field_stress import FIBRE, PLANE, SPATIAL
+from pmr.results.field_stress import FIBRE, PLANE, SPATIAL, von_mises
 from pmr.results.response import Extreme, Extremes, Output, Response
 from pmr.scene.built import force_name, reaction_name
 from pmr.scene.choice import traits_of
@@ -530,7 +530,7 @@ def von_mises_stress(components: Array, names: Sequence[str]) -> Array:
 
     `names` are the names of the c components.
     """
-    return np.asarray(np.sqrt(np.maximum(np.sum(components @ MISES[tuple(names)] * components, axis=-1), 0.0)))
+    return von_mises(components, MISES[tuple(names)])
 
 
 def matches_pattern(patterns: Sequence[str], name: str) -> bool:

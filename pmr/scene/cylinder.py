@@ -236,7 +236,7 @@ class LuffingCylinder(DrivenCylinder):
     @property
     def has_allowed_forces(self) -> bool:
         """Whether a key of the scene limits the cylinder's force."""
-        return not self.allowed_push is self.allowed_pull is self.rod is None
+        return any(limit is not None for limit in (self.allowed_push, self.allowed_pull, self.rod))
 
     @model_validator(mode="after")
     def _check_stroke(self) -> Self:

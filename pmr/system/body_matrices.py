@@ -101,8 +101,12 @@ LINEAR = {f"inertia {_AXES[j]}{_AXES[k]}": tuple(_linear_field_motions(j, k)) fo
 
 
 @dataclass(frozen=True)
-class SupportWork:
-    """Work of a body's inertia, damping, stiffness, inputs and rows on motions of its h rigid supports."""
+class Reactions:
+    """Work of a body's forces on unit motions Phi (n, h), each of which moves one of its h rigid supports by 1.
+
+    The body has n coordinates, i inputs and m rows.  The equations are in the module's docstring; V is the basis of a
+    reduced body, and the identity for a full one.
+    """
 
     AXES: ClassVar = {"names": "h", "units": "h", "inputs": "hi", "rows": "hm"} | dict.fromkeys(
         ("inertia", "damping", "stiffness"), "hn"
@@ -117,16 +121,6 @@ class SupportWork:
     stiffness: Array
     inputs: Array  # Phi^T B (h, i)
     rows: PPoly  # (C(s) Phi)^T (h, m), with zeros for rows that are rigid supports
-
-
-@dataclass(frozen=True)
-class Reactions(SupportWork):
-    """Work of a body's forces on unit motions Phi (n, h), each of which moves one of its h rigid supports by 1.
-
-    The body has n coordinates, i inputs and m rows.  The equations are in the module's docstring; V is the basis of a
-    reduced body, and the identity for a full one.
-    """
-
     # U Phi (K, h): values of Phi on the K carriers U, if each row of the body has its own path coordinate
     carried: Array | None = None
     # by name: Phi^T A V (h, n) for each matrix A of the body's `matrices`, and values (h,) of each of its `ports` on

@@ -175,8 +175,8 @@ class CylinderResponses:
 
 
 @dataclass(frozen=True)
-class WeightedRows:
-    """The m rows of a body with r coordinates on K carriers U, as weights of the carriers."""
+class CarrierRows:
+    """The m rows of a body with r coordinates on K carriers U, and the flexibility that these coordinates leave out."""
 
     AXES: ClassVar = {"values": "Kr", "enrichment": "Kc"}
 
@@ -186,12 +186,6 @@ class WeightedRows:
     touched: Mapping[str, Indices]
     coefficients: Mapping[str, Array]
     enrichment: Array  # U phi (K, c) of the model's enrichment modes
-
-
-@dataclass(frozen=True)
-class CarrierRows(WeightedRows):
-    """The m rows of a body with r coordinates on K carriers U, and the flexibility that these coordinates leave out."""
-
     flexibility: CarrierFlexibility | None = None  # residual flexibility R between the carriers
     # R M R between the carriers, in s^2 m/N: response to inertia forces of the static response (`pmr.compare.estimate`)
     inertia: CarrierFlexibility | None = None

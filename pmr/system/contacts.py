@@ -82,8 +82,12 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Touch:
-    """Places that a contact joins, and how it closes and gives way there."""
+class Contact:
+    """Contact between two places on bodies, or between one place and the ground.
+
+    A positive force pushes the inner body against `direction`.  An InputError is raised for values that are not
+    allowed.
+    """
 
     name: str
     inner: Place
@@ -93,16 +97,6 @@ class Touch:
     compliance: float = 0.0  # 1/k in m/N; 0 for a rigid contact
     # m: displacement at which a contact that only pushes closes; None for a contact that holds both ways
     clearance: float | None = None
-
-
-@dataclass(frozen=True)
-class Contact(Touch):
-    """Contact between two places on bodies, or between one place and the ground.
-
-    A positive force pushes the inner body against `direction`.  An InputError is raised for values that are not
-    allowed.
-    """
-
     friction: float = 0.0  # coefficient along the path while the contact slides
     kind: str = "pad"  # or ``cylinder``, ``support``, ``straight`` (`pmr.results.response`)
     arm: float = 0.0  # m: distance of friction from the axis, to the face that the contact presses on

@@ -59,45 +59,7 @@ class SectionOf:
 
 
 @dataclass(frozen=True)
-class ProjectedOperators:
-    """Matrices of a body with r coordinates, i inputs, o outputs and m rows, projected on a basis."""
-
-    M: Array
-    D: Array
-    K: Array
-    B: Array
-    outputs: Array
-    rows: PPoly
-
-
-@dataclass(frozen=True)
-class LabelledModel(ProjectedOperators):
-    """Projected operators with names, places and units of inputs, rows and outputs, and how the model was made."""
-
-    input_names: tuple[str, ...]
-    row_names: tuple[str, ...]
-    output_positions: Array
-    output_names: tuple[str, ...] = ()
-    output_units: tuple[str, ...] = ()
-    left_out: tuple[str, ...] = ()
-    provenance: dict[str, Any] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class HeldModel(LabelledModel):
-    """Labelled model with the pads and supports that hold the body, and the flexibility that the basis leaves out."""
-
-    pads: Array | None = None
-    flexibility: Flexibility | None = None
-    enrichment: EnrichmentModes | None = None
-    clearance: Array | None = None
-    rayleigh: Rayleigh | None = None
-    carriers: CarrierRows | None = None
-    reactions: Reactions | None = None
-
-
-@dataclass(frozen=True)
-class ReducedModel(HeldModel):
+class ReducedModel:
     """Galerkin projection of a sliding body on a global basis.
 
     Attributes
@@ -149,6 +111,26 @@ class ReducedModel(HeldModel):
         inertia for them.
     """
 
+    M: Array
+    D: Array
+    K: Array
+    B: Array
+    outputs: Array
+    rows: PPoly
+    input_names: tuple[str, ...]
+    row_names: tuple[str, ...]
+    output_positions: Array
+    output_names: tuple[str, ...] = ()
+    output_units: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
+    provenance: dict[str, Any] = field(default_factory=dict)
+    pads: Array | None = None
+    flexibility: Flexibility | None = None
+    enrichment: EnrichmentModes | None = None
+    clearance: Array | None = None
+    rayleigh: Rayleigh | None = None
+    carriers: CarrierRows | None = None
+    reactions: Reactions | None = None
     AXES: ClassVar = {"M": "rr", "D": "rr", "K": "rr", "input_names": "i", "row_names": "m", "output_positions": "o"}
     AXES |= {"B": "ri", "outputs": "or", "rows": "mr", "pads": "m"}
 

@@ -16,8 +16,8 @@ from pmr.system.system import BodySystem, System
 
 
 @dataclass(frozen=True)
-class SystemMotion:
-    """Motion, forces and energies of a simulated system at T times, with m contacts and i inputs."""
+class SystemTrajectory:
+    """Motion of a simulated system at T times, with m contacts, i inputs, k terms and P paths."""
 
     t: Array  # (T,) s
     # by name of a body: its coordinates, and for each of its sides (`System.sides_of`) the coordinate ``s`` (T, sides)
@@ -32,12 +32,6 @@ class SystemMotion:
     work: Array
     seconds: float  # wall time of the solver alone
     surplus: float  # energy that no work explains, over the largest energy (`pmr.simulation.balance`)
-
-
-@dataclass(frozen=True)
-class SystemTrajectory(SystemMotion):
-    """Motion of a simulated system at T times, with m contacts, i inputs, k terms and P paths."""
-
     parts: Indices | None = None  # (T,): substeps of each step (`pmr.simulation.contact_step`)
     # (T, m) N s: impulse in the step that ends at t, with generalized-alpha's weights; None if no contact only pushes
     impulses: Array | None = None

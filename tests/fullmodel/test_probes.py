@@ -232,3 +232,12 @@ def test_a_region_that_a_drawn_mesh_lacks_is_refused_without_the_name_of_a_file(
     with pytest.raises(InputError, match="mesh of body.box has these regions: bottom, left, right, top") as caught:
         full_model(scene)
     assert ".msh" not in str(caught.value)
+
+
+def test_a_planar_beam_takes_probes_on_the_side_walls_of_a_wide_box() -> None:
+    """The model has no width: its stress is that at the probe's height."""
+    box = "section.body.box={length=6.0, width=0.9, height=0.2, wall=0.008}"
+    probes = "section.probes=[{name='p', at=[3.0, 0.45, 0.1]}, {name='q', at=[3.0, 0.0, 0.1]}]"
+    scene = scenes.load_any("boom_two", ["section.body.model='beam2d'", box, probes])
+    found = gauges(structure_of(member_at(scene, 1)))
+    assert (found["p stress axial"].row != found["q stress axial"].row).nnz == 0

@@ -16,12 +16,11 @@ from pmr.fullmodel.wall_stress import (
     SectionStates,
     mean_by_place,
     node_means,
-    von_mises,
     wall_peak,
     yield_forces,
 )
 from pmr.models.shell import draw_box
-from pmr.results.field_stress import FORCES
+from pmr.results.field_stress import FORCES, PLANE, von_mises
 from pmr.scene import Scene
 from pmr.scene.joints import BoomSection
 
@@ -98,7 +97,7 @@ def test_local_and_whole_stress_add_up_to_that_of_a_shell_of_the_whole_section()
         model.destroy()
         on = [rows.points_on(face) for face in ("outer", "inner")]
         near = np.concatenate([np.abs((means @ rows.points[of])[:, 0] - 1.0) < size[0] for of in on])
-        return float(von_mises(np.concatenate([means @ stress[of] for of in on]))[near].max())
+        return float(von_mises(np.concatenate([means @ stress[of] for of in on]), PLANE)[near].max())
 
     body = PlateBody(draw_box(box, 0.05, 0.05), box, part.body.material, part.body.shear_correction)
     line = beam_of(body)
