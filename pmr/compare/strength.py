@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from pmr.compare.simulated import simulate
 from pmr.errors import SimulationError
 from pmr.files.arrays import Array, Summary
 from pmr.results import Response
-from pmr.results.fatigue import SNLine, damage
+from pmr.results.fatigue import Damage, RepeatedCycles, SNLine
 from pmr.results.quantities import with_unit
 from pmr.results.response import ROUND_OFF, Output
 from pmr.results.run import SummaryPart
@@ -138,25 +138,41 @@ def fatigue_part(scene: Scene, response: Response) -> SummaryPart:
     .. math:: D = \sum_l D(f_l\, \sigma, n_l)
 
     for each stress component :math:`\sigma` by itself.  The lines l of the spectrum occur n_l times, with the factor
-    f_l on stresses; D is the damage by a history that is repeated (`pmr.results.fatigue.damage`).  ``life`` is the
-    number of times that the whole spectrum may occur until D is 1, and None if D is 0.  A warning names the worst
+    f_l on stresses; D is the damage by a history that is repeated (`pmr.results.fatigue.RepeatedCycles`).  ``life`` is
+    the number of times that the whole spectrum may occur until D is 1, and None if D is 0.  A warning names the worst
     stress if its D is above 1.
     """
     settings = scene.fatigue
     if settings is None:
         return SummaryPart()
     line = SNLine(settings.slope, settings.reference, settings.cut_off or 0.0)
-    damage_of_probe = dict[str, float]()
+    damage_of_probe, life_of_probe = dict[str, float](), dict[str, float | None]()
     for output in response.outputs:
         if output.kind == "probe" and output.unit == "Pa":
-            t, stress, lines = response.t, response.other(output.name), settings.spectrum_lines
-            damage_of_probe[output.name] = sum(damage(t, of.factor * stress, line, of.cycles) for of in lines)
+            cycles = RepeatedCycles.count(response.t, response.other(output.name))
+            damages = [(of.cycles, cycles.damage(line, of.factor)) for of in settings.spectrum_lines]
+            damage_of_probe[output.name] = sum(damage.after(times) for times, damage in damages)
+            life_of_probe[output.name] = _endured_spectra(damages)
     worst_first = sorted(damage_of_probe.items(), key=lambda item: -item[1])
-    rows = [{"name": name, "damage": d, "life": 1.0 / d if d > 0.0 else None} for name, d in worst_first]
+    rows = [{"name": name, "damage": d, "life": life_of_probe[name]} for name, d in worst_first]
     failed = [
         f"{name} fails by fatigue: its damage is {d:.3g}, and 1 is allowed" for name, d in worst_first[:1] if d > 1.0
     ]
     return SummaryPart({"fatigue": rows}, grave=failed)
+
+
+def _endured_spectra(damages: Sequence[tuple[float, Damage]]) -> float | None:
+    """Return how often a spectrum may occur until its damage is 1; None if it does no damage.
+
+    `damages` are the numbers n_l of times that each line of the spectrum occurs, and the damage by a history.  Each
+    history but the first does the damage of a further one.
+    """
+    growth = sum(times * damage.further for times, damage in damages)
+    first = sum(damage.once - damage.further for times, damage in damages if times > 0.0)
+    if growth > 0.0 and (endured := (1.0 - first) / growth) * min(times for times, _ in damages) >= 1.0:
+        return endured
+    total = sum(damage.after(times) for times, damage in damages)
+    return 1.0 / total if total > 0.0 else None
 
 
 def utilisation_part(scene: Scene, stresses: Mapping[str, Summary]) -> SummaryPart:

@@ -16,6 +16,7 @@ in fatigue, Journal of Applied Mechanics 12, 1945.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import rainflow
@@ -70,15 +71,34 @@ class SNLine:
         return float(counts @ share) / REFERENCE_CYCLES
 
 
-def damage(t: Array, stress: Array, line: SNLine, times: float = 1.0) -> float:
-    """Return the damage, a number, by a stress (T,) in Pa at times t (T,) in s, repeated `times` times; 1 is failure.
+class Damage(NamedTuple):
+    """Damage by a history that occurs once, and by each further repetition of it, numbers; 1 is failure."""
 
-    Each further time does the damage by which two histories, one after the other, exceed one: a cycle that the history
-    does not close is closed by its repetition.  Cycles with a range below a hundredth of the largest range are left out
-    (`rainflow_cycles`).
-    """
-    once, twice = (
-        line.damage(loops[:, 0], loops[:, 2])
-        for loops in (rainflow_cycles(t, stress), rainflow_cycles(np.tile(t, 2), np.tile(stress, 2)))
-    )
-    return min(times, 1.0) * once + max(times - 1.0, 0.0) * (twice - once)
+    once: float
+    further: float
+
+    def after(self, times: float) -> float:
+        """Return the damage by a history that occurs `times` times; a part of a time does a part of its damage."""
+        return min(times, 1.0) * self.once + max(times - 1.0, 0.0) * self.further
+
+
+@dataclass(frozen=True)
+class RepeatedCycles:
+    """Rainflow cycles of a history, and of two such histories one after the other (`rainflow_cycles`)."""
+
+    once: Array
+    twice: Array
+
+    @classmethod
+    def count(cls, t: Array, x: Array) -> RepeatedCycles:
+        """Count the cycles of a history x (T,) at times t (T,) in s."""
+        return cls(rainflow_cycles(t, x), rainflow_cycles(np.tile(t, 2), np.tile(x, 2)))
+
+    def damage(self, line: SNLine, factor: float = 1.0) -> Damage:
+        """Return the damage by the stresses in Pa times a `factor`.
+
+        A further repetition does the damage by which two histories, one after the other, exceed one: it closes the
+        cycles that the history leaves open.
+        """
+        once, twice = (line.damage(factor * cycles[:, 0], cycles[:, 2]) for cycles in (self.once, self.twice))
+        return Damage(once, twice - once)

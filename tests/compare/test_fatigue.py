@@ -70,3 +70,17 @@ def test_damage_without_a_stress_is_refused() -> None:
 def test_cycles_beside_a_spectrum_are_refused() -> None:
     with pytest.raises(ValueError, match="give cycles or spectrum"):
         shaken(cycles=2.0, spectrum=[{"cycles": 1.0}])
+
+
+def test_the_life_of_a_load_that_stays_is_that_of_its_closed_cycles() -> None:
+    """The first lift is half a cycle, each further one is a whole one."""
+    ramp = {"kind": "smooth_ramp", "times": [0.0, 1.0], "values": [0.0, FORCE]}
+    section = shaken().sections[0]
+    lift = section.loads[0].model_dump() | {"signal": ramp}
+    data = shaken().model_dump(exclude_unset=True)
+    data["sections"][0]["loads"] = [{key: lift[key] for key in ("name", "direction", "signal")}]
+    result = pmr.run(Scene.model_validate(data)).result
+    size = np.ptp(result.responses["reduced"].other("root stress axial"))
+    cycle = (size / REFERENCE) ** SLOPE / 2e6
+    worst = result.summary["fatigue"][0]
+    assert (worst["damage"], worst["life"]) == pytest.approx((cycle / 2.0, 1.0 / cycle + 0.5), rel=1e-9)

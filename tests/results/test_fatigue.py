@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from pmr import InputError
-from pmr.results.fatigue import SMALLEST, SNLine, damage, rainflow_cycles
+from pmr.results.fatigue import SMALLEST, RepeatedCycles, SNLine, rainflow_cycles
+
+
+def damage(t: np.ndarray, stress: np.ndarray, line: SNLine, times: float = 1.0) -> float:
+    return RepeatedCycles.count(t, stress).damage(line).after(times)
 
 
 def test_a_sinusoid_does_the_damage_of_its_cycles() -> None:
@@ -64,3 +68,9 @@ def test_a_load_that_is_repeated_closes_its_cycles() -> None:
     assert damage(t, x, line, times=1e5) == pytest.approx((1e5 - 0.5) / 2e6)
     closed, returned = np.arange(4.0), np.append(x, 0.0)
     assert damage(closed, returned, line, times=1e5) == pytest.approx(1e5 / 2e6)
+
+
+def test_the_cycles_of_a_factor_times_a_history_are_those_of_the_history_times_the_factor() -> None:
+    line, t, x = SNLine(3.0, 90e6), np.arange(4.0), np.array([0.0, 45e6, 10e6, 90e6])
+    of_history, of_scaled = (RepeatedCycles.count(t, factor * x) for factor in (1.0, 1.7))
+    assert of_history.damage(line, 1.7) == pytest.approx(of_scaled.damage(line), rel=1e-12)
