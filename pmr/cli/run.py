@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import json
+import logging
+import os
+import signal
+import threading
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import closing, contextmanager
 from functools import partial
+from multiprocessing import active_children, get_context, parent_process
 from os.path import isdir
 from pathlib import Path
 from threading import Timer
@@ -27,14 +33,6 @@ if TYPE_CHECKING:
     from pmr.pipeline import Outcome
     from pmr.report.blocks import Row
     from pmr.scene import Scene
-
-
-import logging
-import os
-import signal
-import threading
-from concurrent.futures import Executor, ProcessPoolExecutor
-from multiprocessing import active_children, get_context, parent_process
 
 
 def run(
@@ -110,7 +108,6 @@ def run(
         environment.check_installed("dolfinx")
     environment.check_report()  # before the work, not after it
     folder = out_dir or Path("reports", names[0])
-    from pmr.cli.run import helper_process
     from pmr.results import RESULT_FILES
 
     for where in {folder, *(folder / name for name in names if len(names) > 1)}:

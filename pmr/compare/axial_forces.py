@@ -49,7 +49,8 @@ class AxialForce(NamedTuple):
 def axial_part(scene: Scene, system: System, excitation: Excitation, masses: Mapping[str, float]) -> SummaryPart:
     """A warning if axial forces matter that second order leaves out; a grave one beyond the buckling load.
 
-    Without a frame these are all axial forces.  With a frame they are those of loads that do not act at a tip.
+    Without a frame these are all axial forces.  With a frame they are those of loads that do not act at a tip.  Of a
+    boom of several sections, only the section that a load acts on is looked at, not those whose cylinders hold it.
     `masses` are those of the bodies in kg by name, without what is attached to them; a body that is missing among them
     has no weight here.
     """
@@ -69,7 +70,8 @@ def axial_part(scene: Scene, system: System, excitation: Excitation, masses: Map
         effect = stiffness_changes(replace(system, terms=tuple(terms)), excitation, signals, [*signals])
     except InputError:  # nothing holds the bodies: there is no stiffness to compare with
         return SummaryPart()
-    what, remedy = "axial forces", "[frame] with pivot = [0.0, 0.0, 0.0], luffing = 0.0 and second_order = true has it"
+    what, remedy = "axial forces", "[frame] with pivot = [0.0, 0.0, 0.0], luffing = 0.0 and second_order = true has "
+    remedy += "those of the weight and of loads on the tip"
     if scene.frame is not None:
         what, remedy = "loads along the boom that are not on its tip", "second order has those on the tip alone"
     if effect.least_factor <= 1.0:

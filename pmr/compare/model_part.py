@@ -165,6 +165,7 @@ def model_budget(scene: Scene, motion: Motion, richer: Motion, richer_name: str)
     """
     shares, displacements = dict[str, float | None](), list[Array]()
     still = max(motion.response.round_off, richer.response.round_off)
+    moved = zero_round_off(richer.response.displacement, richer.response.displacement, still).reference
     for kind in ("beam", "tip"):
         histories = motion.histories(kind), richer.histories(kind)
         if kind == "beam":
@@ -185,7 +186,7 @@ def model_budget(scene: Scene, motion: Motion, richer: Motion, richer_name: str)
         "beside": richer_name,
         **shares,
         **({"probe": max(probes.values()), "probes": probes} if probes else {}),
-        "largest": _relative_difference(_largest(*displacements), _largest(richer.response.displacement)),
+        "largest": _relative_difference(_largest(*displacements), _largest(moved)),
         "frequency": None if apart is None else apart + motion.frequency_error,
         "frequencies": {name: values.tolist() for name, values in f.items()},
         "not_covered": [STRESS, *[IMPACTS] * pushing],
@@ -216,8 +217,8 @@ def frequency_error(f: Array, reference: Array) -> float | None:
 
 
 def largest_model_error(part: Summary) -> float:
-    """The largest error, a fraction, in `part`, the contents of ``budget.model``."""
-    return float(max(part[kind] for kind in (*COMPARED, "largest") if part.get(kind) is not None))
+    """The largest error, a fraction, in `part`, the contents of ``budget.model``; 0 if it has none."""
+    return float(max((part[kind] for kind in (*COMPARED, "largest") if part.get(kind) is not None), default=0.0))
 
 
 def _largest(*values: Array) -> Array:

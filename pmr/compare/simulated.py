@@ -219,15 +219,21 @@ def _gravity_differences(recorded_scene: Mapping[str, object], scene: Scene) -> 
 
 #: Keys of a frame and a hoist that are in the contacts, terms and inputs of a system.
 MECHANISM = (
-    *("frame.pivot", "frame.cylinder.foot", "frame.cylinder.lug", "frame.cylinder.stiffness"),
+    *("frame.pivot", "frame.cylinder.stiffness"),
     *("hoist.section", "hoist.on", "hoist.offset", "hoist.winch.section"),
 )
+#: Further such keys of a luffing cylinder that holds the boom; otherwise supports of the base hold it.
+HINGES = ("frame.cylinder.foot", "frame.cylinder.lug")
 
 
 def _mechanism_differences(recorded_scene: Mapping[str, object], scene: Scene) -> Iterator[Difference]:
-    """Differences in the keys `MECHANISM`, and in the place of a winch on a section."""
+    """Differences in the keys `MECHANISM`, in those of `HINGES` if they matter, and in a winch's place on a section.
+
+    Raises an InputError if one of the two scenes alone has a frame, a cylinder or a hoist.
+    """
     on_section = scene.hoist is not None and scene.hoist.winch.section
-    for key in (*MECHANISM, *(["hoist.winch.at"] if on_section else [])):
+    holds = scene.frame is not None and (scene.frame.luffing == "free" or scene.holding_cylinder is not None)
+    for key in (*MECHANISM, *(HINGES if holds else ()), *(["hoist.winch.at"] if on_section else [])):
         recorded: Any = recorded_scene
         present: Any = scene
         names = key.split(".")
@@ -235,7 +241,10 @@ def _mechanism_differences(recorded_scene: Mapping[str, object], scene: Scene) -
             if name not in recorded:
                 break
             recorded, present = recorded[name], getattr(present, name)
-            if recorded is None or present is None or depth == len(names):
+            if (recorded is None) != (present is None):
+                allowed = "nothing is allowed, as the model has none" if recorded is None else "the model has one"
+                raise InputError("scene", ".".join(names[:depth]), None, allowed)
+            if recorded is None or depth == len(names):
                 yield from _part_differences(recorded, present, ".".join(names[:depth]))
                 break
 

@@ -160,8 +160,7 @@ def _draw(space: StateSpace, f: Array, gain: Array, output: str, target: Path) -
 
     `output` names the output in titles.  There is one panel for each input.  Several paths are drawn over the sum of
     their extensions, or over the luffing angle if this sum is the same everywhere; if the angle is, too, a panel has a
-    single curve.  Gains below the share `FLOOR` of
-    the largest are drawn as this share.
+    single curve.  Gains below the share `FLOOR` of the largest are drawn as this share.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -50,6 +50,22 @@ class Kernel:
         Sizes as in `pmr_sizes` (src/pmr_kernel.h); `modes` includes padding.
     """
 
+    modes: int
+    contacts: int
+    forces: int
+    inputs: int
+    outputs: int
+    paths: int
+    terms: int
+    pads: int
+    drivers: int
+    motions: int
+    pushing: int
+    further: int
+    hoist: int
+    computed: int
+    ground: int
+
     def __init__(self, block: bytes | bytearray) -> None:
         """Copy and open a block; an InputError is raised if the bytes are no block of this kernel, or damaged."""
         self._block = _aligned_bytes(block)
@@ -59,13 +75,8 @@ class Kernel:
         self._system = ffi.gc(out[0], lib.pmr_system_close)
         sizes = ffi.new("pmr_sizes *")
         lib.pmr_system_sizes(self._system, sizes)
-        self._sizes: dict[str, int] = {name: getattr(sizes, name) for name in _field_types("pmr_sizes")}
-
-    def __getattr__(self, name: str) -> int:
-        """One of the kernel's sizes by its name; raises AttributeError for other names."""
-        if name == "_sizes" or name not in self._sizes:
-            raise AttributeError(name)
-        return self._sizes[name]
+        for name in _field_types("pmr_sizes"):
+            setattr(self, name, getattr(sizes, name))
 
     @classmethod
     def of(

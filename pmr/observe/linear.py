@@ -100,10 +100,14 @@ class LinearMotion:
         times, values = np.asarray(times, float), np.asarray(values, float)
         if times.shape != values.shape or times.ndim != 1:
             raise InputError("observe", f"measured.{name}", values.shape, f"{times.shape} is allowed")
-        steps, sampled = np.rint((times - self.t[0]) / self.step), np.full(len(self.t), np.nan)
+        steps, sampled = self.nearest_steps(times), np.full(len(self.t), np.nan)
         used = np.isfinite(steps) & (steps >= 0) & (steps < len(self.t))
         sampled[steps[used].astype(int)] = values[used]
         return sampled
+
+    def nearest_steps(self, times: Array) -> Array:
+        """Numbers (n,) of the steps nearest to n times in s; below 0, or T and more, for times beyond the T steps."""
+        return np.asarray(np.rint((times - self.t[0]) / self.step))
 
     def input_unit(self, name: str) -> str:
         """Unit of the load called `name`; N if the model has no units."""

@@ -136,10 +136,10 @@ class Observation:
                 for name in names
                 if name in (*fewer.unknowns, *fewer.outputs)
             }
-        first, last = observer.model.t[[0, -1]] + np.array([-1.5, 1.5]) * observer.model.step
-        beyond = {
-            name: int(np.sum(np.isfinite(values) & ((times < first) | (times > last))))
-            for name, (times, values) in measured.items()
+        steps = {name: observer.model.nearest_steps(np.asarray(times)) for name, (times, _) in measured.items()}
+        beyond = {  # the model's first step ends at t = step: a value at the start of the motion is none beyond it
+            name: int(np.sum(np.isfinite(values) & ((steps[name] < -1) | (steps[name] >= len(observer.model.t)))))
+            for name, (_, values) in measured.items()
         }
         return cls(observer, estimates, sampled, observability, without, true, title, beyond)
 

@@ -189,7 +189,7 @@ class Observer:
         What is measured, and what is not known.
     errors : mapping
         Errors of outputs as fractions of their RMS, by the part of the budget and the output's name
-        (`pmr.observe.measured.output_errors`).
+        (`pmr.observe.budget.output_errors`).
     error_time : float, s
         Time in which these errors change.
     disturbance : float, kg^(1/2) m/s^2

@@ -243,12 +243,13 @@ def _measure(
     """Measure the errors of a run's model and mesh, for ``budget`` of summary.json; collective.
 
     The model's is measured if the scene asks for it, or if `budget` lacks it and there is a `cache`; the mesh's if
-    there is a cache and the scene has no tolerance or budget.  The cache keeps what takes longest.  `richer` is done
-    when another process has stored the richer model there.
+    there is a cache and the scene has no tolerance or budget.  Where the model's error is known, the stress in walls at
+    pads stands beside it.  The cache keeps what takes longest.  `richer` is done when another process has stored the
+    richer model there.
     """
     comm, clock, scene = next(iter(bodies.built.values())).model.comm, bodies.clock, bodies.written_scene
     is_wanted, of_mesh, of_model = scene.compare.richer not in ("auto", "none"), dict[str, Any](), dict[str, Any]()
-    if not is_wanted and cache is None:
+    if not is_wanted and cache is None and "model" not in budget:
         return {}
     with clock.stage("mesh and model"):
         if cache is not None and scene.goal is None:

@@ -261,8 +261,9 @@ def has_stresses(result: RunResult) -> bool:
 def drawn_moments(result: RunResult) -> list[Moment]:
     """Return the moments that are drawn, in order of time: at most one for each third of the mouth's range.
 
-    It is the stored time with the largest stress among all times at which the mouth is in this third.  If there are no
-    stresses, it is the time with the largest displacement.  If the mouth does not move, there is one moment.
+    In each third, it is the stored time with the largest stress among all times at which the mouth is there.  If
+    there are no stresses, it is the time with the largest displacement.  If the mouth does not move, there is one
+    moment.
     """
     s, t = mouth_positions(result), times(result)
     weight = _peak_stresses(result) if has_stresses(result) else _largest_displacements(result)

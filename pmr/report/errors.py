@@ -303,7 +303,7 @@ def certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
 def _stress_certainty(result: RunResult) -> str:
     """Return the error of the stress in walls at pads, if known, and what is not known of stresses."""
     walls, unknown = wall_stress(result.summary), f"error is not known: {'; '.join(_stress_gaps(result))}"
-    if walls is None or "error" not in walls:
+    if walls is None or "error" not in walls or not walls["value"]:
         return f"its {unknown}"
     by_cells = walls["error"] / walls["value"]
     by_pads = summed_errors(result.summary).by_label.get(QUANTITIES["pad_force"].label)

@@ -212,16 +212,14 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
     return LargestValue(
         QUANTITIES["wall_stress"].reported,
         f"{wall_stress_words(shell)}{used}, {peak_place_clause(result, at)}; {WALL_STRESS_PARTS}"
-        f"{_missing_clause(result.summary)}",
+        f"{WALL_STRESS_BAR if 'error' in shell else ''}; without welds{_missing_clause(result.summary)}",
         share,
     )
 
 
-#: What the stress in walls at pads contains, and what its bar.
-WALL_STRESS_PARTS = (
-    "stress of the whole section and bending of the wall under the pads, added at each point; ± by the cells of the "
-    "wall, to which the error of pad forces comes; without welds"
-)
+#: What the stress in walls at pads contains, and what its bar; results of earlier versions have no bar.
+WALL_STRESS_PARTS = "stress of the whole section and bending of the wall under the pads, added at each point"
+WALL_STRESS_BAR = "; ± by the cells of the wall, to which the error of pad forces comes"
 
 
 def _missing_clause(summary: Summary) -> str:

@@ -228,7 +228,7 @@ def _dynamic_factor_rows(result: RunResult) -> LargestValues:
             for row in rows
         )
         yield LargestValue(
-            "dynamic factors", f"{factors}; largest force over that at rest, in the same posture under the same loads"
+            "dynamic factors", f"{factors}; largest value over that at rest, in the same posture under the same loads"
         )
 
 

@@ -56,7 +56,7 @@ def no_play_clause(result: RunResult) -> str:
     It is empty unless some pads only push, and none of these has play.
     """
     rings = [ring for part in result.scene.sections for ring in part.rings if ring.unilateral]
-    gaps = [max(ring.clearance.values()) if isinstance(ring.clearance, dict) else ring.clearance for ring in rings]
+    gaps = [any(of.values()) if isinstance(of := ring.clearance, dict) else of for ring in rings]
     return "; without play of pads, which no error bar has in it" if rings and not any(gaps) else ""
 
 

@@ -366,11 +366,12 @@ def stress_name(scene: Scene) -> str:
 def wall_stress(summary: Mapping[str, Any]) -> Mapping[str, Any] | None:
     """Return the entry ``budget.model.wall_stress`` of a run's summary: the largest stress in walls at pads.
 
-    None is returned if the summary has no such entry.
+    None is returned if the summary has no such entry.  Summaries of earlier versions have a factor ``growth``, by which
+    the stress grows with short cells; ``value`` is returned with this factor.
     """
     model = summary.get("budget", {}).get("model") or {}
     stress: Mapping[str, Any] | None = model.get("wall_stress")
-    return stress
+    return None if stress is None else {**stress, "value": stress["value"] * stress.get("growth", 1.0)}
 
 
 #: All quantities, by their keys.

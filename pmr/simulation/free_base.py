@@ -147,8 +147,8 @@ class Boom:
     loads: Array  # (S, 6, i): forces on each section, and moments about its tail, by all i inputs
     moments: Moments  # first moments by the coordinates
     shortened: list[Shortening]
-    rotating: Array  # T_k (3, n, n) of `pmr.simulation.free_base`
-    carried: Array  # N_jk (3, 3, n, n) of `pmr.simulation.free_base`
+    rotating: Array  # T_k (3, n, n) of the module's docstring
+    carried: Array  # N_jk (3, 3, n, n) of the module's docstring
 
     @property
     def mass(self) -> float:

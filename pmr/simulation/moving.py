@@ -160,7 +160,7 @@ def store_boom_scene(boom: Scene, system: System) -> StoredScene:
 
 
 def path_ranges(system: System) -> dict[str, tuple[float, float]]:
-    """Smallest and largest coordinate s in m of each path, by the path's name.
+    """Smallest and largest coordinate s of each path, by the path's name: in m, and in rad of a luffing angle.
 
     For sections it is the range in the scene's time, within the ranges of the rows.  For a single body, or without a
     scene, it is the range of the rows.

@@ -161,9 +161,9 @@ def with_reactions(response: Response, of_bodies: Mapping[str, Supports], forces
 def with_pivot_force(scene: Scene, response: Response) -> Response:
     """Return the response with the force and moment by which the boom presses on the ground at the frame's pivot.
 
-    The new columns are forces in N and moments in N m along the boom's axes, one for each direction in which the base
-    can move.  The response is returned unchanged if the scene has no frame, or if it lacks the force of a contact
-    between a body and the ground.
+    The new columns are forces in N and moments in N m along the boom's axes, one for each direction in which points of
+    the base section can move in its model.  The response is returned unchanged if the scene has no frame, or if it
+    lacks the force of a contact between a body and the ground.
     """
     if scene.frame is None:
         return response

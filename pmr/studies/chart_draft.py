@@ -152,7 +152,7 @@ class SupportLimit(NamedTuple):
     """Limit on the resultant force of a support."""
 
     name: str
-    columns: list[str]  # names of its forces and moments, in quotes
+    columns: list[str]  # names of its forces, in quotes
     force: float  # N
 
 
@@ -163,8 +163,10 @@ def _support_limits(scene: Scene) -> Iterator[SupportLimit]:
         for support in part.supports:
             if support.allowed_force is not None:
                 name = f"{body} {support.name}".strip()
-                columns = [json.dumps(column) for column in names if DIRECTION.sub("", column) == name]
-                yield SupportLimit(name, columns, support.allowed_force)
+                of_support = [column for column in names if DIRECTION.sub("", column) == name]
+                forces = [json.dumps(column) for column in of_support if not re.search(" r[xyz]( |$)", column)]
+                if forces:  # a support of angles alone has moments
+                    yield SupportLimit(name, forces, support.allowed_force)
 
 
 def check_chart(file: Path, scene: Scene, up_to: float) -> None:
@@ -177,10 +179,10 @@ def check_chart(file: Path, scene: Scene, up_to: float) -> None:
 
 
 def _allowed_luffing_force(scene: Scene) -> float | None:
-    """Return the least push in N that the luffing cylinder bears over the scene's luffing angles; None if any.
+    """Return the least push in N that the luffing cylinder bears over the scene's luffing angles.
 
-    At rest the cylinder pushes unless boom and load lean behind the pivot.  So its allowed pull is returned only if the
-    scene limits no push.
+    None if the scene limits no push.  A chart does not look at the allowed pull: at rest the cylinder pushes unless
+    boom and load lean behind the pivot.  A warning says so if the scene limits the pull alone.
     """
     frame = scene.frame
     if frame is None or frame.cylinder is None or not frame.cylinder.has_allowed_forces:
@@ -188,7 +190,12 @@ def _allowed_luffing_force(scene: Scene) -> float | None:
     angles = np.linspace(*frame.angles.luffing.bounds(0.0, scene.time.end), LUFFING_PLACES)
     allowed = frame.cylinder.allowed_forces(frame.cylinder.length_and_arm(angles).length)
     push = float(allowed.push.min())
-    return push if math.isfinite(push) else float(allowed.pull.min())
+    if math.isfinite(push):
+        return push
+    logger.warning(
+        "the luffing cylinder is not limited: a chart limits its push, and frame.cylinder has no allowed_push"
+    )
+    return None
 
 
 def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:

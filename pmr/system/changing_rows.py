@@ -128,7 +128,7 @@ class _BodyRows:
             _pad_to_shape(row.coefficients, self._powers, row.coefficients.shape[1], d) for row in rows
         ]
         # shape of the weights of all sides (contacts, k d), and the indices of each side's weights in it
-        self._profile_without_doublers = (len(system.contacts), k * d)
+        self._weights_shape = (len(system.contacts), k * d)
         self._at = self._contacts[:, None], np.arange(k * d).reshape(k, d)
 
     def _weights(self, s: Array) -> TouchedWeights:
@@ -163,9 +163,9 @@ class _BodyRows:
         touched, weights = self._weights(s)
         flexibility, P = self._carriers.flexibility, len(s)
         b, b_s, b_ss = (
-            np.zeros(self._profile_without_doublers),
-            np.zeros((P, *self._profile_without_doublers)),
-            np.zeros((P, *self._profile_without_doublers)),
+            np.zeros(self._weights_shape),
+            np.zeros((P, *self._weights_shape)),
+            np.zeros((P, *self._weights_shape)),
         )
         b[self._at] = weights[0]
         for path in set(self._path.tolist()) - {-1}:

@@ -127,10 +127,9 @@ BAKED = {
     "damping.ratio=0.02": "damping.mass",
 }
 #: What is in the contacts and the terms of a boom in a frame.
-MECHANISM = {
+HINGES = {
     "frame.cylinder.foot=[0.7, -1.2]": "frame.cylinder.foot",
     "frame.cylinder.lug=[2.0, -0.3]": "frame.cylinder.lug",
-    "frame.pivot=[0.5, 0.0, 0.0]": "frame.pivot",
 }
 FREE = ["title=x", "time.step=1e-3", "gravity.rise=0.1", *OTHER[:2]]
 
@@ -150,9 +149,33 @@ def test_a_system_without_second_order_is_refused_to_a_scene_that_asks_for_it() 
     with pytest.raises(InputError, match="frame.second_order") as refused:
         check_scene_fits(pmr.load_scene(plain_machines.CRANE, [*quick, "frame.second_order=true"]), system)
     assert refused.value.allowed == "false is allowed: the system was reduced so"
-    for change, key in MECHANISM.items():
+    with pytest.raises(InputError, match="scene: frame.pivot = .*that of the model is allowed"):
+        moved = "frame.pivot=[0.5, 0.0, 0.0]"
+        check_scene_fits(pmr.load_scene(plain_machines.CRANE, [*quick, "frame.second_order=false", moved]), system)
+
+
+@pytest.mark.slow
+def test_hinges_of_a_cylinder_that_holds_the_boom_are_those_of_the_model() -> None:
+    quick = ["section.body.walls='rigid'", "section.mesh.elements=8", "compare.against=[]", "time.end=0.1"]
+    quick += ["frame.second_order=false"]
+    system = pmr.reduce(pmr.load_scene("crane", quick)).system
+    for change, key in HINGES.items():
         with pytest.raises(InputError, match=f"scene: {key} = .*that of the model is allowed"):
-            check_scene_fits(pmr.load_scene(plain_machines.CRANE, [*quick, "frame.second_order=false", change]), system)
+            check_scene_fits(pmr.load_scene("crane", [*quick, change]), system)
+
+
+def test_hinges_of_a_cylinder_that_holds_nothing_are_those_of_the_scene() -> None:
+    """Supports hold this base: the system does not depend on the cylinder, whose force follows from its hinges."""
+    quick = ["compare.against=[]", "time.end=0.1", "frame.second_order=false"]
+    machine = plain_machines.OUTRIGGERS
+    system = pmr.reduce(pmr.load_scene(machine, quick)).system
+    moved = pmr.load_scene(machine, [*quick, "frame.cylinder.foot=[0.7,-1.3]"])
+    found, expected = pmr.simulate(moved, system), pmr.simulate(moved, pmr.reduce(moved).system)
+    force = "reaction of pivot cylinder"
+    np.testing.assert_allclose(found.other(force), expected.other(force), rtol=1e-12)
+    frame = moved.frame.model_copy(update={"cylinder": None})
+    with pytest.raises(InputError, match="scene: frame.cylinder: the model has one"):
+        check_scene_fits(moved.model_copy(update={"frame": frame}), system)
 
 
 def test_another_boom_or_a_body_alone_is_refused(system: System, folder: Path) -> None:

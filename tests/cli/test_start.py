@@ -260,7 +260,7 @@ def test_limits_of_walls_take_the_pads_of_their_joint_alone(
 
 
 def test_forces_that_luffing_cylinder_and_pin_bear_are_limits(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_command
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, run_command
 ) -> None:
     """A slender rod buckles where the cylinder is longest; without keys of cylinder and pin there are no limits."""
     _only_write_charts(monkeypatch, ("middle", "fly"))
@@ -274,8 +274,10 @@ def test_forces_that_luffing_cylinder_and_pin_bear_are_limits(
         f"{table}{keys}\n": force
         for keys, force in (("allowed_push = 3e5\nallowed_pull = 2e5", 3e5), ("rod = 0.06", euler))
     }
+    pull = f"{table}allowed_pull = 2e5\n"
     texts = [(bare, {}), (template, {"luffing": 385e3, "support": 390e3})]
     texts += [(bare.replace(table, keys), {"luffing": force}) for keys, force in keyed.items()]
+    texts += [(bare.replace(table, pull), {})]
     for number, (text, limited) in enumerate(texts):
         (tmp_path / "crane.toml").write_text(text)
         run_command("chart", "crane.toml", "--up-to", "20000", "--out", str(tmp_path / f"out{number}"))
@@ -287,6 +289,8 @@ def test_forces_that_luffing_cylinder_and_pin_bear_are_limits(
             assert (
                 pin.concerns("base pin x") and pin.concerns("base pin z") and not pin.concerns("base luffing cylinder")
             )
+            assert not pin.concerns("base pin rx")  # a moment
+    assert "a chart limits its push, and frame.cylinder has no allowed_push" in caplog.text
 
 
 def test_without_fenicsx_walls_are_not_limited_and_what_needs_it_is_refused_before_a_folder_is_made(

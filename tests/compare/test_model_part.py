@@ -84,6 +84,10 @@ def test_a_tip_that_a_support_holds_is_off_by_nothing_that_is_known(boom) -> Non
     assert motion.response.round_off > 0.0
     budget = model_budget(scene, held(0.5), held(0.01), "finer mesh")
     assert budget["tip"] is None and budget["beam"] == 0.0
+    unmoved = scaled(motion, displacement=0.1 * motion.response.round_off / np.abs(motion.response.displacement).max())
+    budget = model_budget(scene, unmoved, scaled(unmoved, displacement=0.5), "finer mesh")
+    assert budget["tip"] is budget["beam"] is budget["largest"] is None
+    assert largest_model_error({}) == 0.0
 
 
 def test_modes_count_that_move_where_the_poorer_model_can(boom) -> None:

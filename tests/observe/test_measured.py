@@ -208,5 +208,5 @@ def test_values_beyond_the_motion_are_counted(tmp_path: Path) -> None:
     data = {OUTPUTS[0]: (t, y), OUTPUTS[1]: (t[:62], y[:62])}
     _, figures = Observation.compute(observer, data).write(tmp_path)
     summary = json.loads(figures.read_text())
-    assert summary["beyond"] == {OUTPUTS[0]: 26}
-    assert summary["faults"][-1].startswith(f"26 measured values of {OUTPUTS[0]} are not used")
+    assert summary["beyond"] == {OUTPUTS[0]: 27, OUTPUTS[1]: 1}
+    assert summary["faults"][-2].startswith(f"27 measured values of {OUTPUTS[0]} are not used")

@@ -340,6 +340,8 @@ static int read_arrays(pmr_system *y, char *why)
     y->ip = PMR_UP(y->inputs);
     y->op = PMR_UP(y->outputs) + PMR_LANES; /* a body's outputs are filled up beyond those of the last one */
     y->blocks = (int32_t)(pmr_block_count(y, "blocks") / PMR_BLOCK_NUMBERS);
+    if (pmr_block_count(y, "blocks") % PMR_BLOCK_NUMBERS || pmr_block_count(y, "pairs") % PMR_PAIR_NUMBERS)
+        return pmr_say(why, "damaged: blocks or pairs"), 1;
     y->pairs = (int32_t)(pmr_block_count(y, "pairs") / PMR_PAIR_NUMBERS);
     y->quasi_static = (int32_t)pmr_block_count(y, "of_modes");
     y->registers = (int32_t)pmr_block_count(y, "columns");

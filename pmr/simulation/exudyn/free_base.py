@@ -301,7 +301,7 @@ class Base:
         at = self.kinematics(x[:k], rate[:k])
         q, extended = x[k : k + n], self.extensions(t, x[k + n :], rate[k + n :])
         motion = FrameMotion(at.omega, self.weight(t) * at.axes[2])
-        moments = self.boom.answered_moments(self.answering, extended)
+        moments = self.boom.answered_moments(self.answering, extended) if self._gives else None
         pressed = base_equations(self.boom.boom, motion, extended, q, rate[k : k + n], moments)
         L = scipy.linalg.block_diag(at.by_rates, np.eye(n), self.paths.along)
         force = -pressed.forces - pressed.mass @ np.concatenate([at.quadratic, np.zeros(n), extended.second])

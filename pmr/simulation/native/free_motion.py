@@ -218,9 +218,10 @@ HANGING = -np.pi / 2.0
 
 
 def with_free_motion(scene: Scene, system: System) -> tuple[Scene, System]:
-    """Scene with the computed motion of its machine or its luffing angle, and system in which all modes have inertia.
+    """Scene with the computed motion of its machine, its luffing angle or its extension, and its system.
 
-    Both are unchanged if all motion of the frame is prescribed.
+    With a machine or a free luffing angle, all modes of the system have inertia.  Otherwise the system is unchanged,
+    and so is the scene if all motion is prescribed.
 
     Raises
     ------
