@@ -296,3 +296,13 @@ def test_a_signal_that_is_no_sum_of_pieces_is_refused() -> None:
 
     with pytest.raises(NotImplementedError, match="Other"):
         Signals([Constant(amount=1.0), Other(amount=2.0)])
+
+
+@pytest.mark.parametrize("name", ["blocks", "pairs"])
+def test_blocks_and_pairs_come_out_even(name: str) -> None:
+    arrays = dict(data().arrays)
+    arrays[name] = np.append(np.ravel(arrays[name]), np.int32(0)).astype(np.asarray(arrays[name]).dtype)
+    block = pack(arrays)
+    seal(block, checksum(block[LINE:]))
+    with pytest.raises(InputError, match="damaged: blocks or pairs"):
+        Kernel(block)
