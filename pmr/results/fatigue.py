@@ -102,3 +102,11 @@ class RepeatedCycles:
         """
         once, twice = (line.damage(factor * cycles[:, 0], cycles[:, 2]) for cycles in (self.once, self.twice))
         return Damage(once, twice - once)
+
+
+def damage(t: Array, stress: Array, line: SNLine, times: float = 1.0) -> float:
+    """Return the damage, a number, by a stress (T,) in Pa at times t (T,) in s that occurs `times` times; 1 is failure.
+
+    Cycles with a range below a hundredth of the largest range are left out (`rainflow_cycles`).
+    """
+    return RepeatedCycles.count(t, stress).damage(line).after(times)

@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 
 from pmr import InputError
-from pmr.results.fatigue import SMALLEST, RepeatedCycles, SNLine, rainflow_cycles
-
-
-def damage(t: np.ndarray, stress: np.ndarray, line: SNLine, times: float = 1.0) -> float:
-    return RepeatedCycles.count(t, stress).damage(line).after(times)
+from pmr.results.fatigue import SMALLEST, RepeatedCycles, SNLine, damage, rainflow_cycles
 
 
 def test_a_sinusoid_does_the_damage_of_its_cycles() -> None:
