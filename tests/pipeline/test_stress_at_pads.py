@@ -58,6 +58,6 @@ def test_rings_have_places_and_forces_of_pads_and_the_largest_stress_of_all_sect
     np.testing.assert_allclose(mouth, scene.sections[1].length - joint.mouth[0].at - extension)
 
     # pads with their forces, and weight and loads outside of them: the moment at a ring turns back from one side only
-    outer, between, inner = (np.array([states.near(k, np.array([x]))[4, 0] for k in range(3)])
+    outer, between, inner = (np.array([states.at(k, np.array([x]))[4, 0] for k in range(3)])
                              for x in (scene.sections[2].length - 1e-3, mouth[0], joint.tail[0].at / 2.0))  # fmt: skip
     assert np.all(np.abs(between) > 20.0 * np.abs(outer)) and np.all(np.abs(between) > 20.0 * np.abs(inner))
