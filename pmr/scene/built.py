@@ -408,8 +408,8 @@ class Load(PlacedLoad):
     exponent: Share = Field(default=0.0, description="Exponent p of the wind's speed over the height")
     reference: Length = Field(default=10.0, description="Height above the ground of the pressure that `signal` gives")
     least: Length = Field(default=2.0, description="Height up to which the pressure of wind is constant")
-    above: Place = Field(
-        default=0.0, description="Height of the pivot above the ground; by default that of frame.ground"
+    above: Place | None = Field(
+        default=None, description="Height of the pivot above the ground; by default that of frame.ground, or 0"
     )
 
     @model_validator(mode="after")

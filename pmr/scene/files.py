@@ -56,6 +56,8 @@ GONE = {
     "section.joint.friction_speed": _FRICTION,
     "sections.joint.friction_speed": _FRICTION,
 }
+#: Keys of stored scenes, with the value by default that earlier versions wrote there, in place of None.
+_FORMER_DEFAULTS = {"loads.above": 0.0, "sections.loads.above": 0.0}
 
 
 def stored_scene(data: Mapping[str, object], source: str, context: Mapping[str, str] | None = None) -> Scene:
@@ -69,8 +71,8 @@ def stored_scene(data: Mapping[str, object], source: str, context: Mapping[str, 
         For the first key that was never allowed, or the first value that is not valid.
     """
     content = deepcopy(dict(data))
-    for name in GONE:
-        _leave_out(content, name.split("."))
+    for name, value in (dict.fromkeys(GONE) | _FORMER_DEFAULTS).items():
+        _leave_out(content, name.split("."), value)
     try:
         return Scene.model_validate_json(json.dumps(content), context=context)
     except ValidationError as error:
@@ -80,18 +82,19 @@ def stored_scene(data: Mapping[str, object], source: str, context: Mapping[str, 
         raise InputError(source, key, first["input"], allowed) from None
 
 
-def _leave_out(data: object, keys: Sequence[str]) -> None:
-    """Remove a key from nested tables, in place; `keys` is the path to it, such as ["joint", "tail"].
+def _leave_out(data: object, keys: Sequence[str], value: object = None) -> None:
+    """Remove a key from nested tables, in place, if it has this `value`; with None, whatever its value is.
 
-    In a list of tables, it is removed from each of them.  A key that is missing is ignored.
+    `keys` is the path to it, such as ["joint", "tail"].  In a list of tables, it is removed from each of them.  A key
+    that is missing is ignored.
     """
     first, *inner_keys = keys
     if isinstance(data, list):
         for entry in data:
-            _leave_out(entry, keys)
+            _leave_out(entry, keys, value)
     elif isinstance(data, dict) and inner_keys:
-        _leave_out(data.get(first), inner_keys)
-    elif isinstance(data, dict):
+        _leave_out(data.get(first), inner_keys, value)
+    elif isinstance(data, dict) and value in (None, data.get(first)):
         data.pop(first, None)
 
 

@@ -131,7 +131,7 @@ class Fatigue(SceneTable):
     @model_validator(mode="after")
     def _check_cycles(self) -> Fatigue:
         """Refuse a number of cycles together with a spectrum."""
-        if self.spectrum and "cycles" in self.model_fields_set:
+        if self.spectrum and self.cycles != 1.0:
             raise ValueError("give cycles or spectrum, one of them")
         return self
 

@@ -69,8 +69,7 @@ class WindOnSection(FrameSignal):
         assert frame is not None  # as the checks say
         depths = [load.depth or getattr(box, key) for key in ("height", "width")]
         axis, degree = name.split(" ")[-2:]
-        ground = frame.ground
-        above = ground.height if ground is not None and "above" not in load.model_fields_set else load.above
+        above = load.above if load.above is not None else frame.ground.height if frame.ground is not None else 0.0
         return cls(
             angles=(*frame.angles, *frame.base_angles),
             section=ExposedSection(

@@ -1,5 +1,7 @@
 """Damage by load cycles from a scene to its summary, beside the closed form of a sinusoid."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ import pmr
 from pmr import InputError
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
+from pmr.scene.files import stored_scene
 
 LENGTH, FORCE, CYCLES = 6.0, 2e4, 5
 WIDTH, HEIGHT, WALL = 0.22, 0.32, 0.006
@@ -70,6 +73,12 @@ def test_damage_without_a_stress_is_refused() -> None:
 def test_cycles_beside_a_spectrum_are_refused() -> None:
     with pytest.raises(ValueError, match="give cycles or spectrum"):
         shaken(cycles=2.0, spectrum=[{"cycles": 1.0}])
+
+
+def test_a_stored_scene_keeps_its_spectrum() -> None:
+    """Results of a run with a spectrum could not be read, and no study had such a scene."""
+    scene = shaken(spectrum=[{"cycles": 1e5, "factor": 0.5}])
+    assert stored_scene(json.loads(scene.model_dump_json()), "scene.json").fatigue == scene.fatigue
 
 
 def test_the_life_of_a_load_that_stays_is_that_of_its_closed_cycles() -> None:

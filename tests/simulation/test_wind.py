@@ -1,5 +1,6 @@
 """Wind on a boom beside integrals of its profile."""
 
+import json
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,12 @@ from pmr import InputError
 from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
+from pmr.scene.files import stored_scene
+from pmr.scene.ground import Ground
 from pmr.scene.members import member_at
 from pmr.simulation.frame import load_signals
 from pmr.simulation.wind import WindOnSection
+from pmr.studies.shared import scene_arguments, scene_of
 
 LENGTHS, OUT, PIVOT, ABOVE = (6.0, 5.5), 3.7, (0.4, 0.0, 0.3), 1.8
 BOXES = ((0.30, 0.40, 0.008), (0.26, 0.36, 0.006))
@@ -122,6 +126,25 @@ def test_polynomials_of_the_wind_have_its_force_and_moment_at_any_time(t: float)
     expected = by_integrals(luffing, slewing, pressure)
     assert total[:3] == pytest.approx(expected[:3], abs=1e-9 * np.abs(expected[:3]).max())
     assert total[3:] == pytest.approx(expected[3:], abs=1e-9 * np.abs(expected[3:]).max())
+
+
+def test_wind_above_a_ground_is_the_same_in_a_stored_scene_and_in_a_task_of_a_study() -> None:
+    """It had the pivot on the ground there; stored scenes of earlier versions have this 0 in all loads."""
+    built = scene(still(30.0), still(0.0), still(300.0), above=None)
+    assert built.frame is not None
+    outriggers = [{"name": name, "at": at} for name, at in (("a", (2.0, 2.0)), ("b", (2.0, -2.0)), ("c", (-2.0, 0.0)))]
+    ground = Ground.model_validate({"height": ABOVE, "outriggers": outriggers})
+    built = built.with_keys(frame={"ground": ground})
+    former = json.loads(built.model_dump_json())
+    for part in former["sections"]:
+        part["loads"][0]["above"] = 0.0
+    copies = [scene_of(scene_arguments(built)), *(stored_scene(data, "scene.json") for data in (former, json.loads(
+        built.model_dump_json()))), scene(still(30.0), still(0.0), still(300.0))]  # fmt: skip
+    amplitudes = [
+        [float(signal.value(0.0)) for signal in load_signals(each, member_at(each, 1)).values()]
+        for each in (built, *copies)
+    ]
+    assert all(of_copy == amplitudes[0] for of_copy in amplitudes[1:]) and amplitudes[0][0] > 0.0
 
 
 def test_a_wind_without_a_profile_presses_alike_on_what_is_outside() -> None:
