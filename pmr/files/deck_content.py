@@ -100,6 +100,18 @@ MOST_DIGITS = 18
 
 
 @dataclass
+class FurtherCards:
+    """Cards of a whole deck beside those of its mesh and sets: what couples or turns displacements, what is not read."""
+
+    constraints: list[tuple[Place, str]] = field(default_factory=list)  # place, keyword of cards in `CONSTRAINTS`
+    turned: list[Card] = field(default_factory=list)  # cards that give nodes outside of parts axes of their own
+    ties: list[Card] = field(default_factory=list)  # cards that tie two surfaces to each other
+    equations: list[Card] = field(default_factory=list)  # cards of linear equations of displacements
+    renumbered: Place | None = None  # the first instance whose nodes have other numbers than in its part
+    unread: dict[str, Place] = field(default_factory=dict)  # first card of each keyword that is passed over
+
+
+@dataclass
 class Deck:
     """Content of a deck, a part or an instance: its mesh, and the cards that join, turn or name parts of it.
 
@@ -114,14 +126,9 @@ class Deck:
     element_sets: dict[str, set[int]] = field(default_factory=dict)
     surfaces: dict[str, set[int]] = field(default_factory=dict)  # nodes on each surface
     set_spellings: dict[str, str] = field(default_factory=dict)  # names of sets and surfaces as first written
-    constraints: list[tuple[Place, str]] = field(default_factory=list)  # place, keyword of cards in `CONSTRAINTS`
-    turned: list[Card] = field(default_factory=list)  # cards that give nodes outside of parts axes of their own
-    ties: list[Card] = field(default_factory=list)  # cards that tie two surfaces to each other
-    equations: list[Card] = field(default_factory=list)  # cards of linear equations of displacements
-    unread: dict[str, Place] = field(default_factory=dict)  # first card of each keyword that is passed over
     axes: Axes | None = None  # of the coordinates of nodes that follow; None for those of the whole
     sets: list[Card] = field(default_factory=list)  # cards of sets, read last as members may stand anywhere
-    renumbered: Place | None = None  # the first instance whose nodes have other numbers than in its part
+    further: FurtherCards = field(default_factory=FurtherCards)
 
     def copy(self) -> Deck:
         """Return a deck to which nodes, elements and sets can be added without a change of this one."""
@@ -318,11 +325,11 @@ def dependent_displacements(deck: Deck) -> dict[Place, set[tuple[int, int]]]:
     surfaces that are not read, are left out.
     """
     dependent = dict[Place, set[tuple[int, int]]]()
-    for card in deck.ties:
+    for card in deck.further.ties:
         surfaces = [deck.surfaces.get(line.fields[0].lower(), set()) for line in card.lines]
         if all(surfaces):
             dependent[card.place] = {(node, d) for nodes in surfaces for node in nodes for d in (1, 2, 3)}
-    for card in deck.equations:
+    for card in deck.further.equations:
         fields, pairs = [field for line in card.lines for field in line.fields if field], set[tuple[int, int]]()
         while len(fields) > 2 and all(is_label_number(field) for field in fields[:3]):
             pairs.add((int(fields[1]), int(fields[2])))

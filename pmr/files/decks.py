@@ -2,7 +2,7 @@
 
 Cards belong to the whole, to a part or to an instance of a part, each a `Deck` with numbers of its own.  An instance is
 moved to its place and joined with the whole.  `READERS` has a function for each keyword that is read, and `REFUSED` has
-the reasons why some others are refused.  Cards of further keywords are passed over; `Deck.unread` lists all of these
+the reasons why some others are refused.  Cards of further keywords are passed over; `FurtherCards.unread` lists all of these
 but the `HARMLESS` ones, which describe no model.
 
 The readers of others do not serve: meshio's and ccxmeshreader's know no files that are included and no instances, and
@@ -96,7 +96,7 @@ class _Assembly:
         """
         joined, numbers = self.joined, Numbers.of(content)
         if not joined.nodes.keys().isdisjoint(numbers.nodes):
-            joined.renumbered = joined.renumbered or place
+            joined.further.renumbered = joined.further.renumbered or place
             numbers = replace(numbers, nodes={part: self.last[0] + k for k, part in enumerate(numbers.nodes, 1)})
         if not joined.element_numbers.isdisjoint(numbers.elements):
             numbers = replace(numbers, elements={part: self.last[1] + k for k, part in enumerate(numbers.elements, 1)})
@@ -137,13 +137,13 @@ def read_deck(path: Path) -> Deck:
         if card.keyword in REFUSED:
             raise card.place.error(f"*{card.keyword} is not read; {REFUSED[card.keyword]}")
         if card.keyword == TURNED and deck is assembly.outside:
-            assembly.joined.turned.append(card)
+            assembly.joined.further.turned.append(card)
         elif card.keyword in (*CONSTRAINTS, *CONTACTS):
-            assembly.joined.constraints.append((card.place, card.keyword))
+            assembly.joined.further.constraints.append((card.place, card.keyword))
         if card.keyword == TIED:
-            assembly.joined.ties.append(card)
+            assembly.joined.further.ties.append(card)
         elif card.keyword == "EQUATION" and deck is assembly.outside:
-            assembly.joined.equations.append(card)
+            assembly.joined.further.equations.append(card)
         if card.keyword in ("PART", "INSTANCE", "END PART", "END INSTANCE", "ASSEMBLY", "END ASSEMBLY"):
             assembly.end_instance()
             begin = {"PART": assembly.begin_part, "INSTANCE": assembly.begin_instance}.get(card.keyword)
@@ -153,7 +153,7 @@ def read_deck(path: Path) -> Deck:
         elif card.keyword in READERS:
             READERS[card.keyword](deck, card)
         elif card.keyword not in (*CONSTRAINTS, *CONTACTS) and not HARMLESS.fullmatch(card.keyword):
-            assembly.joined.unread.setdefault(card.keyword, card.place)
+            assembly.joined.further.unread.setdefault(card.keyword, card.place)
     return assembly.end()
 
 

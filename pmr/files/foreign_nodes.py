@@ -133,23 +133,23 @@ def _read_deck_nodes(path: Path) -> ForeignNodes:
     Raises InputError if two instances have nodes with the same number.
     """
     deck = read_deck(path)
-    if deck.renumbered is not None:
+    if deck.further.renumbered is not None:
         allowed = (
             "matrices name nodes by their numbers: instances whose nodes have numbers that no other has are allowed"
         )
-        raise deck.renumbered.error(allowed)
+        raise deck.further.renumbered.error(allowed)
     sets = {name: [*members] for name, members in (deck.surfaces | deck.node_sets).items() if name[0] != "_"}
     axes = dict[int, Array]()
-    for card in deck.turned:
+    for card in deck.further.turned:
         name = card.options.get("NSET", "")
         if name.lower() not in deck.node_sets:
             raise card.place.error(f"NSET={name} is no set of nodes")
         numbers = sorted(deck.node_sets[name.lower()])
         axes |= zip(numbers, turned_axes(card, np.array([deck.nodes[number] for number in numbers])), strict=True)
     nodes = _make_nodes(list(deck.nodes), [*deck.nodes.values()], sets)
-    turned = deck.turned[0].place if deck.turned else None
+    turned = deck.further.turned[0].place if deck.further.turned else None
     dependent = dependent_displacements(deck)
-    constraints = [(place, keyword) for place, keyword in deck.constraints if keyword not in CONTACTS]
+    constraints = [(place, keyword) for place, keyword in deck.further.constraints if keyword not in CONTACTS]
     return replace(nodes, constraints=constraints, axes=axes, turned=turned, dependent=dependent)
 
 

@@ -138,7 +138,7 @@ def _deck_content(file: Path) -> MeshFile:
     for other cards that join nodes.
     """
     deck = read_deck(file)
-    for where, keyword in deck.constraints:
+    for where, keyword in deck.further.constraints:
         if keyword not in (TURNED, TIED):  # axes of nodes do not move them
             raise where.error(f"*{keyword} is not read; a mesh is allowed whose elements are joined by nodes alone")
     points = np.array(list(deck.nodes.values()), float).reshape(-1, 3)
@@ -179,7 +179,7 @@ def _warn_of_unread(file: Path, deck: Deck) -> None:
 
     Elements of fewer dimensions than other elements are only groups of places in the mesh.
     """
-    unread = {f"*{keyword}": place for keyword, place in deck.unread.items()}
+    unread = {f"*{keyword}": place for keyword, place in deck.further.unread.items()}
     dimensions = [DIMENSIONS[block.kind] for block in deck.elements if block.nodes]
     for block in deck.elements:
         if block.nodes and DIMENSIONS[block.kind] < max(dimensions):
@@ -200,7 +200,7 @@ def join_ties(deck: Deck, points: Array) -> Indices:
     a node of its first surface has no node of the second one at its place.
     """
     number, joined = {node: k for k, node in enumerate(deck.nodes)}, np.arange(len(points))
-    for card in deck.ties:
+    for card in deck.further.ties:
         for line in card.lines:
             sides = list[Indices]()
             for name in line.fields[:2]:

@@ -178,7 +178,7 @@ def test_instances_are_moved_then_turned_and_have_nodes_of_their_own(tmp_path: P
     assert sets["tips"] == {2, 4, 5} and sets["tails"] == {1, 3} and sets["of_bars"] == {3, 4}
     assert sets["end"] == {2, 4} and sets["second.end"] == {4} and read.set_spellings["second.end"] == "Second.End"
     assert read.element_sets["both"] == {1, 2} and read.element_sets["first.bars"] == {1}
-    assert read.renumbered is not None and read.renumbered.line == 17
+    assert read.further.renumbered is not None and read.further.renumbered.line == 17
 
 
 def test_nodes_of_instances_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
