@@ -43,9 +43,9 @@ def observe(
     found = petsc.observe(system, excitation, states, {} if initial is None else {"": initial}, *more, **named)
     names = [contact.name for contact in system.with_supports().contacts]
     rows = [names.index(name) for name in model.row_names]
-    forces, peaks = (np.hstack([one, found.supports])[:, rows] for one in (found.forces, found.peaks))
+    forces, peaks = (np.hstack([one, found.supports])[:, rows] for one in (found.contacts.forces, found.contacts.peaks))
     return Alone(
         found.t, found.s[:, 0], found.y[""], forces, peaks, found.states[""],
-        found.residual_position, found.residual_velocity, found.energy, found.surplus,
-        found.seconds,
+        found.errors.position, found.errors.velocity, found.energy, found.errors.surplus,
+        found.seconds.steps,
     )  # fmt: skip

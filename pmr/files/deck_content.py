@@ -101,7 +101,7 @@ MOST_DIGITS = 18
 
 @dataclass
 class FurtherCards:
-    """Cards of a whole deck beside those of its mesh and sets: what couples or turns displacements, what is not read."""
+    """Cards of a whole deck that couple or turn displacements, and the first card of each kind that is not read."""
 
     constraints: list[tuple[Place, str]] = field(default_factory=list)  # place, keyword of cards in `CONSTRAINTS`
     turned: list[Card] = field(default_factory=list)  # cards that give nodes outside of parts axes of their own

@@ -2,8 +2,8 @@
 
 Cards belong to the whole, to a part or to an instance of a part, each a `Deck` with numbers of its own.  An instance is
 moved to its place and joined with the whole.  `READERS` has a function for each keyword that is read, and `REFUSED` has
-the reasons why some others are refused.  Cards of further keywords are passed over; `FurtherCards.unread` lists all of these
-but the `HARMLESS` ones, which describe no model.
+the reasons why some others are refused.  Cards of further keywords are passed over; `FurtherCards.unread` lists all of
+these but the `HARMLESS` ones, which describe no model.
 
 The readers of others do not serve: meshio's and ccxmeshreader's know no files that are included and no instances, and
 drop node sets; that of pyFormex has another licence; abaqus-parse writes decks and reads results.

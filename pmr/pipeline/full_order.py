@@ -190,14 +190,16 @@ class FullOrder:
         times = [excitation.stepping.step * step for step in steps]
         start = static_start(system, excitation) if excitation.start == "equilibrium" else {}
         history = observe(system, excitation, times, start, done, checkpoint)
-        response = response_to_motion(system, history.t, history.y, history.forces, history.peaks, history.energy)
+        response = response_to_motion(
+            system, history.t, history.y, history.contacts.forces, history.contacts.peaks, history.energy
+        )
         response = with_reactions(response, *_support_reactions(system, history))
         response = replace(
-            append_friction(response, system.contacts, history.friction),
-            residual_position=history.residual_position,
-            residual_velocity=history.residual_velocity,
-            seconds=history.preparation + history.seconds,
-            surplus=history.surplus,
+            append_friction(response, system.contacts, history.contacts.friction),
+            residual_position=history.errors.position,
+            residual_velocity=history.errors.velocity,
+            seconds=history.seconds.preparation + history.seconds.steps,
+            surplus=history.errors.surplus,
         )
         x, f = side_positions(system, excitation), excitation.forces(system.input_names)
         states = _states_of_bodies(system, history, list(steps), x, f)
@@ -223,8 +225,8 @@ def _states_of_bodies(
     `x` (T, sides) in m are the positions of the contacts' sides over time, `f` (T, i) in N the loads on the inputs.
     """
     states_of_bodies = dict[str, BodyStates]()
-    forces, rubbing = history.forces[steps], Friction.from_contacts(system.contacts)
-    friction = None if history.friction is None else history.friction[steps]
+    forces, rubbing = history.contacts.forces[steps], Friction.from_contacts(system.contacts)
+    friction = None if history.contacts.friction is None else history.contacts.friction[steps]
     reaching = forces if rubbing is None or friction is None else forces - rubbing.cylinder_forces(friction)
     for name, columns in system.load_columns.items():
         side_numbers, states = system.sides_of(name), history.states[name]
@@ -252,7 +254,7 @@ def _support_reactions(full_system: FullSystem, history: History) -> SupportReac
     system, bearing_contacts = full_system.with_supports(), set(output_contacts(full_system))
     inner = {k: contact.inner for k, contact in enumerate(system.contacts) if k not in bearing_contacts}
     rows = {(side.body, side.row): k for k, side in inner.items()}
-    forces = np.hstack([history.forces, history.supports])
+    forces = np.hstack([history.contacts.forces, history.supports])
     supports, reactions = dict[str, Supports](), dict[str, Array]()
     for name, model in full_system.bodies.items():
         support_rows = [row for row in model.rows.rows if row.is_fixed and (name, row.name) in rows]

@@ -35,6 +35,49 @@ class States:
 
 
 @dataclass(frozen=True)
+class SolutionErrors:
+    """Amounts by which a full-order simulation violates its own equations.
+
+    Attributes
+    ----------
+    position : (T,) array, m
+        Largest violation of a row, max |C q - lambda / k|; for a row that only pushes, beyond its clearance.
+    velocity : (T,) array, m/s
+        Largest violation of a rigid row's time derivative, max |C v + s' C' q|; NaN if any row gives way.
+    surplus : float
+        Share of the largest energy that neither loads nor moving rows put in (`pmr.simulation.balance`).
+    """
+
+    position: Array
+    velocity: Array
+    surplus: float
+
+
+@dataclass(frozen=True)
+class ContactForces:
+    """Forces (T, m) in N of m contacts, positive where they push, at t and at most within the step that ends at t.
+
+    The two differ for contacts that only push.  `friction` (T, n) in N is that of the n pads that rub, along the boom
+    (`pmr.system.contacts`); None without any.
+    """
+
+    forces: Array
+    peaks: Array
+    friction: Array | None
+
+
+@dataclass(frozen=True)
+class WallTimes:
+    """Wall times in s of the steps, those before an interruption included, and of what is computed before them.
+
+    The preparation is the factorisation and the compliance of the path.
+    """
+
+    steps: float
+    preparation: float
+
+
+@dataclass(frozen=True)
 class History:
     """Outputs of a full-order simulation; the same on every rank, except `states`.
 
@@ -45,43 +88,26 @@ class History:
         Path coordinates, in the order of the excitation.
     y : mapping of str to (T, o) array
         Outputs of each body.
-    forces, peaks : (T, m) arrays, N
-        Contact forces, positive where they push.  `forces` are those at t; `peaks` are, for contacts that only push,
-        the largest within the step that ends at t.
+    contacts : ContactForces
     supports : (T, h) array, N
         Multipliers of the supports that hold one coordinate, one body after the other (`FullSystem.with_supports`).
-    residual_position : (T,) array, m
-        Largest violation of a row, max |C q - lambda / k|; for a row that only pushes, beyond its clearance.
-    residual_velocity : (T,) array, m/s
-        Largest violation of a rigid row's time derivative, max |C v + s' C' q|; NaN if any row gives way.
+    errors : SolutionErrors
     energy : Energy
         Energies, with the pads' strain energy.
     states : mapping of str to States
         Whole states of each body.
-    seconds : float
-        Wall time of the steps, those before an interruption included.
-    preparation : float, s
-        Wall time of the factorisation and the compliance of the path.
-    surplus : float
-        Share of the largest energy that neither loads nor moving rows put in (`pmr.simulation.balance`).
-    friction : (T, n) array, N, or None
-        Friction of the pads that rub, along the boom (`pmr.system.contacts`); None without any.
+    seconds : WallTimes
     """
 
     t: Array
     s: Array
     y: Mapping[str, Array]
-    forces: Array
-    peaks: Array
+    contacts: ContactForces
     supports: Array
-    residual_position: Array
-    residual_velocity: Array
+    errors: SolutionErrors
     energy: Energy
     states: Mapping[str, States]
-    seconds: float
-    preparation: float
-    surplus: float
-    friction: Array | None = None
+    seconds: WallTimes
 
 
 class Recorder:
@@ -172,11 +198,10 @@ class Recorder:
 
         return [half_form(self._M, state.v), half_form(self._K, state.q), potential]
 
-    def history(self, at: SampledExcitation, seconds: float, preparation: float) -> History:
+    def history(self, at: SampledExcitation, seconds: WallTimes) -> History:
         """History of all records, in a run under the excitation `at`; collective.
 
-        `seconds` and `preparation` are the wall times in s of the steps and of what came before them.  The residual
-        velocity is NaN if a contact gives way.
+        The violation of velocities is NaN if a contact gives way.
         """
         system = self._system
         sums = system.comm.allreduce(self.sums)
@@ -202,20 +227,19 @@ class Recorder:
             t=at.t,
             s=at.s,
             y={name: y[:, of] for name, of in zip(system.bodies, system.output_slices, strict=True)},
-            forces=forces,
-            peaks=np.where(pushes, self.peaks, forces),
-            friction=None if self._friction is None else self.friction,
+            contacts=ContactForces(
+                forces, np.where(pushes, self.peaks, forces), None if self._friction is None else self.friction
+            ),
             supports=np.zeros((len(sums), 0)),
-            residual_position=np.abs(violation).max(axis=1, initial=0.0),
-            residual_velocity=np.abs(drift).max(axis=1, initial=0.0),
+            errors=SolutionErrors(
+                np.abs(violation).max(axis=1, initial=0.0), np.abs(drift).max(axis=1, initial=0.0), surplus
+            ),
             energy=Energy(kinetic, strain, potential),
             states={
                 name: States(at.t[self.state_steps], at.s[self.state_steps], self.q[:, rows], self.v[:, rows])
                 for name, rows in zip(system.bodies, system.local_slices, strict=True)
             },
             seconds=seconds,
-            preparation=preparation,
-            surplus=surplus,
         )
 
     def _mobility(self) -> Array:

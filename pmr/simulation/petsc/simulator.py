@@ -29,7 +29,7 @@ from pmr.simulation.contact_step import StepParts
 from pmr.simulation.excitation import Excitation, side_positions
 from pmr.simulation.petsc.constraint import ContactState
 from pmr.simulation.petsc.integrate import DividedSteps, Stepped, contact_frequency
-from pmr.simulation.petsc.recorder import History, Recorder
+from pmr.simulation.petsc.recorder import History, Recorder, WallTimes
 from pmr.simulation.petsc.rows import BlockFactor
 from pmr.simulation.petsc.start import SampledExcitation, State, stacked_start, starting_state, starts_moving
 from pmr.simulation.start import Grip, InitialState, needs_of
@@ -121,10 +121,11 @@ class _Run:
                 progress(step / T)
         seconds = reached.seconds + time.perf_counter() - begin
         steps.destroy()
-        history = recorder.history(self._at, seconds, preparation)
-        refuse_growth(history.surplus, "full order", list(self._needs.rigid_moving_rows))
-        m, forces, peaks = self._contacts, history.forces, history.peaks
-        return replace(history, forces=forces[:, :m], peaks=peaks[:, :m], supports=forces[:, m:])
+        history = recorder.history(self._at, WallTimes(seconds, preparation))
+        refuse_growth(history.errors.surplus, "full order", list(self._needs.rigid_moving_rows))
+        m, contacts = self._contacts, history.contacts
+        of_contacts = replace(contacts, forces=contacts.forces[:, :m], peaks=contacts.peaks[:, :m])
+        return replace(history, contacts=of_contacts, supports=contacts.forces[:, m:])
 
     def _starting_state(self) -> ReachedState:
         """State at t = 0."""

@@ -71,11 +71,11 @@ def test_as_bodies_that_are_diagonalised(pads: str) -> None:
     lines = systems.displacements(system, expected)
     for name, line in lines.items():
         assert_close(found.y[name], line, 1e-7)
-    assert_close(found.forces, expected.forces, 1e-6)
-    assert_close(found.peaks, expected.peaks, 1e-6)
+    assert_close(found.contacts.forces, expected.forces, 1e-6)
+    assert_close(found.contacts.peaks, expected.peaks, 1e-6)
     assert_close(found.energy.kinetic + found.energy.strain, expected.energy, 1e-6)
-    assert found.surplus == pytest.approx(expected.surplus, abs=1e-6)
-    assert found.residual_position.max() < 1e-12
+    assert found.errors.surplus == pytest.approx(expected.surplus, abs=1e-6)
+    assert found.errors.position.max() < 1e-12
     np.testing.assert_array_equal(found.s, excitation.s)
     if pads == "pushing":  # some let go, some land
         changes = np.diff((expected.forces > 0.0).astype(int), axis=0)
@@ -91,8 +91,8 @@ def test_steps_in_the_parts_that_another_simulation_took() -> None:
     expected = systems.simulate(system, excitation, systems.static_start(system, excitation))
     assert expected.parts is not None and len(set(expected.parts[1:])) > 3
     found = simulated(system, scheduled(excitation, expected.parts[1:].tolist()))
-    assert_close(found.forces, expected.forces, 1e-6)
-    assert_close(found.peaks, expected.peaks, 1e-6)
+    assert_close(found.contacts.forces, expected.forces, 1e-6)
+    assert_close(found.contacts.peaks, expected.peaks, 1e-6)
     assert_close(found.energy.kinetic + found.energy.strain, expected.energy, 1e-6)
     lines = systems.displacements(system, expected)
     for name, line in lines.items():
@@ -116,9 +116,9 @@ def test_pads_that_only_push_start_as_a_complementarity_problem_has_them() -> No
     f = np.array([rest[name].amount for name in system.input_names])
     expected = by_least_squares(system, system.side_coordinates(dict.fromkeys(system.paths, 2.4)), f)
     largest = np.abs(expected).max()
-    assert 0 < np.count_nonzero(found.forces[0]) < len(expected)
-    assert np.abs(found.forces[0] - expected).max() < 1e-9 * largest
-    assert np.abs(found.forces - expected).max() < 1e-6 * largest
+    assert 0 < np.count_nonzero(found.contacts.forces[0]) < len(expected)
+    assert np.abs(found.contacts.forces[0] - expected).max() < 1e-9 * largest
+    assert np.abs(found.contacts.forces - expected).max() < 1e-6 * largest
 
 
 @pytest.mark.parametrize("pads", ["yielding", pytest.param("pushing", marks=pytest.mark.slow)])
@@ -130,7 +130,7 @@ def test_reduced_sections_follow_it(pads: str) -> None:
     small = systems.simulate(few, excitation, systems.static_start(few, excitation))
     line = systems.displacements(few, small)["2"]
     assert rms(line - found.y["2"]) < 0.01 * rms(found.y["2"])
-    assert rms(small.forces - found.forces) < 0.01 * rms(found.forces)
+    assert rms(small.forces - found.contacts.forces) < 0.01 * rms(found.contacts.forces)
 
 
 def rms(y: Array) -> float:
@@ -149,7 +149,7 @@ def test_ranks_agree_with_one(memory: int, monkeypatch: pytest.MonkeyPatch) -> N
         alone, together = (simulated(system, given, comm) for comm in (MPI.COMM_SELF, MPI.COMM_WORLD))
         for name in system.bodies:
             assert_close(together.y[name], alone.y[name], 1e-8)
-        assert_close(together.forces, alone.forces, 1e-8)
+        assert_close(together.contacts.forces, alone.contacts.forces, 1e-8)
         assert_close(together.supports, alone.supports, 1e-8)
 
 
@@ -170,10 +170,10 @@ def test_newtons_law_of_every_section_at_every_step() -> None:
             force = force + (up @ column) * loads[f"{name}.{one}"]
         for side in system.sides:
             if side.place.body == name:
-                force = force - side.sign * found.forces[:, side.contact]
+                force = force - side.sign * found.contacts.forces[:, side.contact]
         momentum = v @ (body.M @ up)
         left = np.diff(momentum) / excitation.stepping.step - (force[1:] + force[:-1]) / 2.0
-        assert np.abs(left).max() < 1e-9 * np.abs(found.forces).max()
+        assert np.abs(left).max() < 1e-9 * np.abs(found.contacts.forces).max()
 
 
 def test_equal_sections_share_a_factor() -> None:
@@ -235,12 +235,12 @@ def test_cut_off_it_goes_on_to_the_same_digits(pads: str, tmp_path: Path) -> Non
     for name in system.bodies:
         np.testing.assert_array_equal(resumed.y[name], whole.y[name])
         np.testing.assert_array_equal(resumed.states[name].v, whole.states[name].v)
-    np.testing.assert_array_equal(resumed.forces, whole.forces)
-    np.testing.assert_array_equal(resumed.peaks, whole.peaks)
-    assert resumed.surplus == whole.surplus
-    if whole.friction is not None:
-        np.testing.assert_array_equal(resumed.friction, whole.friction)
-        assert np.abs(whole.friction).max() > 0.0
+    np.testing.assert_array_equal(resumed.contacts.forces, whole.contacts.forces)
+    np.testing.assert_array_equal(resumed.contacts.peaks, whole.contacts.peaks)
+    assert resumed.errors.surplus == whole.errors.surplus
+    if whole.contacts.friction is not None:
+        np.testing.assert_array_equal(resumed.contacts.friction, whole.contacts.friction)
+        assert np.abs(whole.contacts.friction).max() > 0.0
     stiffer = replace(spread, contacts=tuple(replace(one, compliance=2e-6) for one in spread.contacts))
     with pytest.raises(InputError, match="contacts differs"):
         observe(stiffer, excitation, states, start, checkpoint=checkpoint)

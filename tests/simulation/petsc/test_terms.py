@@ -53,10 +53,10 @@ def test_full_order_follows_terms_as_march_does() -> None:
     given = driven(system)
     history = observe(spread, given, (0.05,), static_start(spread, given))
     expected = systems.simulate(system, given, systems.static_start(system, given))
-    np.testing.assert_allclose(history.forces, expected.forces, atol=1e-8 * np.abs(expected.forces).max())
+    np.testing.assert_allclose(history.contacts.forces, expected.forces, atol=1e-8 * np.abs(expected.forces).max())
     stored = history.energy.kinetic + history.energy.strain
     np.testing.assert_allclose(stored, expected.energy, atol=1e-8 * expected.energy.max())
-    assert history.surplus == pytest.approx(expected.surplus, abs=1e-8)
+    assert history.errors.surplus == pytest.approx(expected.surplus, abs=1e-8)
 
 
 @pytest.mark.slow
@@ -75,7 +75,7 @@ def test_a_simulation_that_was_cut_off_goes_on_with_its_terms(tmp_path: object) 
     with pytest.raises(KeyboardInterrupt):
         observe(spread, given, progress=stop, checkpoint=file)
     again = observe(spread, given, checkpoint=file)
-    np.testing.assert_array_equal(again.forces, whole.forces)
+    np.testing.assert_array_equal(again.contacts.forces, whole.contacts.forces)
 
 
 @pytest.mark.mpi
@@ -86,7 +86,7 @@ def test_tensions_far_above_the_stiffness_of_a_step_are_followed_as_march_does()
     given = replace(given, terms={name: Constant(amount=100.0) for name in system.term_names})
     history = observe(spread, given)
     expected = systems.simulate(system, given)
-    np.testing.assert_allclose(history.forces, expected.forces, atol=1e-7 * np.abs(expected.forces).max())
+    np.testing.assert_allclose(history.contacts.forces, expected.forces, atol=1e-7 * np.abs(expected.forces).max())
 
 
 def test_terms_beyond_buckling_do_not_converge_in_silence() -> None:
