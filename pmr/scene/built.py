@@ -12,6 +12,7 @@ from pydantic import AfterValidator, ConfigDict, Field, ModelWrapValidatorHandle
 from pmr.scene.box import Box
 from pmr.scene.keys import (
     AS_WORD,
+    AllowedForce,
     Count,
     Direction,
     Distance,
@@ -215,7 +216,7 @@ class Support(SceneTable):
     points: Literal["mean", "all"] = Field(
         default="mean", description="Whether the mean motion of the group is held, or every point of it"
     )
-    allowed_force: Annotated[float, Quantity("N", 1e-3, 1e15), Usual(1e3, 1e8)] | None = Field(
+    allowed_force: AllowedForce | None = Field(
         default=None, description="Largest force of the support; the first page has the share that is used"
     )
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, SkipValidation, model_validator
 
 from pmr.scene.keys import (
+    AllowedForce,
     Area,
     Distance,
     Length,
@@ -38,7 +39,6 @@ Part = Annotated[float, Field(ge=0.0, lt=1.0), Quantity("1", 0.0, 1.0)]
 PilotRatio = Annotated[float, Quantity("1", 0.0, 100.0)]
 Force = Annotated[float, Quantity("N", 0.0, 1e15), Usual(0.0, 1e7)]
 Rate = Annotated[float, Quantity("m/s", -1e6, 1e6), Usual(0.0, 10.0)]
-AllowedForce = Annotated[float, Quantity("N", 1e-3, 1e15), Usual(1e3, 1e8)]
 #: Young's modulus of the steel of rods, Pa.
 STEEL = 210e9
 #: Largest opening of a valve, in either direction.

@@ -296,6 +296,7 @@ SupportStiffness = Annotated[
     Usual(2e3, 1e14, "turning", "N m/rad"),
 ]
 AxialStiffness = Annotated[float, Quantity("N", 1e-3, 1e15)]
+AllowedForce = Annotated[float, Quantity("N", 1e-3, 1e15), Usual(1e3, 1e8)]
 Pressure = Annotated[float, Quantity("Pa", 1e-3, 1e18)]
 Density = Annotated[float, Quantity("kg/m^3", 1e-9, 1e9)]
 Mass = Annotated[float, Quantity("kg", 0.0, 1e12), Usual(0.05, 1e8)]
