@@ -212,10 +212,9 @@ def _check_smooth(scene: Scene, key: str, what: str, motion: SignalBase) -> None
     jumps = [t for t in motion.breaks if 0.0 < t <= scene.time.end and _has_jump(motion, t)]
     if jumps or kinks:
         at, defect = (jumps[0], "a jump") if jumps else (min(kinks), "a kink")
-        smooth = "a smooth_ramp"
+        allowed = f"{what} without jumps and kinks is allowed, such as a smooth_ramp; this one has {defect} at {at:g} s"
         if isinstance(motion, Table) and motion.interpolation == "akima" and at == motion.times[-1]:
-            smooth = "its table has to end at rest or after time.end"
-        allowed = f"{what} with a rate that does not jump is allowed, here is {defect} at {at:g} s: {smooth}"
+            allowed += ": its table has to end at rest or after time.end"
         raise scene_error(f"frame.{key}", None, allowed)
 
 

@@ -87,7 +87,7 @@ def test_every_kind_of_signal_is_an_angle_with_two_rates_or_is_refused() -> None
     for kind, angle in KINDS.items():
         given = PIVOT, f"frame.luffing={angle}"
         if kind in ("step", "ramp"):
-            with pytest.raises(InputError, match=r"frame.luffing: an angle with a rate that does not jump is allowed"):
+            with pytest.raises(InputError, match=r"frame.luffing: an angle without jumps and kinks is allowed"):
                 load(*given)
             continue
         luffing = load(*given).frame.angles[0]
