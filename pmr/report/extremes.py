@@ -1,30 +1,110 @@
-"""A row of the table of largest values, and clauses that say where and when a value is largest."""
+"""What a run measured: its extremes in tables, rows of the table of largest values, and clauses on where and when."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from pmr.files.arrays import Array, Summary
 from pmr.report import sentences
-from pmr.report.numbers import SPACE, format_input, format_time
+from pmr.report.blocks import Grid
+from pmr.report.numbers import NOTHING, SPACE, Unit, format_input, format_time, significant, unit_for
 from pmr.report.subject import crossing, is_alone, moving_part
 from pmr.report.subject import reach as reach_of
 from pmr.results import RunResult
 from pmr.results.field_stress import PeakSummary
-from pmr.results.response import Extreme
+from pmr.results.quantities import QUANTITIES
+from pmr.results.response import Extreme, Extremes
 
 
 class LargestValue(NamedTuple):
-    """Row of the table of largest values: its name, its text, and the share of the allowed value, None if unknown."""
+    """Row of the table of largest values.
+
+    `share` is the share of the allowed value, None if there is none; `place` is the part of the boom that the value
+    belongs to, as `pmr.results.quantities.Quantity` names it.
+    """
 
     name: str
     text: str
     share: float | None = None
+    place: str = "boom"
 
 
 LargestValues = Iterator[LargestValue]
+
+
+def largest_value(key: str, text: str, share: float | None = None) -> LargestValue:
+    """Return the row of the quantity with this key: it has the name and the place of the quantity."""
+    return LargestValue(QUANTITIES[key].reported, text, share, QUANTITIES[key].place)
+
+
+class Measured(NamedTuple):
+    """Extremes of what a run measured, with its name on pages and its unit without prefix."""
+
+    name: str
+    unit: str
+    extremes: Extremes
+
+    @classmethod
+    def from_summary(cls, name: str, key: str, summary: Summary) -> Measured:
+        """Return extremes from an entry of a summary, in the unit of the quantity with this key."""
+        return cls(name, QUANTITIES[key].unit, Extremes.from_summary(summary))
+
+
+def extremes_of(result: RunResult, values: Array) -> Extremes:
+    """Return the extremes of a history (T,) of the reduced model."""
+    t = result.responses["reduced"].t
+    return Extremes.from_history(values, t, result.abscissa_at(t))
+
+
+def extremes_grid(
+    result: RunResult,
+    caption: str,
+    measured: Sequence[Measured],
+    remark: str = "",
+    floor: float = 0.0,
+    where: str | None = None,
+) -> Grid:
+    """Build a table with the least and the largest value of all that was measured, with their times and places.
+
+    Values of one unit have one prefix.  A value is printed as 0 if it is less than `NOTHING` times the largest one with
+    its unit, or if its magnitude is at most `floor`.  `where` are words for the places, by default `then_words`;
+    `remark` is a sentence after the caption.
+    """
+    placed, rows = where is not None or bool(moving_part(result)), []
+    for name, base, extremes in measured:
+        most = max(of.extremes.size for of in measured if of.unit == base)
+        cells = _extreme_cells(extremes, unit_for(most, base), max(NOTHING * most, floor), placed)
+        rows.append((name or "slider", *cells))
+    there = then_words(result) if where is None else where
+    return Grid(f"{caption}, when they occur{there}.{remark}", ("", "least", "largest"), tuple(rows))
+
+
+def _extreme_cells(extremes: Extremes, unit: Unit, negligible: float, placed: bool) -> Iterator[str]:
+    """Yield a cell for the least and one for the largest value in `unit`, each with its time and, if `placed`, place.
+
+    A value whose magnitude does not exceed `negligible` is printed as ``0`` without time and place.  `negligible` is in
+    the unit without prefix.
+    """
+    for extreme in (extremes.lowest, extremes.highest):
+        place = f", {format_input(round(extreme.s, 2), 'm')}" if placed else ""
+        value = f"{significant(extreme.value / unit.size)}{SPACE}{unit.name}".rstrip(SPACE)
+        yield f"{value} at {format_time(extreme.t)}{place}" if abs(extreme.value) > negligible else "0"
+
+
+def then_words(result: RunResult) -> str:
+    """Clause on the coordinate at which extremes occur: the path coordinate s for a body alone, else the boom length.
+
+    Where a mass on a wheel crosses another section, it is the place of the wheel.  The clause is empty if nothing
+    slides.
+    """
+    if not moving_part(result):
+        return ""
+    if mover := crossing(result):
+        return f", and the place of {mover} then"
+    return f", and {'the path coordinate s' if is_alone(result) else 'the boom length'} then"
 
 
 def peak_place_clause(result: RunResult, peak: PeakSummary) -> str:

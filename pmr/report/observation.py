@@ -9,18 +9,15 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from pmr.files.arrays import Array, Summary
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, Notices
 from pmr.report.columns import spread_indices
 from pmr.report.document import ReportFiles, render, with_date, write_page
-from pmr.report.figures.canvas import HALF, INK, LIMIT, MUTED, SERIES, add_legend, bins_of, drawing, make_sheet
+from pmr.report.figures.canvas import HALF, INK, LIMIT, MUTED, SERIES, add_legend, bins_of, drawing, make_axes
 from pmr.report.figures.histories import BAND
 from pmr.report.numbers import SPACE, format_percent, format_quantity, significant, unit_for
 from pmr.results.quantities import unit_text
@@ -172,28 +169,19 @@ def band_figure(t: Array, mean: Array, deviation: Array, measured: Array, truth:
 
     `measured` and `truth` (T,) are NaN where there is none.
     """
-    figure, axes = make_sheet(HALF, 1.9)
-    ax, pen = axes[0, 0], unit_for(float(np.nanmax(np.abs(mean))), unit)
-    shown = spread_indices(len(t), 2 * bins_of(ax))
+    pen = unit_for(float(np.nanmax(np.abs(mean))), unit)
+    figure, ax = make_axes(HALF, 1.9, "Time in s", f"in {pen.name}" if unit else "")
+    shown, at = spread_indices(len(t), 2 * bins_of(ax)), np.flatnonzero(np.isfinite(measured))
     low, high = ((mean + sign * WIDTH * deviation)[shown] / pen.size for sign in (-1.0, 1.0))
-    handles = [Patch(color=BAND, label="90 %"), Line2D([], [], color=INK, label="estimate")]
-    at, look = np.flatnonzero(np.isfinite(measured)), dict[str, Any]()
+    ax.fill_between(t[shown], low, high, color=BAND, linewidth=0.0, zorder=1.0, label="90 %")
+    ax.plot(t[shown], mean[shown] / pen.size, color=INK, linewidth=0.8, label="estimate")
     if len(at):
         at = at[spread_indices(len(at), 2 * bins_of(ax))]
-        look = {"color": MUTED, "linestyle": "none", "marker": ".", "markersize": 1.2}
-        ax.plot(t[at], measured[at] / pen.size, **look, zorder=0.9)
-        handles.append(Line2D([], [], **look | {"markersize": 4.0}, label="measured"))
-    ax.fill_between(t[shown], low, high, color=BAND, linewidth=0.0, zorder=1.0)
-    ax.plot(t[shown], mean[shown] / pen.size, color=INK, linewidth=0.8)
+        ax.plot(t[at], measured[at] / pen.size, ".", color=MUTED, markersize=1.2, zorder=0.9, label="measured")
     if np.isfinite(truth).any():
-        look = {"color": SERIES[0][0], "linewidth": 0.8, "linestyle": (0, (3, 2))}
-        ax.plot(t[shown], truth[shown] / pen.size, **look)
-        handles.append(Line2D([], [], **look, label="true"))
+        ax.plot(t[shown], truth[shown] / pen.size, "--", color=SERIES[0][0], linewidth=0.8, label="true")
     ax.set_xlim(t[0], t[-1])
-    ax.set_xlabel("Time in s")
-    ax.set_ylabel(f"in {pen.name}" if unit else "")
-    add_legend(figure, handles)
-    return figure
+    return add_legend(figure)
 
 
 def innovation_figure(t: Array, innovations: Array) -> Figure:
@@ -201,14 +189,11 @@ def innovation_figure(t: Array, innovations: Array) -> Figure:
 
     Two lines hold 90 % of the innovations between them.
     """
-    figure, axes = make_sheet(HALF, 1.6)
-    ax, at = axes[0, 0], np.flatnonzero(np.isfinite(innovations))
+    figure, ax = make_axes(HALF, 1.6, "Time in s", "Innovation")
+    at = np.flatnonzero(np.isfinite(innovations))
     at = at[spread_indices(len(at), 4 * bins_of(ax))]
     ax.plot(t[at], innovations[at], color=INK, linestyle="none", marker=".", markersize=1.2)
     for level in (-WIDTH, WIDTH):
-        ax.axhline(level, color=LIMIT, linewidth=0.8, linestyle=(0, (4, 2)))
+        ax.axhline(level, color=LIMIT, linewidth=0.8, linestyle=(0, (4, 2)), label="90 %")
     ax.set_xlim(t[0], t[-1])
-    ax.set_xlabel("Time in s")
-    ax.set_ylabel("Innovation")
-    add_legend(figure, [Line2D([], [], color=LIMIT, linewidth=0.8, linestyle=(0, (4, 2)), label="90 %")])
-    return figure
+    return add_legend(figure)

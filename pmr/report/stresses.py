@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from pmr.files.arrays import Summary
 from pmr.report import sentences
 from pmr.report.blocks import Block, Drawing, Grid
+from pmr.report.extremes import Measured, extremes_grid
 from pmr.report.figures import histories, shapes
 from pmr.report.figures.canvas import drawing
-from pmr.report.forces import extremes_grid
 from pmr.report.numbers import NOTHING, SPACE, format_time, significant, unit_for
 from pmr.results import Response, RunResult
 from pmr.results.quantities import stress_remark
@@ -56,13 +56,13 @@ def section_force_block(result: RunResult, prefix: str) -> Block | None:
         return None
     caption = "Forces and moments of sections along each beam, from the smallest to the largest over time."
     drawn = drawing(f"{prefix}-envelopes", shapes.envelope_figure, caption, result, shown)
-    extremes, units = dict[str, Extremes](), dict[str, str]()
-    for name, part in summaries_by_section(result.summary).items():
-        for what, force in part.get("section_forces", {}).get("reduced", {}).items():
-            if what in shown and (force["min"] or force["max"]):
-                called = qualified_name(name, what)
-                extremes[called], units[called] = Extremes.from_summary(force, "x_"), force["unit"]
-    grid = extremes_grid(result, "Least and largest of them", extremes, units, where=", and where from the tail")
+    measured = [
+        Measured(qualified_name(name, what), force["unit"], Extremes.from_summary(force, "x_"))
+        for name, part in summaries_by_section(result.summary).items()
+        for what, force in part.get("section_forces", {}).get("reduced", {}).items()
+        if what in shown and (force["min"] or force["max"])
+    ]
+    grid = extremes_grid(result, "Least and largest of them", measured, where=", and where from the tail")
     return Block(heading="Forces along beams", drawings=(drawn,), grids=(grid,))
 
 
@@ -99,16 +99,22 @@ def probe_block(result: RunResult, prefix: str) -> Block | None:
     """
     probes = {probe["name"]: probe for probe in result.summary.get("probes", ())}
     response = result.responses["reduced"]
-    extremes = probe_extremes(response, result.abscissa_at(response.t))
-    extremes = {name: extreme for name, extreme in extremes.items() if name in probes}
-    if not extremes:
+    measured = [
+        Measured(name, {"1": "strain"}.get(unit := probes[name]["unit"], unit), extremes)
+        for name, extremes in probe_extremes(response, result.abscissa_at(response.t)).items()
+        if name in probes
+    ]
+    if not measured:
         return None
-    units = {name: {"1": "strain"}.get(probes[name]["unit"], probes[name]["unit"]) for name in extremes}
-    largest = {unit: max(extremes[name].size for name in extremes if units[name] == unit) for unit in units.values()}
-    extremes = {name: extreme for name, extreme in extremes.items() if extreme.size > UNSEEN * largest[units[name]]}
-    grid = extremes_grid(result, f"Least and largest values of {_places_of(probes.values())}", extremes, units)
-    drawn = _drawn_measurements(extremes)
-    figures = [_history_drawing(result, f"{prefix}-probe-{k}", name, units[name]) for k, name in enumerate(drawn)]
+    largest = dict[str, float]()
+    for _, unit, extremes in measured:
+        largest[unit] = max(largest.get(unit, 0.0), extremes.size)
+    measured = [of for of in measured if of.extremes.size > UNSEEN * largest[of.unit]]
+    grid = extremes_grid(result, f"Least and largest values of {_places_of(probes.values())}", measured)
+    figures = [
+        _history_drawing(result, f"{prefix}-probe-{k}", of.name, of.unit)
+        for k, of in enumerate(_drawn_measurements(measured))
+    ]
     text = "All load cycles, counted by rainflow, stand in tables/cycles.csv."
     return Block("Probes", figures, text=text, grids=(grid, *_damage_grids(result)))
 
@@ -128,15 +134,12 @@ def _format_cycles(value: float | None) -> str:
     return "without end" if value is None else significant(value)
 
 
-def _drawn_measurements(extremes: Mapping[str, Extremes]) -> list[str]:
-    """Choose the measurements to be drawn: of each of the first `MOST_DRAWN` quantities, the largest component.
-
-    `extremes` are the extremes of all measurements by name.
-    """
-    groups = dict[str, list[str]]()
-    for name in extremes:
-        groups.setdefault(name.rpartition(" ")[0], []).append(name)
-    return [max(group, key=lambda name: extremes[name].size) for group in groups.values()][:MOST_DRAWN]
+def _drawn_measurements(measured: Sequence[Measured]) -> list[Measured]:
+    """Choose the measurements to be drawn: of each of the first `MOST_DRAWN` quantities, the largest component."""
+    groups = dict[str, list[Measured]]()
+    for of in measured:
+        groups.setdefault(of.name.rpartition(" ")[0], []).append(of)
+    return [max(group, key=lambda of: of.extremes.size) for group in groups.values()][:MOST_DRAWN]
 
 
 def _history_drawing(result: RunResult, anchor: str, name: str, unit: str) -> Drawing:

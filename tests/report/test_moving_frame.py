@@ -18,7 +18,7 @@ from pmr.report import forces as loads
 from pmr.report.document import render_runs
 from pmr.report.figures import histories
 from pmr.report.figures import space as figures
-from pmr.report.figures.canvas import style
+from pmr.report.figures.canvas import WIDE, make_axes, style
 from pmr.report.figures.histories import Timeline
 from pmr.report.sections import chapter
 from pmr.report.sentences import energy_sentence, frame_sentences
@@ -155,7 +155,10 @@ def test_all_that_is_prescribed_is_shaded(make_space: MakeSpace) -> None:
     time = Timeline(make_space(frame={"pivot": [0.0, 0.0, 0.0], "luffing": luffing, "slewing": slewing}))
     found = np.array([(phase.start, phase.end) for phase in time.phases])
     assert found == pytest.approx(np.array([(0.0, 0.1), (0.2, 0.9)]), abs=1.5e-3)  # of steps of 1 ms
-    assert [patch.get_label() for patch in time.shade_legend()] == ["boom moves"]
+    with style():
+        _, ax = make_axes(WIDE, 2.0, "", "")
+        time.frame(ax, "Force in N")
+    assert [patch.get_label() for patch in ax.patches] == ["boom moves"] * 2
 
 
 def boxes(figure: Figure, text: str) -> list[np.ndarray]:

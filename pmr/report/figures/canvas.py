@@ -6,8 +6,8 @@ import base64
 import io
 import re
 import warnings
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from html import escape
 from math import ceil, floor, log10
@@ -18,10 +18,14 @@ import matplotlib as mpl
 import numpy as np
 from fontTools import subset
 from fontTools.ttLib import TTFont
+from matplotlib import style as styles
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator, NullLocator
 
@@ -42,42 +46,9 @@ SECTIONS = (INK, "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9
 #: Colours of several curves of one kind (Okabe and Ito), and markers that tell them apart without colour.
 SERIES = (("#0072b2", "o"), ("#d55e00", "s"), ("#00664b", "^"), ("#cc79a7", "D"), ("#000000", "v"))
 
-_STYLE: Mapping[str, Any] = {
-    "font.family": ["DejaVu Sans"],
-    "font.size": 7.5,
-    "text.parse_math": False,  # a user's text between two $ is no formula
-    "axes.labelsize": 7.5,
-    "axes.titlesize": 7.5,
-    "xtick.labelsize": 7.0,
-    "ytick.labelsize": 7.0,
-    "legend.fontsize": 7.0,
-    "text.color": INK,
-    "axes.labelcolor": INK,
-    "axes.edgecolor": "#9aa5b1",
-    "axes.linewidth": 0.6,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.xmargin": 0.0,
-    "axes.titley": 1.0,  # set, so that Matplotlib measures nothing for it
-    "axes.unicode_minus": True,
-    "grid.color": "#d9dfe5",
-    "grid.linewidth": 0.4,
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "xtick.bottom": False,  # the grid leads to the labels
-    "ytick.left": False,
-    "lines.linewidth": 1.0,
-    "lines.solid_joinstyle": "round",
-    "lines.dash_joinstyle": "round",
-    "path.simplify": True,
-    "path.simplify_threshold": 0.15,
-    "legend.frameon": False,
-    "figure.facecolor": "none",
-    "savefig.facecolor": "none",
-}
 ROW, ENTRY, LETTER = 0.14, 0.42, 0.062  # in, of a legend: height of a row, width of a line and of a letter
+#: Labels that Matplotlib gives to what has no name.
+_UNNAMED = re.compile(r"|_child\d+|_nolegend_")
 LETTERS = 5  # of the labels of ticks for which there is room beside the label of the y-axis
 
 
@@ -122,11 +93,9 @@ def mix_with_white(colour: str, share: float) -> Any:
     return colour if share == 1.0 else tuple(1.0 - share * (1.0 - channel) for channel in to_rgb(colour))
 
 
-@contextmanager
-def style() -> Iterator[None]:
+def style() -> AbstractContextManager[None]:
     """Draw figures in the style of the report within a ``with`` block; then the settings of Matplotlib are restored."""
-    with mpl.rc_context(dict(_STYLE)):
-        yield
+    return styles.context(Path(__file__).with_name("report.mplstyle"))
 
 
 class Sheet(NamedTuple):
@@ -188,11 +157,41 @@ def equal_axes(ax: Axes) -> None:
     ax.xaxis.set_major_locator(MaxNLocator(int(np.clip(inches / TICK, 1, 8)), steps=STEPS))
 
 
-def legend_rows(names: Sequence[str], width: float) -> int:
-    """Number of rows that a legend of `names` needs above a figure of `width` inches.
+class Paper(NamedTuple):
+    """Figure, and its only axes."""
 
-    The figure has to be higher by `ROW` inches for each row after the first.
+    figure: Figure
+    ax: Axes
+
+
+def make_axes(width: float, height: float, across: str, up: str, **margins: float) -> Paper:
+    """Make a figure of `width` x `height` inches with one pair of axes, whose labels are `across` and `up`.
+
+    `margins` are those of `make_sheet`.
     """
+    figure, axes = make_sheet(width, height, margins=margins)
+    axes[0, 0].set(xlabel=across, ylabel=up)
+    return Paper(figure, axes[0, 0])
+
+
+def make_panels(count: int, height: float, wspace: float, hspace: float, **grid: Any) -> Sheet:
+    """Make a figure with `count` panels, two in a row, each `height` inches high; `axes` of the sheet are a list.
+
+    Each panel has room for a title, and the gaps between panels are `wspace` and `hspace` times as wide and high as a
+    panel.  `grid` holds further keywords of `Figure.subplots`.
+    """
+    rows, columns = -(-count // 2), min(count, 2)
+    gaps = {"wspace": wspace, "hspace": hspace}
+    figure, axes = make_sheet(
+        WIDE, 0.66 + height * rows, rows, columns, margins={"top": 0.42}, gridspec_kw=gaps, **grid
+    )
+    for ax in axes.flat[count:]:
+        ax.set_visible(False)
+    return Sheet(figure, list(axes.flat[:count]))
+
+
+def legend_rows(names: Sequence[str], width: float) -> int:
+    """Number of rows that a legend of `names` needs above a figure of `width` inches."""
     entries, rows = [ENTRY + LETTER * len(name) for name in names], 1
     while rows < len(names):
         columns = np.array_split(entries, ceil(len(names) / rows))  # each as wide as its longest name
@@ -202,24 +201,46 @@ def legend_rows(names: Sequence[str], width: float) -> int:
     return rows
 
 
-def add_legend(figure: Figure, handles: Sequence[Artist], rows: int = 1) -> None:
-    """Add a legend of `handles`, in this number of `rows`, above the axes, where it covers no curve."""
-    if handles:
-        left_edge, roomy = figure.axes[0].get_position().x0, figure.get_figwidth() > HALF
-        names = [handle.get_label() for handle in handles]
-        legend = figure.legend(
-            handles=handles,
-            labels=[str(number) for number, _ in enumerate(names)],
-            loc="upper left",
-            bbox_to_anchor=(left_edge - 0.01, 1.0),
-            ncols=ceil(len(handles) / rows),
-            borderaxespad=0.25,
-            columnspacing=1.2 if roomy else 0.9,
-            handletextpad=0.6 if roomy else 0.4,
-            handlelength=2.2 if roomy else 1.9,
-        )
-        for text, name in zip(legend.get_texts(), names, strict=True):
-            text.set_text(name)  # Matplotlib leaves out labels that begin with _, so the text is set afterwards
+def add_legend(figure: Figure, handles: Sequence[Artist] = ()) -> Figure:
+    """Add a legend above the axes of a figure, where it covers no curve, and return the figure.
+
+    The entries are `handles`; if there are none, all that is drawn with a label, in the order in which it was drawn.
+    The figure becomes higher by `ROW` inches for each row after the first one that the legend needs.
+    """
+    by_name: dict[str, Artist] = {str(handle.get_label()): handle for handle in handles}
+    if not handles:
+        drawn = (artist for ax in figure.axes for artist in ax.get_children())
+        for artist in (artist for artist in drawn if isinstance(artist, Line2D | Patch | PolyCollection)):
+            if not _UNNAMED.fullmatch(name := str(artist.get_label())):
+                by_name.setdefault(name, artist)
+    if not by_name:
+        return figure
+    left_edge, roomy = figure.axes[0].get_position().x0, figure.get_figwidth() > HALF
+    rows = legend_rows(list(by_name), figure.get_figwidth())
+    _raise_top(figure, ROW * (rows - 1))
+    legend = figure.legend(
+        handles=list(by_name.values()),
+        labels=[str(number) for number, _ in enumerate(by_name)],
+        loc="upper left",
+        bbox_to_anchor=(left_edge - 0.01, 1.0),
+        ncols=ceil(len(by_name) / rows),
+        borderaxespad=0.25,
+        columnspacing=1.2 if roomy else 0.9,
+        handletextpad=0.6 if roomy else 0.4,
+        handlelength=2.2 if roomy else 1.9,
+    )
+    for text, name in zip(legend.get_texts(), by_name, strict=True):
+        text.set_text(name)  # Matplotlib leaves out labels that begin with _, so the text is set afterwards
+    return figure
+
+
+def _raise_top(figure: Figure, inches: float) -> None:
+    """Make a figure higher by some `inches` above its axes, which keep their size and their distance from below."""
+    share = figure.get_figheight() / (figure.get_figheight() + inches)
+    figure.set_figheight(figure.get_figheight() + inches)
+    for ax in figure.axes:
+        box = ax.get_position(original=True)
+        ax.set_position((box.x0, share * box.y0, box.width, share * box.height))
 
 
 def log_axis(ax: Axes, low: float, high: float) -> None:

@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os.path import commonprefix
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from pmr.files.arrays import Array
 from pmr.report import subject
@@ -21,14 +18,14 @@ from pmr.report.figures.canvas import (
     HALF,
     INK,
     PENS,
-    ROW,
     SECTIONS,
     SHADE,
     WIDE,
     add_legend,
     bins_of,
     drawing,
-    legend_rows,
+    make_axes,
+    make_panels,
     make_sheet,
 )
 from pmr.report.numbers import NOTHING, format_length, format_percent, unit_for
@@ -90,7 +87,6 @@ class Timeline:
     def __init__(self, result: RunResult) -> None:
         self.result = result
         self.t = result.responses["reduced"].t
-        self.whole = Span(float(self.t[0]), float(self.t[-1]))
         self.phases = sliding_spans(self.t, _relative_rates(result, self.t))
         #: Name of the model to which the others are compared: ``full`` or, if it was not simulated, ``ancf``; None if
         #: the reduced model was simulated alone.
@@ -129,44 +125,24 @@ class Timeline:
             differences if largest_of(*differences) > invisible_difference(self.result) * most else [{} for _ in panels]
         )
 
-    def trace(
-        self, ax: Axes, curves: Mapping[str, Array], size: float, span: Span | None = None, weight: float = 1.0
-    ) -> None:
-        """Draw curves (T,) divided by `size` within `span`, which is by default the whole time.
-
-        `weight` multiplies the widths of the lines.
-        """
-        span = span or self.whole
-        inside = np.flatnonzero((self.t >= span.start) & (self.t <= span.end))
+    def trace(self, ax: Axes, curves: Mapping[str, Array], size: float, weight: float = 1.0) -> None:
+        """Draw curves (T,) divided by `size`, by simulator; `weight` multiplies the widths of the lines."""
         for order, (name, curve) in enumerate(curves.items()):
-            shown = inside[extreme_indices(curve[inside], bins_of(ax))]
-            ax.plot(self.t[shown], curve[shown] / size, zorder=2.0 + order / 10.0, **PENS[name].line(weight))
+            shown, pen = extreme_indices(curve, bins_of(ax)), PENS[name]
+            zorder = 2.0 + order / 10.0
+            ax.plot(self.t[shown], curve[shown] / size, label=pen.label, zorder=zorder, **pen.line(weight))
 
-    def frame(self, ax: Axes, label: str, span: Span | None = None, last: bool = True) -> None:
+    def frame(self, ax: Axes, label: str, last: bool = True) -> None:
         """Set limits and labels of an axis of time, and shade the phases in which something moves.
 
         Only the lowest axes of a column (`last`) have the name of the time axis below them.
         """
-        span = span or self.whole
-        for phase in self.phases:
-            if phase.end > span.start and phase.start < span.end:
-                shown = max(phase.start, span.start), min(phase.end, span.end)
-                ax.axvspan(*shown, color=SHADE, linewidth=0.0, zorder=0.0)
-        ax.set_xlim(span.start, span.end)
-        ax.set_ylabel(label)
-        if last:
-            ax.set_xlabel("Time in s")
-        else:
-            ax.tick_params(labelbottom=False)
-
-    def legend(self, names: Sequence[str]) -> list[Any]:
-        """Legend entries for the simulators `names`, and for the shade of the phases in which something moves."""
-        return [*(Line2D([], [], label=PENS[name].label, **PENS[name].line()) for name in names), *self.shade_legend()]
-
-    def shade_legend(self) -> list[Any]:
-        """List with the legend entry for the phases in which something moves; empty if nothing moves."""
         what = "boom" if subject.changing_angles(self.result) else subject.moving_part(self.result)
-        return [Patch(facecolor=SHADE, label=f"{what} moves")] if self.phases else []
+        for phase in self.phases:
+            ax.axvspan(phase.start, phase.end, color=SHADE, linewidth=0.0, zorder=0.0, label=f"{what} moves")
+        ax.set_xlim(self.t[0], self.t[-1])
+        ax.set(ylabel=label, xlabel="Time in s" if last else "")
+        ax.tick_params(labelbottom=last)
 
 
 def largest_of(*panels: Mapping[str, Array]) -> float:
@@ -251,8 +227,7 @@ def history_figure(time: Timeline, signals: Mapping[str, Array], label: str, bas
         time.trace(ax, panel, unit.size)
         time.frame(ax, f"{name} in {unit.name}", last=ax is axes[-1, 0])
         _widen_limits(ax, panel, unit.size)
-    add_legend(figure, time.legend(list(signals)))
-    return figure
+    return add_legend(figure)
 
 
 def panel_figure(result: RunResult, panels: Mapping[str, ResponseFunction], base: str, quantity: str) -> Figure:
@@ -263,20 +238,13 @@ def panel_figure(result: RunResult, panels: Mapping[str, ResponseFunction], base
     time = Timeline(result)
     signals = {name: time.signals(of) for name, of in panels.items()}
     unit, columns = unit_for(largest_of(*signals.values()), base), min(len(panels), 2)
-    rows = -(-len(panels) // columns)
-    gaps, margins = {"hspace": 0.3, "wspace": 0.09}, {"top": 0.42}  # each panel has a title below the legend
-    tall = 0.66 + (0.76 if columns > 1 else 1.39) * rows
-    figure, axes = make_sheet(WIDE, tall, rows, columns, margins=margins, sharex=True, sharey=True, gridspec_kw=gaps)
-    for k, (name, panel) in enumerate(signals.items()):
-        ax, last = axes.flat[k], k >= len(panels) - columns
-        time.trace(ax, panel, unit.size, weight=0.6 if columns > 1 else 1.0)
-        time.frame(ax, "" if k % columns else f"{quantity} in {unit.name}", last=last)
-        ax.tick_params(labelbottom=last)
+    tall, weight = (0.76, 0.6) if columns > 1 else (1.39, 1.0)
+    figure, axes = make_panels(len(panels), tall, 0.09, 0.3, sharex=True, sharey=True)
+    for k, (ax, (name, panel)) in enumerate(zip(axes, signals.items(), strict=True)):
+        time.trace(ax, panel, unit.size, weight)
+        time.frame(ax, "" if k % columns else f"{quantity} in {unit.name}", last=k >= len(panels) - columns)
         ax.set_title(name, loc="left", pad=2.0)
-    for ax in axes.flat[len(panels) :]:
-        ax.set_visible(False)
-    add_legend(figure, time.legend(list(next(iter(signals.values())))))
-    return figure
+    return add_legend(figure)
 
 
 def estimate_band(result: RunResult, quantity: ResponseFunction, error_bound: Array) -> Figure:
@@ -286,15 +254,14 @@ def estimate_band(result: RunResult, quantity: ResponseFunction, error_bound: Ar
     """
     time = Timeline(result)
     off = {name: values for name, values in time.differences(time.signals(quantity)).items() if name == "reduced"}
-    figure, axes = make_sheet(WIDE, 1.7)
-    ax, shown = axes[0, 0], extreme_indices(error_bound, bins_of(axes[0, 0]))
     unit = unit_for(max(float(error_bound.max()), largest_of(off)), "m")
+    figure, ax = make_axes(WIDE, 1.7, "", "")
+    shown = extreme_indices(error_bound, bins_of(ax))
     edge = error_bound[shown] / unit.size
-    ax.fill_between(time.t[shown], -edge, edge, color=BAND, linewidth=0.0, zorder=1.0)
     time.trace(ax, off, unit.size)
     time.frame(ax, f"Difference in {unit.name}")
-    add_legend(figure, [*time.legend(list(off)), Patch(color=BAND, label="estimate")])
-    return figure
+    ax.fill_between(time.t[shown], -edge, edge, color=BAND, linewidth=0.0, zorder=1.0, label="estimate")
+    return add_legend(figure)
 
 
 #: Largest number of lines that are drawn thicker the earlier they come, so that lines show that lie on each other.
@@ -309,22 +276,15 @@ def line_figure(
     `base` is their unit without prefix, and `quantity` the name on the axis.  The lines have the `colours` in turn.  A
     line without a name has no entry.
     """
-    time, unit, names = Timeline(result), unit_for(largest_of(lines), base), [name for name in lines if name]
-    shade = time.shade_legend()
-    rows = legend_rows([*names, *(str(entry.get_label()) for entry in shade)], HALF)
-    more = ROW * (rows - 1)
-    figure, axes = make_sheet(HALF, 1.9 + more, margins={"top": 0.28 + more})
-    ax, handles = axes[0, 0], list[Line2D]()
+    time, unit = Timeline(result), unit_for(largest_of(lines), base)
+    figure, ax = make_axes(HALF, 1.9, "", "")
     for k, (name, line) in enumerate(lines.items()):
         width = 0.8 if len(lines) > MOST_THICK else 0.7 + 0.3 * (len(lines) - 1 - k)
-        look: dict[str, Any] = {"color": colours[k % len(colours)], "linewidth": width}
         shown = extreme_indices(line, bins_of(ax))
-        ax.plot(time.t[shown], line[shown] / unit.size, **look)
-        handles += [Line2D([], [], label=name, **look)] if name else []
+        ax.plot(time.t[shown], line[shown] / unit.size, color=colours[k % len(colours)], linewidth=width, label=name)
     time.frame(ax, f"{quantity} in {unit_text(unit.name)}" if unit.name else quantity)
     ax.axhline(0.0, linewidth=0.0)  # the axis of a constant line includes zero
-    add_legend(figure, [*handles, *shade], rows)
-    return figure
+    return add_legend(figure)
 
 
 def output_figure(result: RunResult, outputs: Sequence[Output]) -> Figure:

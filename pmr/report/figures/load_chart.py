@@ -25,10 +25,10 @@ from pmr.report.figures.canvas import (
     SECTIONS,
     SHADE,
     WIDE,
+    Paper,
     add_legend,
     equal_axes,
-    legend_rows,
-    make_sheet,
+    make_axes,
     mix_with_white,
     section_colours,
 )
@@ -134,10 +134,8 @@ def _draw_chart(chart: LoadChart) -> DrawnChart:
     """Draw a load chart; return the figure and the corners (E + 1, A + 1, 2) in m of its cells."""
     corners = _corners(chart.place)
     low, high = np.minimum(corners.min(axis=(0, 1)), 0.0), np.maximum(corners.max(axis=(0, 1)), 0.0)
-    names = chart.labels
-    rows = legend_rows(names, WIDE) if names else 0
-    figure = _side_view(low, high, TALLEST, rows)
-    ax, hatched = figure.axes[0], chart.not_permitted
+    hatched = chart.not_permitted
+    figure, ax = _side_view(low, high, TALLEST)
     colours = {k: mix_with_white(of, 1.0 - PALE) if k >= 0 else SHADE for k, of in chart.colours.items()}
     around = (corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:])
     cells = np.stack([*around, around[0]], axis=2)
@@ -160,11 +158,11 @@ def _draw_chart(chart: LoadChart) -> DrawnChart:
     ax.plot(0.0, 0.0, marker="o", color=MUTED, markersize=4.0, clip_on=False, zorder=3.0)
     equal_axes(ax)
     entries: list[Line2D | Patch] = [
-        Line2D([], [], color=of, linewidth=6.0, label=name) for of, name in zip(colours.values(), names, strict=False)
+        Line2D([], [], color=colour, linewidth=6.0, label=name)
+        for colour, name in zip(colours.values(), chart.labels, strict=False)
     ]
     entries += [Patch(label=NOT_PERMITTED, **NOT_PERMITTED_STYLE)] if hatched.any() else []
-    add_legend(figure, entries, max(rows, 1))
-    return DrawnChart(figure, corners)
+    return DrawnChart(add_legend(figure, entries), corners)
 
 
 def _free_place(places: Array, taken: Array, room: float) -> Array:
@@ -192,11 +190,7 @@ def duty_lines(chart: LoadChart) -> Figure:
     which limit governs; each limit has its letter once on a line.  Where no limit is reached, arrows at the load at
     which the search ends point up.  Where the boom is not permitted even empty, there are crosses on the axis.
     """
-    names = chart.labels
-    rows = legend_rows(names, WIDE)
-    figure, axes = make_sheet(WIDE, 3.4 + ROW * rows, margins={"left": 0.6, "right": 0.5, "top": 0.12 + ROW * rows})
-    ax: Axes = axes[0, 0]
-    ax.set(xlabel="Radius in m", ylabel="Allowed load in kg")
+    figure, ax = make_axes(WIDE, 3.4 + ROW, "Radius in m", "Allowed load in kg", right=0.5, top=0.12 + ROW)
     most, ends = float(np.nanmax(chart.load, initial=0.0)), list[tuple[str, float, float]]()
     for e in spread_indices(len(chart.load), LINES):
         radius, which, crossed = chart.place[e, :, 0], chart.which[e], chart.not_permitted[e]
@@ -220,12 +214,11 @@ def duty_lines(chart: LoadChart) -> Figure:
     label_ends(ax, ends)
     entries = [
         Line2D([], [], color=of, linewidth=2.0, label=name)
-        for of, name in zip(chart.colours.values(), names, strict=False)
+        for of, name in zip(chart.colours.values(), chart.labels, strict=False)
     ]
     if chart.not_permitted.any():
         entries.append(Line2D([], [], color=MUTED, marker="x", linestyle="none", label=NOT_PERMITTED))
-    add_legend(figure, entries, rows)
-    return figure
+    return add_legend(figure, entries)
 
 
 def label_ends(ax: Axes, ends: Sequence[tuple[str, float, float]]) -> None:
@@ -266,16 +259,15 @@ def _contour_loads(load: Array) -> list[float]:
     return inside[-CURVES:] or np.linspace(finite.min(), finite.max(), 5)[1:-1].tolist()
 
 
-def _side_view(low: Array, high: Array, tallest: float, rows: int = 1) -> Figure:
-    """Make a figure with axes of radius and height in m from `low` (2,) to `high` (2,).
+def _side_view(low: Array, high: Array, tallest: float) -> Paper:
+    """Make axes of radius and height in m from `low` (2,) to `high` (2,).
 
-    Their height is at most `tallest` times the width.  Above the axes there is room for a legend of `rows` rows.
+    Their height is at most `tallest` times the width of the figure.
     """
-    top, tall = 0.12 + ROW * rows, min((WIDE - 0.76) * float(np.divide(*(high - low)[::-1])), tallest * WIDE)
-    figure, axes = make_sheet(WIDE, tall + top + 0.42, margins={"left": 0.6, "right": 0.16, "top": top, "bottom": 0.42})
-    ax: Axes = axes[0, 0]
-    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="Radius in m", ylabel="Height in m")
-    return figure
+    top, tall = 0.12 + ROW, min((WIDE - 0.76) * float(np.divide(*(high - low)[::-1])), tallest * WIDE)
+    figure, ax = make_axes(WIDE, tall + top + 0.42, "Radius in m", "Height in m", top=top, bottom=0.42)
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    return Paper(figure, ax)
 
 
 def _corners(place: Array) -> Array:
@@ -347,19 +339,14 @@ def bent_boom(boom: BentBoom) -> Figure:
     high = np.array([max(x.max(), reach * c, 0.1 * reach), max(z.max(), reach * s, 0.1 * reach)])
     edge = 0.04 * float(np.max(high - low))
     low, high = low - edge, high + edge
-    figure = _side_view(low, high, SIDE_TALLEST)
-    ax = figure.axes[0]
+    figure, ax = _side_view(low, high, SIDE_TALLEST)
     ax.plot([0.0, reach * c], [0.0, reach * s], color=MUTED, linewidth=0.6, zorder=1.0)
-    colours = section_colours(boom.names)
-    for k, colour in enumerate(colours.values()):
-        of_section = boom.section == k
-        order = np.argsort(boom.along[of_section])
-        ax.plot(
-            x[of_section][order], z[of_section][order], color=colour, linewidth=2.0, zorder=2.0, solid_capstyle="butt"
-        )
+    for k, (name, colour) in enumerate(section_colours(boom.names).items()):
+        of_section = np.flatnonzero(boom.section == k)
+        order = of_section[np.argsort(boom.along[of_section])]
+        ax.plot(x[order], z[order], color=colour, linewidth=2.0, zorder=2.0, solid_capstyle="butt", label=name)
     ax.plot(0.0, 0.0, marker="o", color=MUTED, markersize=4.0, zorder=3.0)
     ax.annotate("", (x[-1], z[-1] - 0.12 * reach), (x[-1], z[-1]), arrowprops={"arrowstyle": "->", "color": INK})
     ax.set_ylim(min(low[1], z[-1] - 0.14 * reach), high[1])
     equal_axes(ax)
-    add_legend(figure, [Line2D([], [], color=colour, linewidth=2.0, label=name) for name, colour in colours.items()])
-    return figure
+    return add_legend(figure)

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import floor, log10
 from typing import Any
 
 import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import MaxNLocator, NullLocator
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from pmr.report.columns import spread_indices
@@ -24,7 +21,9 @@ from pmr.report.figures.canvas import (
     WIDE,
     add_legend,
     log_axis,
-    make_sheet,
+    log_x,
+    make_axes,
+    make_panels,
     octave_axis,
     section_colours,
 )
@@ -49,8 +48,7 @@ def basis_figure(result: RunResult, body_shapes: Shapes) -> Figure:
     count = min(shapes.shape[1], MOST_SHAPES)
     columns = min(COLUMNS, count)
     rows = -(-count // columns)
-    figure, axes = make_sheet(WIDE, 0.45 + max(0.5 * rows, 1.2), margins={"top": 0.08})
-    ax = axes[0, 0]
+    figure, ax = make_axes(WIDE, 0.45 + max(0.5 * rows, 1.2), "x in m", "Relative shape (–)", top=0.08)
     end = reach(result)
     amplitude, flat = np.abs(shapes).max(axis=0), _is_axial(body_shapes)
     for k in range(count):
@@ -66,8 +64,6 @@ def basis_figure(result: RunResult, body_shapes: Shapes) -> Figure:
     ax.spines[["left", "bottom"]].set_visible(False)
     ax.set_xlim(0.0, starts[-1] + end)
     ax.set_ylim(-CELL * (rows - 1) - 1.1, 1.6)
-    ax.set_xlabel("x in m")
-    ax.set_ylabel("Relative shape (–)")
     return figure
 
 
@@ -93,8 +89,7 @@ def singular_value_figure(result: RunResult, shapes: Shapes) -> Figure:
     The singular values of the basis are filled, and kappa is the share that they capture.
     """
     sigma, taken = shapes.singular_values, shapes.shapes.shape[1]
-    figure, axes = make_sheet(HALF, 2.15)
-    ax = axes[0, 0]
+    figure, ax = make_axes(HALF, 2.15, "Number k (–)", "Singular value σ(k) / σ(1) (–)")
     number, relative = np.arange(1, len(sigma) + 1), sigma / sigma[0]
     positive = relative > 0.0
     for chosen, fill, label in (
@@ -108,13 +103,10 @@ def singular_value_figure(result: RunResult, shapes: Shapes) -> Figure:
         ax.axvline(taken + 0.5, color=MUTED, linewidth=0.7, linestyle=(0, (3, 2)))
     log_axis(ax, float(relative[positive].min()), 1.0)
     ax.set_xlim(0.0, len(sigma) + 1.0)
-    ax.set_xlabel("Number k (–)")
-    ax.set_ylabel("Singular value σ(k) / σ(1) (–)")
     kappa = result.summary.get("basis", {}).get("kappa")
     if kappa is not None:
         ax.text(0.03, 0.06, share_captured(kappa, taken), transform=ax.transAxes)
-    add_legend(figure, ax.get_legend_handles_labels()[0])
-    return figure
+    return add_legend(figure)
 
 
 def frequency_figure(result: RunResult) -> Figure:
@@ -135,50 +127,35 @@ def frequency_figure(result: RunResult) -> Figure:
     head = f"Place of {mover} in m" if (mover := crossing(result)) else head
     if lowest.t is not None and len(x) > 1 and not np.ptp(x):  # the reach is constant, only forces change
         x, head = lowest.t, "Time in s"
-    single = {"marker": "o"} if len(x) == 1 else {}
-    figure, axes = make_sheet(HALF, 2.15)
-    ax = axes[0, 0]
-    handles = []
-    few = spread_indices(len(x), CLOSED_FORM_POINTS)
+    figure, ax = make_axes(HALF, 2.15, head, "Eigenfrequency in Hz")
+    few, single = spread_indices(len(x), CLOSED_FORM_POINTS), {"marker": "o"} if len(x) == 1 else {}
     drawn = [(name, x, curves[name], PENS[name].line() | single) for name in PENS if name in curves]
     for label, at, f, look in (*drawn, ("closed form", x[few], closed[few], _circle_style(INK, "none", 2.6))):
         if np.isfinite(f).any():
-            ax.plot(at, f, **look)
-            handles.append(Line2D([], [], label=label, **look))
+            ax.plot(at, f, label=label, **look)
     for number, end in enumerate(drawn[0][2][int(np.argmax(x))], start=1):
         if np.isfinite(end):
             ax.annotate(str(number), (x.max(), end), (3.0, -2.5), textcoords="offset points", fontsize=7.0, color=INK)
     octave_axis(ax, min(float(np.nanmin(f)) for f in curves.values()), float(top.max()))
-    ax.set_xlabel(head)
-    ax.set_ylabel("Eigenfrequency in Hz")
-    add_legend(figure, handles)
-    return figure
+    return add_legend(figure)
 
 
 def frequency_map_figure(result: RunResult) -> Figure:
     """Draw lines of equal first natural frequency over the extensions of two joints, and the run's path on this map."""
     over_joints = result.frequencies.over_joints
     assert over_joints is not None  # the caller draws no map without it
-    figure, axes = make_sheet(HALF, 2.6)
-    ax = axes[0, 0]
-    levels = MaxNLocator(LEVELS).tick_values(over_joints.lowest.min(), over_joints.lowest.max())
-    ax.contourf(
-        over_joints.first,
-        over_joints.second,
-        over_joints.lowest.T,
-        levels,
-        cmap=LinearSegmentedColormap.from_list("", RAMP[:3]),
-    )
+    first, second, lowest = over_joints.first, over_joints.second, over_joints.lowest.T
+    figure, ax = make_axes(HALF, 2.6, *(f"Extension of {name} in m" for name in over_joints.joints))
+    levels = MaxNLocator(LEVELS).tick_values(lowest.min(), lowest.max())
+    ax.contourf(first, second, lowest, levels, cmap=LinearSegmentedColormap.from_list("", RAMP[:3]))
     columns = [result.paths.names.index(name) for name in over_joints.joints]
     ax.plot(*result.paths.values[:, columns].T, color="white", linewidth=2.5)
-    lines = ax.contour(over_joints.first, over_joints.second, over_joints.lowest.T, levels, colors=INK, linewidths=0.5)
-    low, high = (np.array([over_joints.first[k], over_joints.second[k]]) for k in (0, -1))
+    lines = ax.contour(first, second, lowest, levels, colors=INK, linewidths=0.5)
+    low, high = (np.array([first[k], second[k]]) for k in (0, -1))
     for label in ax.clabel(lines, fmt=lambda value: f"{value:.3g}", inline=False):
         label.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
         share = (np.array(label.get_position()) - low) / (high - low)
         label.set_visible(bool(share.min() >= EDGE and share.max() <= 1.0 - EDGE))  # others would be cut off
-    ax.set_xlabel(f"Extension of {over_joints.joints[0]} in m")
-    ax.set_ylabel(f"Extension of {over_joints.joints[1]} in m")
     return figure
 
 
@@ -196,23 +173,14 @@ def _circle_style(edge: str, fill: str, size: float) -> dict[str, Any]:
 
 def gain_figure(response: FrequencyResponse, load: int) -> Figure:
     """Draw the gain over frequency for the load number `load`, with a curve for each position of the sliders."""
-    figure, axes = make_sheet(HALF, 2.15)
-    ax, values = axes[0, 0], response.gain[:, :, load]
-    handles = []
+    figure, ax = make_axes(HALF, 2.15, "Frequency in Hz", f"Gain in {response.units[load]}")
+    values = response.gain[:, :, load]
     for k, s in enumerate(response.s):
-        look: dict[str, Any] = {"color": COLOURS[k % len(COLOURS)], "linewidth": 0.9}
-        ax.plot(response.f, values[k], **look)
-        handles.append(Line2D([], [], label=f"{s:.3g}", **look))
-    ax.set_xscale("log")
-    decades = [10.0**k for k in range(floor(log10(response.f[0])) + 1, floor(log10(response.f[-1])) + 1)]
-    ax.set_xticks(decades, [f"{decade:g}" for decade in decades])
-    ax.xaxis.set_minor_locator(NullLocator())
-    positive = values[values > 0.0]
-    log_axis(ax, max(float(positive.min()), 1e-6 * float(positive.max())), float(positive.max()))
-    ax.set_xlabel("Frequency in Hz")
-    ax.set_ylabel(f"Gain in {response.units[load]}")
-    add_legend(figure, handles)
-    return figure
+        ax.plot(response.f, values[k], color=COLOURS[k % len(COLOURS)], linewidth=0.9, label=f"{s:.3g}")
+    log_x(ax, float(response.f[0]), float(response.f[-1]))
+    largest = float(values.max())
+    log_axis(ax, max(float(values[values > 0.0].min()), 1e-6 * largest), largest)
+    return add_legend(figure)
 
 
 def basis_caption(shapes: Shapes) -> str:
@@ -248,15 +216,9 @@ def envelope_figure(result: RunResult, quantities: Sequence[str]) -> Figure:
     envelopes_by_body = {
         name: body.envelopes["reduced"] for name, body in result.bodies.items() if "reduced" in body.envelopes
     }
-    columns = min(len(quantities), 2)
-    rows = -(-len(quantities) // columns)
-    gaps = {"hspace": 0.45, "wspace": 0.28}
-    figure, axes = make_sheet(
-        WIDE, 0.66 + 1.25 * rows, rows, columns, margins={"top": 0.42}, sharex=True, gridspec_kw=gaps
-    )
-    colours = {name: colour for name, colour in section_colours(result.bodies).items() if name in envelopes_by_body}
-    for k, quantity in enumerate(quantities):
-        ax = axes.flat[k]
+    figure, axes = make_panels(len(quantities), 1.25, 0.28, 0.45, sharex=True)
+    colours = section_colours(result.bodies)
+    for k, (quantity, ax) in enumerate(zip(quantities, axes, strict=True)):
         shown = {name: envelope for name, envelope in envelopes_by_body.items() if quantity in envelope.names}
         numbers = {name: envelope.names.index(quantity) for name, envelope in shown.items()}
         largest = max(
@@ -266,16 +228,13 @@ def envelope_figure(result: RunResult, quantities: Sequence[str]) -> Figure:
         for name, envelope in shown.items():
             of = numbers[name]
             band = envelope.least[of] / unit.size, envelope.most[of] / unit.size
-            ax.fill_between(envelope.x, *band, color=colours[name], alpha=0.45, linewidth=0.8)
+            ax.fill_between(envelope.x, *band, color=colours[name], alpha=0.45, linewidth=0.8, label=name)
         ax.axhline(0.0, linewidth=0.4, color="0.5")
         ax.set_title(f"{quantity.capitalize()} in {unit.name}", loc="left", pad=2.0)
-        if k >= len(quantities) - columns:
+        if k >= len(quantities) - 2:
             ax.set_xlabel("From the tail in m")
             ax.tick_params(labelbottom=True)
-    for ax in axes.flat[len(quantities) :]:
-        ax.set_visible(False)
-    add_legend(figure, [Patch(color=colour, alpha=0.45, label=name) for name, colour in colours.items() if name])
-    return figure
+    return add_legend(figure)
 
 
 SHADES = 60  # number of colours in the ramp
@@ -284,8 +243,7 @@ SHADES = 60  # number of colours in the ramp
 def colour_scale(largest: float) -> Figure:
     """Draw the colour scale of stresses from 0 to `largest` in MPa, with the colour of larger stresses at its end."""
     colours = LinearSegmentedColormap.from_list("stress", RAMP)
-    figure, axes = make_sheet(HALF, 0.55, margins={"left": 0.1, "right": 0.3, "top": 0.08, "bottom": 0.36})
-    ax = axes[0, 0]
+    figure, ax = make_axes(HALF, 0.55, "Von Mises stress in MPa", "", left=0.1, right=0.3, top=0.08, bottom=0.36)
     for k in range(SHADES):
         ax.axvspan(k / SHADES, (k + 1.2) / SHADES, color=colours(k / (SHADES - 1.0)), linewidth=0.0)
     ticks = np.linspace(0.0, 1.0, 5)
@@ -295,5 +253,4 @@ def colour_scale(largest: float) -> Figure:
     ax.set_xlim(0.0, 1.0)
     ax.grid(False)
     ax.spines[:].set_visible(False)
-    ax.set_xlabel("Von Mises stress in MPa")
     return figure

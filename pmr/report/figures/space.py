@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from pmr.files.arrays import Array
@@ -20,11 +20,10 @@ from pmr.report.figures.canvas import (
     INK,
     LIMIT,
     MUTED,
-    ROW,
+    Paper,
     add_legend,
     drawing,
-    legend_rows,
-    make_sheet,
+    make_axes,
     mix_with_white,
     octave_axis,
     section_colours,
@@ -79,22 +78,18 @@ def buckling_figure(result: RunResult) -> Figure:
     over_way, frame, times = result.summary["buckling"]["over"], result.frame, result.responses["reduced"].t
     assert frame is not None  # only a boom in a frame has a factor
     t, factor = np.array(over_way["t"]), np.array([np.nan if value is None else value for value in over_way["factor"]])
-    figure, axes = make_sheet(HALF, 2.0)
-    ax: Axes = axes[0, 0]
     if not np.ptp(result.abscissa):
         x, label = np.rad2deg(frame.angles[0].value(t)), "Luffing angle in degrees"
     else:
         x, label = np.interp(t, times, result.abscissa_at(times)), f"{abscissa_label(result).capitalize()} in m"
+    figure, ax = make_axes(HALF, 2.0, label, "Buckling factor")
     ax.plot(x, factor, color=INK, linewidth=0.7, marker=".", markersize=3.0)
     ax.plot(x[:1], factor[:1], "o", color=INK, markersize=4.5)
-    ax.axhline(1.0, color=LIMIT, linewidth=0.9)
+    ax.axhline(1.0, color=LIMIT, linewidth=0.9, label="1: the boom buckles")
     ax.margins(x=0.04)
     if not octave_axis(ax, 1.0, float(np.nanmax(factor))):
         ax.set_ylim(bottom=0.0)
-    ax.set_xlabel(label)
-    ax.set_ylabel("Buckling factor")
-    add_legend(figure, [Line2D([], [], color=LIMIT, linewidth=0.9, label="1: the boom buckles")])
-    return figure
+    return add_legend(figure)
 
 
 def view_caption(result: RunResult, view: str) -> str:
@@ -130,16 +125,10 @@ def _draw_boom(result: RunResult, view: str, across: str, up: str, from_side: bo
     raising, rope = _cylinders(result, steps) if from_side else [], rope_axis(result, steps, scale)
     ropes = [] if rope is None else [*getattr(rope, view)]
     worst, colours = largest_stress(result), section_colours(item.body for item in bodies)
-    named = [Line2D([], [], color=colour, linewidth=2.0, label=name) for name, colour in colours.items()]
-    named = named * (len(bodies) > 1) + [Line2D([], [], **RAISING, label="luffing cylinder")] * bool(raising)
-    named += [Line2D([], [], **ROPE, label="rope and payload")] * bool(ropes)
-    named += [] if worst is None else [Line2D([], [], **RING, label=format_quantity(worst.value, "Pa"))]
     stand = result.frame.ground if from_side and result.frame is not None else None
     level = 0.0 if stand is None else -stand.height
     drawn = [np.array([[0.0, level]]), way, *(getattr(item, view).reshape(-1, 2) for item in bodies), *raising, *ropes]
-    figure = _make_paper(drawn, across, up, rows := legend_rows([str(item.get_label()) for item in named], HALF))
-    ax = figure.axes[0]
-    add_legend(figure, named, rows)
+    figure, ax = _make_paper(drawn, across, up)
     ax.plot(*way.T, color=MUTED, linewidth=0.6, linestyle=(0, (4.0, 2.5)), zorder=1.5)
     moment = 0 if worst is None else int(np.argmax(steps == worst.step))
     faint = [1.0 if worst is None or k == moment else FAINT for k in range(len(steps))]  # the ring is on one boom only
@@ -148,11 +137,13 @@ def _draw_boom(result: RunResult, view: str, across: str, up: str, from_side: bo
         for places, share in zip(getattr(body, view), faint, strict=True):
             over = 2.0 + share / 10.0 - k / 1e3  # a section is drawn on top of the sections that slide in it
             colour = mix_with_white(colours[body.body], share)
-            ax.plot(*places.T, color=colour, linewidth=width, solid_capstyle="butt", zorder=over)
-    for places, share in zip(raising, faint, strict=False):
-        ax.plot(*places.T, **{**RAISING, "color": mix_with_white(MUTED, share)}, zorder=1.8)
-    for places, share in zip(ropes, faint, strict=False):
-        ax.plot(*places.T, **{**ROPE, "color": mix_with_white(INK, share)}, zorder=1.9)
+            name = body.body if share == 1.0 and len(bodies) > 1 else ""
+            ax.plot(*places.T, color=colour, linewidth=width, solid_capstyle="butt", zorder=over, label=name)
+    for cylinder, rope_line, share in zip_longest(raising, ropes, faint):
+        for name, places, look in (("luffing cylinder", cylinder, RAISING), ("rope and payload", rope_line, ROPE)):
+            if places is not None:
+                colour = mix_with_white(look["color"], share)
+                ax.plot(*places.T, **{**look, "color": colour}, zorder=1.8, label=name if share == 1.0 else "")
     if from_side and (result.frame is not None or is_raised(result)):
         ax.plot(ax.get_xlim(), [level, level], color=GROUND, linewidth=1.2, zorder=1.0)
     _label_times(ax, getattr(bodies[-1], view), t[steps], moment)
@@ -160,14 +151,14 @@ def _draw_boom(result: RunResult, view: str, across: str, up: str, from_side: bo
         body = next(item for item in bodies if item.body == worst.body)
         places = getattr(body, view)[moment]
         at = [np.interp(worst.x, body.x, places[:, k]) for k in (0, 1)]
-        ax.plot(*at, **RING, zorder=5.0)
+        ax.plot(*at, **RING, zorder=5.0, label=format_quantity(worst.value, "Pa"))
     if from_side and result.frame is None:
         _draw_fixtures(ax, result, int(steps[moment]))
     else:
         ax.plot([0.0], [0.0], marker="^" if from_side else "o", markersize=6.0, color=INK, zorder=4.0)
     if from_side:
         _draw_loads(ax, result, {item.body: (item.x, item.side[moment]) for item in bodies})
-    return figure
+    return add_legend(figure)
 
 
 def _draw_fixtures(ax: Axes, result: RunResult, step: int) -> None:
@@ -254,10 +245,10 @@ def _label_times(ax: Axes, lines: Array, t: Array, most_stressed: int) -> None:
                         zorder=3.0, bbox=box)  # fmt: skip
 
 
-def _make_paper(drawn: Sequence[Array], across: str, up: str, rows: int) -> Figure:
-    """Make a figure with axes of one scale that have room for the points `drawn` (..., 2) in m, the pivot and labels.
+def _make_paper(drawn: Sequence[Array], across: str, up: str) -> Paper:
+    """Make axes of one scale that have room for the points `drawn` (..., 2) in m, the pivot and labels.
 
-    `across` and `up` are the labels of the axes.  Above the axes there is room for a legend of `rows` rows.
+    `across` and `up` are the labels of the axes.
     """
     every = np.concatenate([*drawn, np.zeros((1, 2))])
     low, high = every.min(axis=0), every.max(axis=0)
@@ -266,16 +257,11 @@ def _make_paper(drawn: Sequence[Array], across: str, up: str, rows: int) -> Figu
     low, high = low - room, high + room + [0.12 * float((high - low).max()), 0.06 * float((high - low).max())]
     metre = min(wide / float(high[0] - low[0]), TALLEST / float(high[1] - low[1]))
     tall = max(metre * float(high[1] - low[1]), FLATTEST)
-    top = TOP + ROW * (rows - 1)
-    margins = {"left": LEFT, "right": RIGHT, "top": top, "bottom": BOTTOM}
-    figure, axes = make_sheet(HALF, tall + top + BOTTOM, margins=margins)
-    ax: Axes = axes[0, 0]
+    figure, ax = make_axes(HALF, tall + TOP + BOTTOM, across, up, left=LEFT, right=RIGHT, top=TOP, bottom=BOTTOM)
     for limits, size, k in ((ax.set_xlim, wide, 0), (ax.set_ylim, tall, 1)):
         middle, half = float(low[k] + high[k]) / 2.0, size / metre / 2.0
         limits(middle - half, middle + half)
-    ax.set_xlabel(across)
-    ax.set_ylabel(up)
-    return figure
+    return Paper(figure, ax)
 
 
 def exaggeration(result: RunResult) -> float:

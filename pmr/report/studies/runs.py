@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from pmr.report.blocks import Block, Chapter, Drawing, Grid, KeyNumber
-from pmr.report.figures.canvas import WIDE, curve_style, drawing, log_axis, log_x, make_sheet
+from pmr.report.figures.canvas import WIDE, add_legend, curve_style, drawing, log_axis, log_x, make_axes, make_panels
 from pmr.report.numbers import SPACE, Unit, unit_for
 from pmr.report.studies import tables
 from pmr.report.studies.finished import FinishedStudy
@@ -280,21 +279,16 @@ def value_figure(done: Sequence[RunRecord], parameter: str, names: Sequence[str]
 
     Runs that differ in this parameter only are joined by a curve.
     """
-    rows, columns = -(-len(names) // 2), min(len(names), 2)
-    gaps = {"wspace": 0.28, "hspace": 0.42}
-    figure, axes = make_sheet(WIDE, 0.7 + 1.75 * rows, rows, columns, _legend_margin(done, parameter), gridspec_kw=gaps)
+    figure, axes = make_panels(len(names), 1.75, 0.28, 0.42)
     unit = unit_of(parameter)
-    for name, ax in zip(names, axes.flat, strict=False):
+    for name, ax in zip(names, axes, strict=True):
         for look, group in _curves(done, parameter):
             x, y = _curve_points(group, name, {run.key: cell_number(run.parameters[parameter]) for run in group})
             ax.plot(x, y, **look)
         _value_axis(ax, name)
         ax.set_xlabel(f"{key_words(parameter).capitalize()} {f'in {unit}' if unit else '(–)'}")
         ax.margins(x=0.04)
-    for ax in axes.flat[len(names) :]:
-        ax.set_visible(False)
-    _add_legend(figure, done, parameter)
-    return figure
+    return add_legend(figure)
 
 
 def error_over_time_figure(done: Sequence[RunRecord], parameter: str, error: str) -> Figure:
@@ -302,16 +296,14 @@ def error_over_time_figure(done: Sequence[RunRecord], parameter: str, error: str
 
     Runs that differ only in `parameter` look alike.
     """
-    figure, axes = make_sheet(WIDE, 2.5, margins=_legend_margin(done, parameter))
-    ax, times = axes[0, 0], {run.key: 1e3 * run.seconds[TIME] for run in done}
+    figure, ax = make_axes(WIDE, 2.5, "Time of one simulation in ms", "")
+    times = {run.key: 1e3 * run.seconds[TIME] for run in done}
     for look, group in _curves(done, parameter):
         x, y = _curve_points(group, error, times)
         ax.plot(x, y, **look | {"linestyle": "none"})
     log_x(ax, 0.8 * min(times.values()), 1.25 * max(times.values()))
     _value_axis(ax, error)
-    ax.set_xlabel("Time of one simulation in ms")
-    _add_legend(figure, done, parameter)
-    return figure
+    return add_legend(figure)
 
 
 def _curves(done: Sequence[RunRecord], parameter: str) -> list[tuple[dict[str, Any], list[RunRecord]]]:
@@ -322,7 +314,8 @@ def _curves(done: Sequence[RunRecord], parameter: str) -> list[tuple[dict[str, A
     groups: dict[str, list[RunRecord]] = {}
     for run in done:
         groups.setdefault(run_name(run, parameter) if len(run.parameters) > 1 else "", []).append(run)
-    return [(curve_style(k, 3.0) | {"label": name}, group) for k, (name, group) in enumerate(groups.items())]
+    styles = [curve_style(k, 3.0) | {"label": name if k < MOST_CURVES else ""} for k, name in enumerate(groups)]
+    return list(zip(styles, groups.values(), strict=True))
 
 
 def _curve_points(group: Sequence[RunRecord], name: str, places: Mapping[str, float]) -> NDArray[np.float64]:
@@ -350,22 +343,3 @@ def _value_axis(ax: Axes, name: str) -> None:
     else:
         ax.set_ylim(0.0, 1.15 * largest / unit.size or 1.0)
     ax.set_ylabel(f"{what.label.capitalize()} in {unit.name}")
-
-
-def _legend_margin(done: Sequence[RunRecord], parameter: str) -> dict[str, float]:
-    """Return ``{"top": inches}``: the margin above the axes that a legend of the curves needs.
-
-    The curves are those of `_curves` for the same arguments.
-    """
-    return {"top": 0.16 + 0.15 * min(-(-len(_curves(done, parameter)) // 3), MOST_CURVES // 3)}
-
-
-def _add_legend(figure: Figure, done: Sequence[RunRecord], parameter: str) -> None:
-    """Add a legend of the curves to a figure, with three entries in a row; a single curve has no legend.
-
-    The curves are those of `_curves` for the runs `done` and the `parameter`.
-    """
-    looks = [look for look, _ in _curves(done, parameter)][:MOST_CURVES]
-    if len(looks) > 1:
-        handles = [Line2D([], [], **look) for look in looks]
-        figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.07, 1.0), ncols=3, borderaxespad=0.25)
