@@ -5,8 +5,8 @@ SHELL := /bin/bash
 
 PINS := $(filter-out requirements/snakemake.txt requirements/benchmarks.txt requirements/docs.txt requirements/fmi.txt requirements/release.txt, $(wildcard requirements/*.txt)) pyproject.toml
 
-# The form compiler calls cc at run time, WeasyPrint loads Pango and HarfBuzz, gmsh (without a window) X libraries, VTK
-# (without an X server) EGL, and on Debian's default BLAS a MUMPS factor takes six times as long as on OpenBLAS.
+# The form compiler calls cc at run time, WeasyPrint loads Pango and HarfBuzz, gmsh (without a window) X libraries,
+# and on Debian's default BLAS a MUMPS factor takes six times as long as on OpenBLAS.
 APT := python3-dolfinx-real python3-petsc4py-real python3-slepc4py-real openmpi-bin libopenblas0-serial \
        gcc libc6-dev python3-dev python3-venv \
        libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0 libgl1 libegl1 fonts-dejavu-core \

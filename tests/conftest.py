@@ -179,7 +179,7 @@ def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(drawing, "__code__", empty.__code__)  # many modules have the function itself
     monkeypatch.setattr(cli_run, "has_free_core", lambda: False)  # another process would help
-    monkeypatch.setattr(album, "render_shots", lambda shots: [b""] * len(shots))
+    monkeypatch.setattr(album, "render_shot", lambda shot: b"")
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ PETSC = ("petsc4py", "slepc4py", "mpi4py", "dolfinx_solver")  # which sets up th
 COMMAND = "import sys; from pmr.cli import main; sys.argv[0] = 'pmr'; main()"
 _NO_FIGURES = (
     "from pmr.cli import run\nfrom pmr.report import album, blocks\nfrom pmr.report.figures import canvas\n"
-    "album.render_shots = lambda shots: [b''] * len(shots)\n"
+    "album.render_shot = lambda shot: b''\n"
     "run.has_free_core = lambda: False\n"  # another process would help
     "canvas.drawing = lambda name, draw, caption, *_: blocks.Drawing(name, '<svg></svg>', caption)\n"
 )

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
-from itertools import accumulate, pairwise
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -33,7 +32,7 @@ from pmr.report.bodies import (
 )
 from pmr.report.columns import rope_places
 from pmr.report.numbers import SPACE, format_input, format_quantity
-from pmr.report.renderer import NoPictureError, Piece, Shot, frame_shots, render_shots
+from pmr.report.renderer import Piece, Shot, Vector, frame_shots, render_shot
 from pmr.report.subject import is_alone, walls_clause
 from pmr.results import RunResult
 from pmr.results.quantities import stress_name
@@ -47,41 +46,15 @@ GROUND, CYLINDER = "#d9d2c5", "#5b6875"
 ROD, ROPE, PAYLOAD = 0.06, 0.02, 0.2  # m, half the thickness of a luffing cylinder, of a rope and of a payload
 
 
-@dataclass(frozen=True)
-class Album:
-    """Pictures of a run; if there are none, `absent` is a clause that gives the reason, or it is empty."""
-
-    pictures: tuple[Picture, ...] = ()
-    absent: str = ""
-
-
-def start_album(result: RunResult, prefix: str) -> Callable[[], Album]:
-    """Start another process that renders the pictures; return a function that waits for them and returns the album.
-
-    Without recovered fields, no process is started; the album is empty and gives no reason.  `prefix` begins the
-    identifiers of the pictures.
-    """
-    if not has_fields(result):
-        return Album
-    planned = list(_Views(result).shots())
-    thread = ThreadPoolExecutor(1)  # it waits for the process that renders
-    developed = thread.submit(render_shots, [view.shot for view in planned])
-    thread.shutdown(wait=False)
-
-    def make_album() -> Album:
-        """Wait for the pictures and return them as an album; if rendering failed, the album is empty and says why."""
-        try:
-            pictures = developed.result()
-        except NoPictureError as error:
-            return Album(absent=str(error))
-        return Album(
-            tuple(
-                Picture(f"{prefix}-{view.name}", *view.shot.size, base64.b64encode(data).decode(), view.caption)
-                for view, data in zip(planned, pictures, strict=True)
-            )
+def make_album(result: RunResult, prefix: str) -> tuple[Picture, ...]:
+    """Draw the pictures of a run with recovered fields; none without.  `prefix` begins their identifiers."""
+    views = _Views(result).shots() if has_fields(result) else ()
+    return tuple(
+        Picture(
+            f"{prefix}-{view.name}", *view.shot.size, base64.b64encode(render_shot(view.shot)).decode(), view.caption
         )
-
-    return make_album
+        for view in views
+    )
 
 
 class View(NamedTuple):
@@ -106,16 +79,36 @@ class _Views:
     def shots(self) -> Iterator[View]:
         """Yield the pictures to be rendered, in the order of the page."""
         chosen = drawn_moments(self.result)
-        views = [
-            Shot((*self._body_pieces(m), *self._surrounding_pieces(m), *self._ground_pieces(m)), SIDE, self.limits)
-            for m in chosen
-        ]
+        views = [Shot((*self._pieces_at(m, SIDE), *self._ground_pieces(m)), SIDE, self.limits) for m in chosen]
         for number, (moment, shot) in enumerate(zip(chosen, frame_shots(views, WIDTH), strict=True), start=1):
             yield View(f"view-{number}", shot, self._caption(moment))
         if self.stressed:
             yield self._peak_view(moment_of_peak(self.result))
 
-    def _body_pieces(self, moment: Moment, edges: float = 0.6) -> Iterator[Piece]:
+    def _pieces_at(
+        self, moment: Moment, direction: Vector, edges: float = 0.6, opacity: float = 0.22
+    ) -> Iterator[Piece]:
+        """Yield the bodies and all that surrounds them at a moment, as seen from a `direction`.
+
+        A body encloses those that slide in it: walls on the side of the camera are drawn in front of them, walls on the
+        other side behind them.  `edges` is the width of mesh lines in px, and `opacity` (0 to 1) that of the next outer
+        section of a body alone.
+        """
+        sight = np.array(direction) if self.pose is None else self.pose.rotation[moment.frame].T @ direction
+        pieces = list(self._body_pieces(moment, edges))
+        for number, piece in enumerate(reversed(pieces), start=1):
+            layer = np.where(piece.faces_towards(sight), 1.0, -1.0) * float(number)
+            pieces[-number] = replace(piece, layer=layer)
+        outermost = len(pieces) + 1.0
+        for block in self.stage.section:
+            piece = Piece(block.corners, block.sides, None, SECTION)
+            layer = np.where(piece.faces_towards(sight), 1.0, -1.0) * (outermost + 1.0)
+            pieces.append(replace(piece, opacity=opacity, edges=1.0, layer=layer))
+        pads = self._pads(moment, sight)
+        for piece in (*pieces, *pads, *self._cylinder_pieces(moment), *self._rope_pieces(moment)):
+            yield replace(piece, points=self._turn_to_ground(moment.frame, piece.points))
+
+    def _body_pieces(self, moment: Moment, edges: float) -> Iterator[Piece]:
         """Yield the bodies at a moment, with displacements enlarged by the factor `self.scale`.
 
         Colours show the von Mises stress in MPa if the fields have stresses; `edges` is the width of mesh lines in px.
@@ -125,27 +118,17 @@ class _Views:
             displaced = surface.point_displacements(fields, fields.displacement[moment.frame])
             points = surface.points + self.scale * displaced + (self.places[name][moment.frame], 0.0, 0.0)
             values = cell_stresses(fields)[moment.frame, surface.cell] / 1e6 if fields.von_mises else None
-            yield Piece(self._turn_to_ground(moment.frame, points), surface.faces, values, STEEL, edges=edges)
+            yield Piece(points, surface.faces, values, STEEL, edges=edges)
 
-    def _surrounding_pieces(self, moment: Moment, opacity: float = 0.22) -> Iterator[Piece]:
-        """Yield pads at a moment, the next outer section of a body alone, luffing cylinder, and rope and payload.
+    def _pads(self, moment: Moment, sight: Array) -> Iterator[Piece]:
+        """Yield the pads at a moment; those of a boom's joints are on the outside of the outer sections.
 
-        `opacity` (0 to 1) is that of the section; pads are opaque.
+        `sight` (3,) is the direction to the camera in the boom's axes.
         """
-        back = np.array([moment.s, 0.0, 0.0])
-        pieces = [*_pieces(self.stage.near, PAD), *_pieces(self.stage.tail, PAD, back)]
-        pieces += [replace(piece, opacity=opacity, edges=1.0) for piece in _pieces(self.stage.section, SECTION)]
-        pieces += [
-            *_pieces(list(self._joint_pads(moment.frame)), PAD),
-            *self._cylinder_pieces(moment),
-            *self._rope_pieces(moment),
-        ]
-        yield from (replace(piece, points=self._turn_to_ground(moment.frame, piece.points)) for piece in pieces)
-
-    def _joint_pads(self, frame: int) -> Iterator[Block]:
-        """Yield the pads of a boom's joints at the stored time number `frame`, on the outside of the outer sections."""
-        bodies = list(self.result.scene.bodies.items())
-        for (outer, of_outer), (inner, of_inner) in pairwise(bodies):
+        yield from (_pad_piece(block, 1, sight) for block in self.stage.near)
+        yield from (_pad_piece(block, 1, sight, np.array([-moment.s, 0.0, 0.0])) for block in self.stage.tail)
+        bodies, frame = list(self.result.scene.bodies.items()), moment.frame
+        for number, ((outer, of_outer), (inner, of_inner)) in enumerate(pairwise(bodies)):
             if of_inner.joint is None or outer not in self.surfaces:
                 continue
             points, box = self.surfaces[outer].points, of_outer.body.box
@@ -157,8 +140,8 @@ class _Views:
                 if ring.faces is not None:
                     along = self._drawn_displacement(outer, frame, at - tails[outer][frame])
                     along[0] += at
-                    blocks = pad_blocks(body_ring(ring, "pad"), extent, box)
-                    yield from (replace(block, corners=block.corners + along) for block in blocks)
+                    for block in pad_blocks(body_ring(ring, "pad"), extent, box):
+                        yield _pad_piece(block, len(bodies) - number, sight, along)
 
     def _drawn_displacement(self, body: str, frame: int, x: float) -> Array:
         """Return the mean displacement (3,) in m of a body's cross-section nearest to x in m, enlarged as drawn.
@@ -211,7 +194,8 @@ class _Views:
             long = moment.extension * level
             corners = [(-0.1 * long, -1.0), (1.05 * long, -1.0), (1.05 * long, 1.0), (-0.1 * long, 1.0)]
             points = np.array([pivot + below * up + x * ahead + 0.1 * long * y * aside for x, y in corners])
-            yield Piece(self._turn_to_ground(moment.frame, points), np.array([(0, 1, 2, 3)]), None, GROUND, 0.5)
+            points = self._turn_to_ground(moment.frame, points)
+            yield Piece(points, np.array([(0, 1, 2, 3)]), None, GROUND, 0.5, layer=-np.inf)
 
     def _turn_to_ground(self, frame: int, points: Array) -> Array:
         """Turn points (..., 3) in m from the boom's axes into the ground's axes at the stored time number `frame`.
@@ -233,7 +217,7 @@ class _Views:
                 (float(c) for c in self.pose.rotate_at(moment.frame, way)) for way in (direction, up)
             )
             direction, up = (ahead, aside, high_up), (x, y, z)
-        pieces = (*self._body_pieces(moment, edges=0.8), *self._surrounding_pieces(moment, opacity=0.08))
+        pieces = tuple(self._pieces_at(moment, direction, edges=0.8, opacity=0.08))
         centre = np.array([float(place[0] + self.places[name][moment.frame]), float(middle[1]), float(middle[2])])
         x, y, z = (float(c) for c in self._turn_to_ground(moment.frame, centre))
         shot = Shot(pieces, direction, self.limits, (x, y, z), NEAR, (WIDTH, WIDTH * 3 // 8), up)
@@ -286,12 +270,12 @@ def _bar(start: Array, end: Array, half: float, colour: str) -> Piece:
     return Piece(np.concatenate([start + corners, end + corners]), np.array(sides), None, colour)
 
 
-def _pieces(blocks: Sequence[Block], colour: str, back: Array | float = 0.0) -> list[Piece]:
-    """Join blocks to one piece in one colour, moved by minus `back` (3,) in m.
+def _pad_piece(block: Block, number: int, sight: Array, along: Array | float = 0.0) -> Piece:
+    """Return a pad on the outside of a body, moved by `along` (3,) in m.
 
-    The list that is returned holds this piece; it is empty without blocks.
+    `number` is that of the body, counted from the last one on, and `sight` (3,) is the direction to the camera.
     """
-    first_corners = accumulate((len(block.corners) for block in blocks), initial=0)
-    faces = [block.sides + first for block, first in zip(blocks, first_corners, strict=False)]
-    points = [block.corners for block in blocks]
-    return [Piece(np.concatenate(points) - back, np.concatenate(faces), None, colour)] if faces else []
+    piece = Piece(block.corners, block.sides, None, PAD)
+    across = piece.normals[np.ptp(block.corners @ piece.normals.T, axis=0).argmin()]  # where the pad is thinnest
+    side = 1.0 if (across @ block.corners.mean(axis=0)) * (across @ sight) >= 0.0 else -1.0
+    return replace(piece, points=block.corners + along, layer=side * (number + 0.5))

@@ -103,7 +103,17 @@ def body_surface(fields: Fields, box: Box | None = None) -> Surface:
         faces, cell = faces[outside], cell[outside]
     vertex, faces = np.unique(faces, return_inverse=True)
     faces = faces.reshape(-1, table.shape[1])
+    if len(table) == 1:
+        faces = _turn_outwards(fields.points[vertex], faces)
     return Surface(fields.points[vertex], faces, cell, vertex, np.zeros((len(vertex), 2)))
+
+
+def _turn_outwards(points: Array, faces: Indices) -> Indices:
+    """Order the corners of faces so that they go round to the left, as seen from outside of a body along x."""
+    first, second, third = (points[faces[:, k]] for k in range(3))
+    away = points[faces].mean(axis=1) - points.mean(axis=0)
+    inwards = np.sum(np.cross(second - first, third - first)[:, 1:] * away[:, 1:], axis=1) < 0.0
+    return np.where(inwards[:, None], faces[:, ::-1], faces)
 
 
 def body_surfaces(result: RunResult) -> dict[str, Surface]:
@@ -126,7 +136,8 @@ def _tube(fields: Fields, box: Box | None) -> Surface:
     first, second = around * fields.cells[:, 0], around * fields.cells[:, 1]
     ends = [(k, (k + 1) % around) for k in range(around)]
     walls = [np.stack([first + a, second + a, second + b, first + b], axis=1) for a, b in ends]
-    return Surface(points, np.concatenate(walls), np.tile(np.arange(len(fields.cells)), around), vertex, lever)
+    faces = _turn_outwards(points, np.concatenate(walls))
+    return Surface(points, faces, np.tile(np.arange(len(fields.cells)), around), vertex, lever)
 
 
 _CUBE = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])

@@ -1,35 +1,30 @@
-"""Render pictures with VTK, off-screen, in a process of their own.
-
-A graphics driver that is missing or broken may end the process that uses it.  A run must survive that, so a failure of
-the rendering process only becomes a sentence in the report, and VTK is imported in that process alone.
-"""
+"""Draw surfaces in space as pictures, face by face from the farthest to the nearest."""
 
 from __future__ import annotations
 
 import io
-import pickle
-import subprocess
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
-from typing import Any
 
 import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import LinearSegmentedColormap, Normalize, to_rgb
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from PIL import Image
 
 from pmr.files.arrays import Array
 
 Vector = tuple[float, float, float]
 
-LONGEST = 600.0  # s, longest time that all pictures of a run may take together
 EDGE = "#1c2733"
 RAMP = ("#e3ebf0", "#a9cbdf", "#edb84c", "#d55e00", "#7a1b0c")  # from no stress to the largest
-FINER = 2  # pictures are rendered this many times as large and scaled down: smooth edges with any driver
 COLOURS = 128  # number of colours of a picture; few colours keep files small
 #: Shares of ambient and diffuse light.  Most light is ambient, as colours are compared with a colour scale; diffuse
 #: light shows walls of different directions in different brightness.
 AMBIENT, DIFFUSE = 0.68, 0.34
+DOTS = 100.0  # px per inch
+EDGE_OPACITY = 0.35
 
 
 @dataclass(frozen=True)
@@ -43,6 +38,9 @@ class Piece:
         Indices of points.
     values : (S,) array or None
         Values that colour the faces; None if all have the same `colour`.
+    layer : float or (S,) array
+        Faces of a lower layer are drawn before those of a higher one, and those of one layer from the farthest to the
+        nearest.
     """
 
     points: Array
@@ -51,6 +49,18 @@ class Piece:
     colour: str = "#c3ccd4"
     opacity: float = 1.0
     edges: float = 0.0  # width of the faces' edges, px
+    layer: Array | float = 0.0
+
+    def faces_towards(self, direction: Array | Vector) -> NDArray[np.bool_]:
+        """Whether the outside of each face (S,), seen from which its corners go round to the left, is on this side."""
+        return self.normals @ np.asarray(direction) > 0.0
+
+    @property
+    def normals(self) -> Array:
+        """Unit vectors (S, 3) at right angles to the faces, outwards."""
+        first, second, third = (self.points[self.faces[:, k]] for k in range(3))
+        across = np.cross(second - first, third - first)
+        return np.asarray(across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-30))
 
 
 @dataclass(frozen=True)
@@ -69,6 +79,14 @@ class Shot:
     size: tuple[int, int] = (400, 300)
     up: Vector = (0.0, 0.0, 1.0)
 
+    @property
+    def view(self) -> Array:
+        """Directions (3, 3) to the right and upwards in the picture, and from the picture to the camera, as rows."""
+        towards = np.array(self.direction) / np.linalg.norm(self.direction)
+        right = np.cross(self.up, towards)
+        right /= np.linalg.norm(right)
+        return np.stack([right, np.cross(towards, right), towards])
+
 
 def frame_shots(shots: Sequence[Shot], width: int, margin: float = 0.12) -> list[Shot]:
     """Return shots with centre, height and size set for one common scale.
@@ -76,10 +94,7 @@ def frame_shots(shots: Sequence[Shot], width: int, margin: float = 0.12) -> list
     All are seen in the direction of the first shot.  Each picture is `width` px wide and shows the width that the
     largest shot needs.  Its height is the height that its own shot needs.  Both include `margin` m on each side.
     """
-    towards = np.array(shots[0].direction) / np.linalg.norm(shots[0].direction)
-    right = np.cross((0.0, 0.0, 1.0), towards)
-    right /= np.linalg.norm(right)
-    axes = np.stack([right, np.cross(towards, right), towards])
+    axes = shots[0].view
     projected = [np.concatenate([piece.points for piece in shot.pieces]) @ axes.T for shot in shots]
     low, high = (
         np.min([s.min(axis=0) for s in projected], axis=0) - margin,
@@ -94,109 +109,47 @@ def frame_shots(shots: Sequence[Shot], width: int, margin: float = 0.12) -> list
     return framed_shots
 
 
-class NoPictureError(Exception):
-    """Pictures can't be rendered; the message gives the reason in a clause."""
-
-
-def render_shots(shots: Sequence[Shot]) -> list[bytes]:
-    """Render shots in another process and return each picture as PNG; blocks until all pictures are rendered.
-
-    Raises
-    ------
-    NoPictureError
-        If VTK is not installed, can't render, or takes longer than `LONGEST`.
-    """
-    if find_spec("vtkmodules") is None:
-        raise NoPictureError("VTK is not installed: pip install vtk pillow installs it")
-    command = [sys.executable, "-m", "pmr.report.renderer"]
-    try:
-        done = subprocess.run(command, input=pickle.dumps(list(shots)), capture_output=True, timeout=LONGEST)
-    except (OSError, subprocess.TimeoutExpired) as error:
-        raise NoPictureError(f"{type(error).__name__} while pictures were made") from None
-    if done.returncode != 0:
-        last = done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
-        raise NoPictureError(last if done.returncode == 1 and last else "the graphics library ended unexpectedly")
-    pictures: list[bytes] = pickle.loads(done.stdout)
-    return pictures
-
-
 def render_shot(shot: Shot) -> bytes:
-    """Render a shot as PNG; imports VTK, so it should be called only in a process of its own."""
-    import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  # the classes below need it to render
-    from PIL import Image
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-    from vtkmodules.vtkRenderingCore import vtkLight, vtkRenderer, vtkRenderWindow, vtkWindowToImageFilter
-
-    window, renderer, light, reader = vtkRenderWindow(), vtkRenderer(), vtkLight(), vtkWindowToImageFilter()
-    window.SetOffScreenRendering(1)
-    window.SetMultiSamples(0)  # scaled down pictures are smooth; anti-aliasing would double the time in software
-    window.SetSize(*(FINER * pixels for pixels in shot.size))
-    window.AddRenderer(renderer)
-    renderer.SetBackground(1.0, 1.0, 1.0)
-    renderer.SetAutomaticLightCreation(0)
-    light.SetLightTypeToCameraLight()
-    below = float(np.dot(shot.direction, shot.up)) < 0.0
-    light.SetPosition(-0.5, -0.7 if below else 0.7, 1.0)  # if the camera is below the body, the light is below too
-    renderer.AddLight(light)
-    for piece in shot.pieces:
-        renderer.AddActor(_actor(piece, shot.limits))
-    camera = renderer.GetActiveCamera()
-    camera.SetFocalPoint(*shot.centre)
-    camera.SetPosition(*(c + 20.0 * d for c, d in zip(shot.centre, shot.direction, strict=True)))
-    camera.SetViewUp(*shot.up)
-    camera.SetParallelProjection(1)
-    camera.SetParallelScale(shot.height / 2.0)
-    renderer.ResetCameraClippingRange()
-    reader.SetInput(window)
-    reader.ReadFrontBufferOff()
-    reader.Update()
-    pixels, (width, height, _) = reader.GetOutput(), reader.GetOutput().GetDimensions()
-    colours = vtk_to_numpy(pixels.GetPointData().GetScalars()).reshape(height, width, 3)
-    image, buffer = Image.fromarray(np.ascontiguousarray(colours[::-1])), io.BytesIO()
-    image.resize(shot.size, Image.Resampling.BOX).quantize(COLOURS).save(buffer, "PNG", optimize=True)
-    return buffer.getvalue()
+    """Draw a shot and return it as PNG."""
+    view, pieces, light = shot.view, shot.pieces, np.array([-0.5, 0.7, 1.0])
+    if np.dot(shot.direction, shot.up) < 0.0:
+        light[1] *= -1.0  # if the camera is below the body, the light is below too
+    corners = [piece.points[np.pad(piece.faces, ((0, 0), (0, 4 - piece.faces.shape[1])), "edge")] for piece in pieces]
+    polygons = np.concatenate(corners) @ view.T  # the last corner of a triangle twice
+    layers = np.concatenate([np.broadcast_to(piece.layer, len(piece.faces)) for piece in pieces])
+    order = np.lexsort((polygons[:, :, 2].mean(axis=1), layers))
+    looks = [_face_looks(piece, view, light / np.linalg.norm(light), shot.limits) for piece in pieces]
+    faces, edges, widths = (np.concatenate(of)[order] for of in zip(*looks, strict=True))
+    (wide, tall), (x, y, _) = shot.size, view @ np.array(shot.centre)
+    figure, half = Figure(figsize=(wide / DOTS, tall / DOTS), facecolor="white"), shot.height / 2.0
+    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    ax.set_axis_off()
+    ax.set(xlim=(x - half * wide / tall, x + half * wide / tall), ylim=(y - half, y + half))
+    drawn = PolyCollection(
+        polygons[order, :, :2], facecolors=faces, edgecolors=edges, linewidths=widths, joinstyle="round"
+    )
+    ax.add_collection(drawn, autolim=False)
+    every, few = io.BytesIO(), io.BytesIO()
+    figure.savefig(every, format="png", dpi=DOTS)
+    Image.open(every).convert("RGB").quantize(COLOURS).save(few, "PNG", optimize=True)
+    return few.getvalue()
 
 
-def _actor(piece: Piece, limits: tuple[float, float]) -> Any:
-    """Return a piece as an actor of VTK; `limits` is the range of the piece's values that the colours span."""
-    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
-    from vtkmodules.vtkCommonCore import vtkPoints
-    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
-    from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
+def _face_looks(piece: Piece, view: Array, light: Array, limits: tuple[float, float]) -> tuple[Array, Array, Array]:
+    """Colours (S, 4) of a piece's faces and of their edges, and widths (S,) of these in points.
 
-    mesh, points, faces, mapper, actor = vtkPolyData(), vtkPoints(), vtkCellArray(), vtkPolyDataMapper(), vtkActor()
-    points.SetData(numpy_to_vtk(np.ascontiguousarray(piece.points), deep=True))
-    sides = np.insert(piece.faces, 0, piece.faces.shape[1], axis=1).astype(np.int64).ravel()
-    faces.ImportLegacyFormat(numpy_to_vtkIdTypeArray(sides, deep=True))
-    mesh.SetPoints(points)
-    mesh.SetPolys(faces)
-    look = actor.GetProperty()
-    look.SetColor(*_channels(piece.colour))
+    `view` is that of the shot, `light` the direction to the light in the picture's axes, and `limits` is the range of
+    values that the colours span.  Light falls on both sides of a face.
+    """
+    normals = piece.normals @ view.T
+    bright = AMBIENT + DIFFUSE * np.maximum(np.where(normals[:, 2:] < 0.0, -normals, normals) @ light, 0.0)
+    colours = np.tile(to_rgb(piece.colour), (len(bright), 1))
     if piece.values is not None:
-        ramp, (low, high) = np.array([_channels(colour) for colour in RAMP]), limits
-        at = (piece.values - low) / (high - low) * (len(ramp) - 1)
-        colours = np.stack([np.interp(at, np.arange(len(ramp)), channel) for channel in ramp.T], axis=1)
-        mesh.GetCellData().SetScalars(numpy_to_vtk((255.0 * colours + 0.5).astype(np.uint8), deep=True))
-    mapper.SetInputData(mesh)
-    look.SetInterpolationToFlat()
-    look.SetAmbient(AMBIENT)
-    look.SetDiffuse(DIFFUSE)
-    look.SetOpacity(piece.opacity)
+        colours = LinearSegmentedColormap.from_list("stress", RAMP)(Normalize(*limits)(piece.values))[:, :3]
+    faces = np.hstack([np.clip(colours * bright[:, None], 0.0, 1.0), np.full((len(bright), 1), piece.opacity)])
+    edges = faces.copy()  # they close the gaps between faces
     if piece.edges:
-        look.EdgeVisibilityOn()
-        look.SetEdgeColor(*_channels(EDGE))
-        look.SetLineWidth(FINER * piece.edges)
-        look.SetEdgeOpacity(0.35)
-    actor.SetMapper(mapper)
-    return actor
-
-
-def _channels(colour: str) -> Vector:
-    """Return red, green and blue (0 to 1) of a colour such as ``#1c2733``."""
-    red, green, blue = (int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5))
-    return red, green, blue
-
-
-if __name__ == "__main__":
-    shots_to_draw = pickle.loads(sys.stdin.buffer.read())
-    sys.stdout.buffer.write(pickle.dumps([render_shot(shot) for shot in shots_to_draw]))
+        edges[:, :3] += EDGE_OPACITY * (np.array(to_rgb(EDGE)) - edges[:, :3])
+    elif piece.opacity < 1.0:
+        edges[:, 3] = 0.0
+    return faces, edges, np.full(len(bright), (piece.edges or 0.5) * 72.0 / DOTS)

@@ -13,7 +13,7 @@ import numpy as np
 
 from pmr.files.arrays import Array
 from pmr.report import first_page, forces, player, scene_tables, sentences, stresses, subject
-from pmr.report.album import Album, start_album
+from pmr.report.album import make_album
 from pmr.report.blocks import Block, Chapter, Drawing, Grid, Notices, Player, Table, signed_deviation
 from pmr.report.bodies import fields_by_body, has_stresses, largest_colour_stress
 from pmr.report.columns import (
@@ -39,9 +39,7 @@ Show = Callable[[RunResult, str], Block | None]
 
 def chapter(result: RunResult, anchor: str) -> Chapter:
     """Build the chapter about a run; `anchor` begins all identifiers in it."""
-    pictures = start_album(result, anchor)  # another process renders them meanwhile
     sections = [error_block(result), accuracy_block(result), *(show(result, anchor) for show in SECTIONS)]
-    sections.insert(2, motion_block(result, anchor, pictures))  # the pictures are there by now
     return Chapter(
         anchor=anchor,
         title=result.scene.title,
@@ -122,25 +120,23 @@ def input_block(result: RunResult, prefix: str) -> Block | None:
     return Block("Motion and loads that are given", row, text=_weight_sentence(result)) if row else None
 
 
-def motion_block(result: RunResult, prefix: str, pictures: Callable[[], Album]) -> Block | None:
-    """Build the block with the animation of the motion, and pictures if the run has fields, for which `pictures` waits.
+def motion_block(result: RunResult, prefix: str) -> Block | None:
+    """Build the block with the animation of the motion, and pictures if the run has fields.
 
     It is None if the run has neither fields nor outputs along an axis.  `prefix` begins the identifiers of the figures.
     """
     if not fields_by_body(result):
         return None
-    data, picture_album, scale = player.body_motion(result), pictures(), list[Drawing]()
-    absent = f"There are no pictures: {picture_album.absent}." if picture_album.absent else ""
-    if has_stresses(result) and (data or picture_album.pictures):
+    data, pictures, scale = player.body_motion(result), make_album(result, prefix), list[Drawing]()
+    if has_stresses(result) and (data or pictures):
         caption = "Colours of the pictures: the largest von Mises stress of each cell."
         scale.append(drawing(f"{prefix}-ramp", shapes.colour_scale, caption, largest_colour_stress(result) / 1e6))
-    shown = Player(data, player.drawing_sentence(data)) if data else None
     tip, still = tip_drawings(result, prefix)
     return Block(
         heading="Motion",
-        text=" ".join(filter(None, (absent, undrawn_sentence(still)))),
-        player=shown,
-        pictures=picture_album.pictures,
+        text=undrawn_sentence(still),
+        player=Player(data, player.drawing_sentence(data)) if data else None,
+        pictures=pictures,
         drawings=[*scale, *space.space_drawings(result, prefix), *tip],
     )
 
@@ -278,9 +274,9 @@ def origin_block(result: RunResult) -> Block:
     return Block(heading="Provenance", tables=shown, software=scene_tables.software_versions(result.summary))
 
 
-#: Functions of the blocks between that about the motion and that about the origin, in the order of the page.
+#: Functions of the blocks between that about accuracy and that about the origin, in the order of the page.
 SECTIONS: tuple[Show, ...] = (
-    input_block, stresses.stress_block,
+    motion_block, input_block, stresses.stress_block,
     stresses.section_force_block, stresses.probe_block, forces.contact_block,
     forces.cylinder_block, forces.support_block, forces.pivot_block, forces.ground_block, forces.driven_block,
     forces.hoist_block, energy_block, basis_block, response_block,

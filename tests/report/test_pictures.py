@@ -1,24 +1,17 @@
-import base64
 import io
 import re
-import sys
 from dataclasses import replace
 from pathlib import Path
-from threading import Event
 
 import numpy as np
 import pytest
 from PIL import Image
-from waiting import PATIENCE
 
 from pmr import scene as scenes
 from pmr.report import album as pictures
-from pmr.report import renderer as studio
-from pmr.report import sections
-from pmr.report.album import start_album
-from pmr.report.bodies import drawn_moments
+from pmr.report.bodies import body_surface, drawn_moments
 from pmr.report.document import render_runs as render
-from pmr.report.renderer import NoPictureError, Piece, Shot, frame_shots, render_shots
+from pmr.report.renderer import Piece, Shot, frame_shots, render_shot
 from pmr.report.sections import chapter as case
 from pmr.results import BodyResult, Paths
 from pmr.results.pads import THICK
@@ -37,8 +30,8 @@ def test_all_shots_of_a_side_have_one_scale_and_hold_what_they_show() -> None:
 
 @pytest.mark.slow
 def test_a_picture_shows_what_it_is_told_to_and_is_the_same_again() -> None:
-    first, second = render_shots([SHOT, SHOT])
-    assert first == second == render_shots([SHOT])[0]
+    first = render_shot(SHOT)
+    assert first == render_shot(SHOT)
     seen = np.asarray(Image.open(io.BytesIO(first)).convert("RGB")).astype(int)
     assert seen.shape == (40, 80, 3)
     assert np.all(seen[:8] == 255) and np.all(seen[:, :28] == 255)  # white around it
@@ -46,28 +39,38 @@ def test_a_picture_shows_what_it_is_told_to_and_is_the_same_again() -> None:
     assert red > 80 and red > 2 * green and red > 2 * blue  # the last colour
 
 
-def test_without_vtk_the_report_says_so(monkeypatch, make_space, make_fields) -> None:
-    hidden = (
-        "import sys; sys.modules['vtkmodules'] = None; import runpy; runpy.run_module(sys.argv[1], run_name='__main__')"
-    )
-    run = studio.subprocess.run
-    monkeypatch.setattr(studio.subprocess, "run", lambda c, **k: run([sys.executable, "-c", hidden, c[-1]], **k))
-    found = start_album(make_space(fields=make_fields("line")), "case-1")()
-    assert found.pictures == () and "vtkmodules" in found.absent
+def colours_of(*pieces: Piece) -> np.ndarray:
+    """Colours (40, 80, 3) of a picture of pieces from the front."""
+    picture = render_shot(replace(SHOT, pieces=pieces))
+    return np.asarray(Image.open(io.BytesIO(picture)).convert("RGB")).astype(int)
 
 
-def test_a_driver_that_ends_its_process_ends_no_report(monkeypatch) -> None:
-    run = studio.subprocess.run
-    crash = "import os; os.abort()"
-    monkeypatch.setattr(studio.subprocess, "run", lambda c, **k: run([sys.executable, "-c", crash], **k))
-    with pytest.raises(NoPictureError, match="the graphics library ended unexpectedly"):
-        render_shots([SHOT])
+def test_what_is_near_hides_what_is_far_and_a_layer_hides_those_below() -> None:
+    """A red square and one behind it that is blue, in either order; the blue one wins in a layer above."""
+    red, blue = replace(SQUARE, values=None, colour="#ff0000"), replace(SQUARE, values=None, colour="#0000ff")
+    behind = replace(blue, points=blue.points + (0.0, 0.5, 0.0))
+    for pieces in ((red, behind), (behind, red)):
+        assert colours_of(*pieces)[20, 40, 0] > 100 > colours_of(*pieces)[20, 40, 2]
+    assert colours_of(red, replace(behind, layer=1.0))[20, 40, 2] > 100
+    seen_through = colours_of(behind, replace(red, opacity=0.3))[20, 40]
+    assert seen_through[2] > seen_through[0] > 40
+
+
+def test_faces_of_a_body_are_turned_outwards(make_fields) -> None:
+    """However the cells of a mesh go round."""
+    for kind in ("line", "triangle", "hexahedron"):
+        surface = body_surface(make_fields(kind))
+        piece = Piece(surface.points, surface.faces)
+        away = surface.points[surface.faces].mean(axis=1) - surface.points.mean(axis=0)
+        along = np.abs(piece.normals[:, 0]) > 0.9  # faces at the ends
+        assert (np.sum(piece.normals * away, axis=1)[~along] > 0.0).all()
+        assert list(piece.faces_towards((0.0, -1.0, 0.0))) == list(piece.normals[:, 1] < 0.0)
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_pictures_stand_in_the_page(monkeypatch, make_space, make_fields) -> None:
-    monkeypatch.setattr(pictures, "render_shots", lambda shots: [b"picture"] * len(shots))
+    monkeypatch.setattr(pictures, "render_shot", lambda shot: b"picture")
     page = render([case(make_space(fields=make_fields("triangle")), "case-1")])
     images = re.findall(
         r'<figure id="case-1-([^"]+)" class="picture">\s*<img src="data:image/png;base64,cGljdHVyZQ=="', page
@@ -76,25 +79,6 @@ def test_pictures_stand_in_the_page(monkeypatch, make_space, make_fields) -> Non
     assert 'id="case-1-ramp"' in page
     assert "displacements 50 times their size" in page
     assert "largest von Mises stress 47.2\u00a0MPa" in page
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_all_else_is_drawn_while_pictures_are_made(monkeypatch, make_space, make_fields) -> None:
-    drawn = Event()
-    monkeypatch.setattr(sections, "SECTIONS", (lambda result, prefix: drawn.set(),))
-    monkeypatch.setattr(pictures, "render_shots", lambda shots: [b"late" if drawn.wait(PATIENCE) else b""] * len(shots))
-    (block,) = [of for of in case(make_space(fields=make_fields("line")), "case-1").blocks if of.pictures]
-    assert {one.data for one in block.pictures} == {base64.b64encode(b"late").decode()}
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_a_page_without_pictures_says_why(monkeypatch, make_space, make_fields) -> None:
-    def refuse(shots: object) -> None:
-        raise NoPictureError("nothing to draw with")
-
-    monkeypatch.setattr(pictures, "render_shots", refuse)
-    page = render([case(make_space(fields=make_fields("line")), "case-1")])
-    assert "There are no pictures: nothing to draw with." in page and 'class="picture"' not in page
 
 
 def test_a_boom_stands_over_the_ground_on_its_cylinder_with_pads_at_their_places(make_space, make_fields) -> None:
@@ -111,10 +95,10 @@ def test_a_boom_stands_over_the_ground_on_its_cylinder_with_pads_at_their_places
     paths, bodies = Paths(("fly",), ahead, 0.0 * ahead), {"base": still, "fly": still}
     views = pictures._Views(replace(alone, scene=scene, bodies=bodies, paths=paths, reach=8.0 + 0.0 * ahead[:, 0]))
     (moment, *_) = drawn_moments(views.result)
-    places = [block.corners.mean(axis=0) for block in views._joint_pads(moment.frame)]
+    places = [piece.points.mean(axis=0) for piece in views._pads(moment, np.array([0.0, -1.0, 0.0]))]
     assert [place[0] for place in places] == pytest.approx([2.15, 2.15, 5.85, 5.85])
     assert all(abs(place[2]) == pytest.approx(0.2 + THICK / 2.0) for place in places)  # walls are drawn thin
-    (rod,) = (piece for piece in views._surrounding_pieces(moment) if piece.colour == pictures.CYLINDER)
+    (rod,) = (piece for piece in views._pieces_at(moment, pictures.SIDE) if piece.colour == pictures.CYLINDER)
     lug = np.array([np.cos(np.pi / 6.0) * 1.8 + 0.05, 0.0, 0.9 - 0.1 * np.cos(np.pi / 6.0)])
     assert rod.points[:4].mean(axis=0) == pytest.approx([0.4, 0.0, -1.2]) and rod.points[4:].mean(
         axis=0

@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 
 from pmr import RunResult
-from pmr.report import album as pictures
 from pmr.report import player as players
 from pmr.report.bodies import body_surface
 from pmr.report.document import render_runs as render
 from pmr.report.player import body_motion, compress, drawing_sentence
-from pmr.report.renderer import NoPictureError
 from pmr.report.sections import chapter as case
 from pmr.results import BodyResult
 
@@ -103,10 +101,6 @@ def test_script_reads_what_is_there(data: dict[str, Any]) -> None:
 
 @pytest.mark.usefixtures("undrawn")
 def test_the_page_plays_offline_and_pictures_stand_beside(monkeypatch, boom_in_motion: RunResult) -> None:
-    def refuse(shots: object) -> None:
-        raise NoPictureError("nothing to draw with")
-
-    monkeypatch.setattr(pictures, "render_shots", refuse)
     page = render([case(boom_in_motion, "case-1")])
     assert page.count("<canvas") == page.count("class Player") == 1
     assert re.search(r'<option value="50" selected>50 ×</option>', page)
