@@ -10,7 +10,7 @@ import numpy as np
 from pmr.files.arrays import Array, Summary
 from pmr.report import sentences
 from pmr.report.blocks import Grid
-from pmr.report.numbers import NOTHING, SPACE, Unit, format_input, format_time, significant, unit_for
+from pmr.report.numbers import NOTHING, SPACE, Unit, format_input, format_quantity, format_time, significant, unit_for
 from pmr.report.subject import crossing, is_alone, moving_part
 from pmr.report.subject import reach as reach_of
 from pmr.results import RunResult
@@ -35,9 +35,13 @@ class LargestValue(NamedTuple):
 LargestValues = Iterator[LargestValue]
 
 
-def largest_value(key: str, text: str, share: float | None = None) -> LargestValue:
-    """Return the row of the quantity with this key: it has the name and the place of the quantity."""
-    return LargestValue(QUANTITIES[key].reported, text, share, QUANTITIES[key].place)
+def largest_value(key: str, text: str, share: float | None = None, name: str = "", end: str = "") -> LargestValue:
+    """Return the row of the quantity with this key: it has the name, if no other is passed, and place of the quantity.
+
+    The text of the row is `text` and its `end`.
+    """
+    quantity = QUANTITIES[key]
+    return LargestValue(name or quantity.reported, text + end, share, quantity.place)
 
 
 class Measured(NamedTuple):
@@ -151,3 +155,8 @@ def position_text(result: RunResult, position: float) -> str:
 def two_decimals(value: float) -> str:
     """Format the number `value`, rounded to two decimals."""
     return format_input(round(value, 2))
+
+
+def value_at(result: RunResult, extreme: Extreme, unit: str, *words: str) -> str:
+    """Text of an extreme value with its unit, followed by some `words` and by its time and place."""
+    return ", ".join((format_quantity(extreme.value, unit), *words, extreme_clause(result, extreme)))

@@ -15,9 +15,12 @@ from pmr.report.extremes import (
     LargestValues,
     angles_clause,
     extreme_clause,
+    extremes_of,
+    largest_value,
     peak_place_clause,
     position_text,
     two_decimals,
+    value_at,
 )
 from pmr.report.largest_forces import force_rows
 from pmr.report.numbers import (
@@ -122,27 +125,16 @@ HEADINGS = {
 }
 #: Places of quantities in the order of their rows on the first page.
 PLACES = tuple(place for places in HEADINGS.values() for place in places)
-#: Places of rows that are no quantities, by the beginnings of their names.
-OTHER_PLACES = {
-    "dynamic factors": "machine",
-    "length of the luffing cylinder": "cylinder",
-    "height of the hook": "hoist",
-    "largest flow from the supply": "cylinder",
-    "stress": "section",
-}
 
 
 def _rank(row: LargestValue) -> int:
     """Return the number in `PLACES` of the part to which a row belongs; rows of no such part are last."""
-    places = {of.reported: of.place for of in QUANTITIES.values() if of.reported} | OTHER_PLACES
-    names = [name for name in places if row.name.startswith(name)]
-    return PLACES.index(places[max(names, key=len)]) if names else len(PLACES)
+    return PLACES.index(row.place) if row.place in PLACES else len(PLACES)
 
 
 def _heading(row: LargestValue) -> str:
     """Heading of a row without an allowed value; rows of no part in `PLACES` have the last one."""
-    place = PLACES[min(_rank(row), len(PLACES) - 1)]
-    return next(heading for heading, places in HEADINGS.items() if place in places)
+    return next((heading for heading, places in HEADINGS.items() if row.place in places), list(HEADINGS)[-1])
 
 
 def _largest_values(result: RunResult) -> LargestValues:
@@ -152,12 +144,11 @@ def _largest_values(result: RunResult) -> LargestValues:
     if damages := summary.get("fatigue"):
         worst = damages[0]
         life = "" if worst["life"] is None else f", endured {significant(worst['life'])} times"
-        text = f"{significant(worst['damage'])}, {worst['name']}{life}"
-        yield LargestValue(QUANTITIES["damage"].reported, text, worst["damage"])
+        yield largest_value("damage", f"{significant(worst['damage'])}, {worst['name']}{life}", worst["damage"])
     if (buckling := summary.get("buckling", {})).get("factor") is not None:
         when = f"at {format_time(buckling['t'])}{angles_clause(result, buckling['t'])}"
         text = f"{significant(buckling['factor'])}, {when}{_closed_pads_clause(result)}"
-        yield LargestValue(QUANTITIES["buckling"].reported, text)
+        yield largest_value("buckling", text)
     yield from _deflection_rows(result)
     yield from _further_output_rows(result)
     yield from _frequency_rows(result)
@@ -175,7 +166,7 @@ def _stress_rows(result: RunResult) -> LargestValues:
     summary = result.summary
     largest = summary.get("max_von_mises", {}).get("reduced")
     if largest is None:
-        yield LargestValue("stress", "not computed: a table [recovery] asks for it")
+        yield largest_value("stress", "not computed: a table [recovery] asks for it", name="stress")
         return
     peak, used = (summary.get(name, {}).get("reduced") for name in ("stress_peak", "utilisation"))
     stress_text, local, of_beams = format_quantity(largest, "Pa"), "", bool(stress_remark(result.scene))
@@ -193,28 +184,25 @@ def _stress_rows(result: RunResult) -> LargestValues:
     if used and used["stress"] == largest:
         stress_text, peak, used = f"{stress_text}, {share}", used, None
     where = "" if peak is None else f", {peak_place_clause(result, peak)}"
-    yield LargestValue(stress_name(result.scene), f"{stress_text}{local}{where}", None if used else highest)
+    highest_beside = None if used else highest
+    yield largest_value("stress", f"{stress_text}{local}{where}", highest_beside, stress_name(result.scene))
     if used:
-        yield LargestValue("largest stress over yield stress", f"{share}, {peak_place_clause(result, used)}", highest)
+        yield largest_value("utilisation", f"{share}, {peak_place_clause(result, used)}", highest)
 
 
 def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
     """Row on the largest stress in walls at pads: value and its bar, share, place, time, and what it contains."""
     at = PeakSummary(t=shell["t"], position=shell["position"], section=shell["section"])
     at["region"] = f"{shell['region']} wall" if shell["region"] else "walls"
-    allowed = shell.get("yield")
-    share = None if allowed is None else shell["value"] / allowed
-    used = ""
+    allowed, used, share = shell.get("yield"), "", None
     if allowed is not None:
-        used = f", {format_percent(shell['value'] / allowed)} of the {format_quantity(allowed, 'Pa')} of yield"
+        share = shell["value"] / allowed
+        used = f", {format_percent(share)} of the {format_quantity(allowed, 'Pa')} of yield"
         if "error" in shell:
             used += f", with this bar {format_percent((shell['value'] + shell['error']) / allowed)}"
-    return LargestValue(
-        QUANTITIES["wall_stress"].reported,
-        f"{wall_stress_words(shell)}{used}, {peak_place_clause(result, at)}; {WALL_STRESS_PARTS}"
-        f"{WALL_STRESS_BAR if 'error' in shell else ''}; without welds{_missing_clause(result.summary)}",
-        share,
-    )
+    contains = f"{WALL_STRESS_PARTS}{WALL_STRESS_BAR if 'error' in shell else ''}; without welds"
+    text = f"{wall_stress_words(shell)}{used}, {peak_place_clause(result, at)}; {contains}"
+    return largest_value("wall_stress", f"{text}{_missing_clause(result.summary)}", share)
 
 
 #: What the stress in walls at pads contains, and what its bar; results of earlier versions have no bar.
@@ -270,30 +258,28 @@ def _deflection_rows(result: RunResult) -> LargestValues:
     """
     response, mover = result.responses["reduced"], crossing(result)
     called = f"largest displacement of {mover}" if mover else QUANTITIES["tip"].reported
-    sizes = {
-        direction: what(response)
-        for direction, what in tip_displacements(result).items()
-        if not is_round_off(result, what)
-    }
-    for direction, values in sizes.items():
-        largest = Extremes.from_history(values, response.t, result.abscissa_at(response.t)).largest
-        row, size = f"{called}, {direction_words(result, direction)}", _deflection_text(direction, largest.value)
-        is_turned = result.frame is not None or is_raised(result)
+    is_turned = result.frame is not None or is_raised(result)
+    for direction, what in tip_displacements(result).items():
+        if is_round_off(result, what):
+            continue
+        values = what(response)
+        largest, row = extremes_of(result, values).largest, f"{called}, {direction_words(result, direction)}"
+        size = _deflection_text(direction, largest.value)
         if direction == "z" and is_turned:  # neither up nor down in space
             side = "above" if largest.value > 0.0 else "below"
             size = f"{format_length(abs(largest.value))} {side} its straight axis"
-        yield LargestValue(row, f"{size}, {extreme_clause(result, largest)}{no_play_clause(result)}")
+        yield largest_value("tip", f"{size}, {extreme_clause(result, largest)}{no_play_clause(result)}", name=row)
         if direction == "z" and is_turned and (angles := elevation(result, response.t)) is not None:
-            of = values * np.cos(angles)
-            largest = Extremes.from_history(of, response.t, result.abscissa_at(response.t)).largest
+            largest = extremes_of(result, values * np.cos(angles)).largest
             text = f"{_deflection_text('z', largest.value)}, {extreme_clause(result, largest)}"
-            yield LargestValue(f"{called}, vertical part", text)
+            yield largest_value("tip", text, name=f"{called}, vertical part")
     for line in axis_points(result, response)[:-1] if mover else ():
         deflections = line.displacements(response)
         k = int(np.abs(deflections).max(axis=0).argmax())
-        largest = Extremes.from_history(deflections[:, k], response.t, result.abscissa_at(response.t)).largest
+        largest = extremes_of(result, deflections[:, k]).largest
         where = f"{_deflection_text('z', largest.value)}, {two_decimals(line.x[k])}{SPACE}m from its tail"
-        yield LargestValue(f"largest deflection of {line.body}", f"{where}, {extreme_clause(result, largest)}")
+        text = f"{where}, {extreme_clause(result, largest)}"
+        yield largest_value("beam", text, name=f"largest deflection of {line.body}")
 
 
 def _further_output_rows(result: RunResult) -> LargestValues:
@@ -302,8 +288,7 @@ def _further_output_rows(result: RunResult) -> LargestValues:
     units = dict(zip(response.other_names, response.other_units, strict=True))
     for name, values in QUANTITIES["probe"].histories(response).items():
         if name not in probes:
-            most = Extremes.from_history(values, response.t, result.abscissa_at(response.t)).largest
-            text = f"{format_quantity(most.value, units[name])}, {extreme_clause(result, most)}"
+            text = value_at(result, extremes_of(result, values).largest, units[name])
             yield LargestValue(f"largest {name}", text)
 
 
@@ -331,12 +316,10 @@ def _frequency_rows(result: RunResult) -> LargestValues:
         closed += _locked_clause(result)
         way = result.summary.get("lowest_mode", {}).get("direction", "")
         where = f"{TIP_MOVES[way]}{where}" if way in TIP_MOVES else where
-        yield LargestValue(
-            QUANTITIES["frequency"].reported,
-            f"{significant(lowest)}{SPACE}Hz{where}{closed}{_closed_pads_clause(result)}",
-        )
+        text = f"{significant(lowest)}{SPACE}Hz{where}{closed}{_closed_pads_clause(result)}"
+        yield largest_value("frequency", text)
     else:
-        yield LargestValue(QUANTITIES["frequency"].reported, f"0{where}")
+        yield largest_value("frequency", f"0{where}")
 
 
 def _locked_clause(result: RunResult) -> str:

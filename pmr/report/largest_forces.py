@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from pmr.files.arrays import Summary
 from pmr.report import errors
-from pmr.report.extremes import LargestValue, LargestValues, extreme_clause
+from pmr.report.extremes import LargestValue, LargestValues, extreme_clause, largest_value, value_at
 from pmr.report.numbers import SPACE, format_length, format_percent, format_quantity, significant
 from pmr.report.overview import format_range
 from pmr.report.subject import (
@@ -34,8 +35,6 @@ FORCES = tuple(
     key for key, quantity in QUANTITIES.items() if quantity.unit in ("N", "N m") and quantity.reported
     and key not in ("luffing_force", "extension_force")
 )  # fmt: skip
-#: Name of the row with the length of the luffing cylinder.
-LUFFING_LENGTH = "length of the luffing cylinder"
 #: Beginnings of the names of reactions at the pivot, of outputs of a machine that moves, and of forces on the ground.
 PIVOT, MACHINE, GROUND = f"{AT_PIVOT} ", "machine ", f"{AT_GROUND} "
 #: Kinds of the outputs with the forces of a key, unless the summary has them.
@@ -71,29 +70,25 @@ def _driven_rows(result: RunResult) -> LargestValues:
     for way in ("luffing", "extension"):
         if (cylinder := result.summary.get(f"{way}_cylinder")) is None:
             continue
-        largest, length = Extremes.from_summary(cylinder["force"]).largest, cylinder["length"]
-        text = f"{format_quantity(abs(largest.value), 'N')}, it {_push_or_pull(largest)}, "
-        text += extreme_clause(result, largest)
-        if way == "extension":
-            text += f"; {format_range(length['min'], length['max'], f'{SPACE}m out')}"
-        yield LargestValue(QUANTITIES[f"{way}_force"].reported, text)
+        force, length = Extremes.from_summary(cylinder["force"]).largest, cylinder["length"]
+        text = value_at(result, replace(force, value=abs(force.value)), "N", f"it {_push_or_pull(force)}")
         if way == "luffing":
+            yield largest_value("luffing_force", text)
             yield _luffing_length_row(result, length)
+        else:
+            text += f"; {format_range(length['min'], length['max'], f'{SPACE}m out')}"
+            yield largest_value("extension_force", text)
         if use := cylinder.get("use"):
             most = Extremes.from_summary(use).highest
             text = f"{format_percent(most.value)} of the force that it bears, {extreme_clause(result, most)}"
-            yield LargestValue(
-                QUANTITIES["luffing_use"].reported, f"{text}; {_allowed_forces_words(result)}", most.value
-            )
+            yield largest_value("luffing_use", f"{text}; {_allowed_forces_words(result)}", most.value)
         pressures = {side: Extremes.from_summary(of) for side in OIL_SIDES if (of := cylinder.get(f"pressure_{side}"))}
         for side in sorted(pressures, key=lambda side: pressures[side].most)[-1:]:
-            most = pressures[side].largest
-            text = f"{format_quantity(most.value, 'Pa')}, {OIL_SIDES[side]}, {extreme_clause(result, most)}"
-            yield LargestValue(QUANTITIES["driven_pressure"].reported, text)
+            yield largest_value("driven_pressure", value_at(result, pressures[side].largest, "Pa", OIL_SIDES[side]))
         if flow := cylinder.get("flow_supply"):
-            most, power = Extremes.from_summary(flow).largest, cylinder["power_supply"]["max"]
-            text = f"{format_quantity(most.value, 'm^3/s')}, {format_quantity(power, 'W')} at most"
-            yield LargestValue("largest flow from the supply", f"{text}, {extreme_clause(result, most)}")
+            power = f"{format_quantity(cylinder['power_supply']['max'], 'W')} at most"
+            text = value_at(result, Extremes.from_summary(flow).largest, "m^3/s", power)
+            yield largest_value("driven_flow", text, name="largest flow from the supply")
 
 
 def _allowed_forces_words(result: RunResult) -> str:
@@ -124,7 +119,7 @@ def _support_use_rows(result: RunResult) -> LargestValues:
         largest, share = extremes[name].largest, extremes[name].size / allowed[name]
         of_allowed = f"{format_percent(share)} of {format_quantity(allowed[name], 'N')}"
         text = f"{of_allowed}, {_bearer_words('support', name)}, {extreme_clause(result, largest)}"
-        yield LargestValue(QUANTITIES["support_use"].reported, text, share)
+        yield largest_value("support_use", text, share)
 
 
 def _luffing_length_row(result: RunResult, length: Summary) -> LargestValue:
@@ -133,18 +128,16 @@ def _luffing_length_row(result: RunResult, length: Summary) -> LargestValue:
     The row has a share of what is allowed only where a given angle needs a length beyond the stroke.  A cylinder that
     turns the boom has stops, which are springs: on a stop its length is a little beyond its stroke.
     """
-    least, most = length["min"], length["max"]
-    text, frame = format_range(least, most, f"{SPACE}m"), result.scene.frame
-    if frame is None or frame.cylinder is None or frame.cylinder.stroke is None:
-        return LargestValue(LUFFING_LENGTH, text)
-    low, high = frame.cylinder.stroke
-    text += f"; its stroke is {format_range(low, high, f'{SPACE}m')}"
-    beyond = max(low - least, most - high) / (high - low)
-    if has_free_luffing(result) or beyond < ROUND_OFF:
-        return LargestValue(LUFFING_LENGTH, text)
-    return LargestValue(
-        LUFFING_LENGTH, f"{text}, and the given angles need {format_percent(beyond)} more", 1.0 + beyond
-    )
+    least, most, frame = length["min"], length["max"], result.scene.frame
+    text, share = format_range(least, most, f"{SPACE}m"), None
+    if frame is not None and frame.cylinder is not None and frame.cylinder.stroke is not None:
+        low, high = frame.cylinder.stroke
+        text += f"; its stroke is {format_range(low, high, f'{SPACE}m')}"
+        beyond = max(low - least, most - high) / (high - low)
+        if beyond >= ROUND_OFF and not has_free_luffing(result):
+            text += f", and the given angles need {format_percent(beyond)} more"
+            share = 1.0 + beyond
+    return largest_value("driven_length", text, share, "length of the luffing cylinder")
 
 
 def _push_or_pull(force: Extreme) -> str:
@@ -154,38 +147,32 @@ def _push_or_pull(force: Extreme) -> str:
 
 def _pressure_rows(result: RunResult) -> LargestValues:
     """Yield a row with the largest mean pressure of a pad; nothing if no pad has a size."""
-    pads = [pad for pad in result.summary.get("pads", ()) if "pressure" in pad]
-    if pads:
+    if pads := [pad for pad in result.summary.get("pads", ()) if "pressure" in pad]:
         pad = max(pads, key=lambda pad: float(pad["pressure"]))
-        force = Extremes.from_summary(pad).largest
-        pressure, when = format_quantity(pad["pressure"], "Pa"), extreme_clause(result, force)
-        yield LargestValue(QUANTITIES["pad_pressure"].reported, f"{pressure}, {pad['name']}, {when}")
+        pressed = replace(Extremes.from_summary(pad).largest, value=pad["pressure"])
+        yield largest_value("pad_pressure", value_at(result, pressed, "Pa", pad["name"]))
 
 
 def _indentation_rows(result: RunResult) -> LargestValues:
     """Yield a row with the largest indentation of walls under a pad's own force; nothing if all walls are rigid."""
     if rows := result.summary.get("indentations"):
-        largest = max(rows, key=lambda row: float(row["value"]))
-        when = extreme_clause(result, Extreme(largest["value"], largest["t"], largest["s"]))
-        yield LargestValue(
-            QUANTITIES["indentation"].reported, f"{format_length(largest['value'])}, {largest['name']}, {when}"
-        )
+        row = max(rows, key=lambda row: float(row["value"]))
+        when = extreme_clause(result, Extreme(row["value"], row["t"], row["s"]))
+        yield largest_value("indentation", f"{format_length(row['value'])}, {row['name']}, {when}")
 
 
 def _hoist_rows(result: RunResult) -> LargestValues:
     """Yield rows with the range of the hook's height and with its largest swing."""
     if (hoist := result.summary.get("hoist")) is None:
         return
-    height = Extremes.from_summary(hoist["height"])
-    yield LargestValue(
-        "height of the hook", f"{format_quantity(height.least, 'm')} to {format_quantity(height.most, 'm')}"
-    )
-    swings = {way: Extremes.from_summary(hoist[f"swing_{way}"]).largest for way in ("along", "across")}
+    height = " to ".join(format_quantity(hoist["height"][end], "m") for end in ("min", "max"))
+    yield largest_value("hook_height", height, name="height of the hook")
+    swings = {way: Extremes.from_summary(hoist[f"swing_{way}"]).largest for way in SWING_SIDES}
     way = max(swings, key=lambda name: abs(swings[name].value))
     largest = swings[way]
-    side = SWING_SIDES[way][int(largest.value > 0.0)]
-    text = f"{format_quantity(abs(largest.value), 'rad')} {way} the boom, the hook {side} the head"
-    yield LargestValue(QUANTITIES["swing"].reported, f"{text}, {extreme_clause(result, largest)}")
+    text = f"{format_quantity(abs(largest.value), 'rad')} {way} the boom, the hook "
+    text += f"{SWING_SIDES[way][int(largest.value > 0.0)]} the head, {extreme_clause(result, largest)}"
+    yield largest_value("swing", text)
 
 
 def _forces_by_kind_rows(result: RunResult) -> LargestValues:
@@ -194,42 +181,39 @@ def _forces_by_kind_rows(result: RunResult) -> LargestValues:
     The row states its largest value, the part that bears it, and the time.
     """
     for key, forces in _extremes_of_forces(result).items():
-        row, unit = QUANTITIES[key].reported, QUANTITIES[key].unit
-        name = max(forces, key=lambda name: forces[name].size, default="")  # noqa: B023
+        name, unit = max(forces, key=lambda name: forces[name].size, default=""), QUANTITIES[key].unit  # noqa: B023
         if not forces or (not forces[name].size and key != "support"):
             continue
         if key in ("ground_force", "ground_moment") and "ground" in result.summary:
             continue  # outriggers and the margin against tipping say what they mean
         largest = forces[name].largest
         if not largest.value:
-            yield LargestValue(row, f"0, {name}")
+            yield largest_value(key, f"0, {name}")
         elif key == "cylinder_force" and not name.endswith(ROPES):
-            text = f"{format_quantity(abs(largest.value), unit)}, {name} {_push_or_pull(largest)}"
-            yield LargestValue(row, f"{text}, {extreme_clause(result, largest)}")
+            pushed = replace(largest, value=abs(largest.value))
+            yield largest_value(key, value_at(result, pushed, unit, f"{name} {_push_or_pull(largest)}"))
         else:
-            text = f"{format_quantity(largest.value, unit)}, {_bearer_words(key, name)}"
             play = no_play_clause(result) if key == "pad_force" else ""
-            yield LargestValue(row, f"{text}, {extreme_clause(result, largest)}{play}")
+            yield largest_value(key, value_at(result, largest, unit, _bearer_words(key, name)), end=play)
             if key == "pad_force":
                 yield from _yield_rows(result, forces)
 
 
 def _dynamic_factor_rows(result: RunResult) -> LargestValues:
     """Yield a row with the largest forces of this motion as multiples of those at rest in the same posture."""
-    if rows := result.summary.get("dynamic_factors"):
+    factors = [
+        f"{row['largest'] / row['rest']:.2f} {shown_force_name(row['name']).replace(FORCE_OF, '', 1)} "
+        f"({_rest_text(row)} at rest)"
+        for row in result.summary.get("dynamic_factors", ())
+    ]
+    if factors:
+        text = f"{', '.join(factors)}; largest value over that at rest, in the same posture under the same loads"
+        yield LargestValue("dynamic factors", text, place="machine")
 
-        def at_rest(row: Summary) -> str:
-            """Text of a row's value at rest."""
-            return format_percent(row["rest"]) if row["kind"] == "tipping" else format_quantity(abs(row["rest"]), "N")
 
-        factors = ", ".join(
-            f"{row['largest'] / row['rest']:.2f} {shown_force_name(row['name']).replace(FORCE_OF, '', 1)} "
-            f"({at_rest(row)} at rest)"
-            for row in rows
-        )
-        yield LargestValue(
-            "dynamic factors", f"{factors}; largest value over that at rest, in the same posture under the same loads"
-        )
+def _rest_text(row: Summary) -> str:
+    """Text of the value at rest of a row of dynamic factors."""
+    return format_percent(row["rest"]) if row["kind"] == "tipping" else format_quantity(abs(row["rest"]), "N")
 
 
 def _bearer_words(key: str, name: str) -> str:
@@ -261,13 +245,12 @@ def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestVal
         pad = max(shares, key=lambda name: shares[name][0])
         share, limit = shares[pad]
         bar = f" ± {format_quantity(limit['error'], 'N')} by their cells" if limit.get("error") else ""
-        yield LargestValue(
-            "largest pad force over that at which walls yield",
-            f"{format_percent(share)} of {format_quantity(limit['force'], 'N')}{bar}, {pad}, "
+        text = f"{format_percent(share)} of {format_quantity(limit['force'], 'N')}{bar}, {pad}, "
+        text += (
             f"{extreme_clause(result, forces[pad].largest)}; under the weakest pad of this joint alone the walls of "
-            f"{limit['section']} then begin to yield at its edge; the bending of the whole section adds to it",
-            share,
         )
+        text += f"{limit['section']} then begin to yield at its edge; the bending of the whole section adds to it"
+        yield largest_value("pad_force", text, share, "largest pad force over that at which walls yield")
 
 
 def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
@@ -361,13 +344,12 @@ def _ground_rows(result: RunResult) -> LargestValues:
         quantity, extremes = QUANTITIES[key], {row["name"]: Extremes.from_summary(row) for row in rows}
         name = min(extremes, key=lambda name: extremes[name].least)
         value = quantity.value(extremes[name])
-        is_use = key == "tipping"
-        text = f"{format_percent(value.value)} (100{SPACE}%: it tips)" if is_use else (
-            f"{format_quantity(value.value, quantity.unit)}, {name}"
-        )  # fmt: skip
-        error = _margin_error(result) if key == "tipping_margin" else ""
-        text = f"{text}, {extreme_clause(result, value)}{error}"
-        yield LargestValue(quantity.reported, text, value.value if is_use else None)
+        if key == "tipping":
+            text = f"{format_percent(value.value)} (100{SPACE}%: it tips), {extreme_clause(result, value)}"
+            yield largest_value(key, text, value.value)
+        else:
+            error = _margin_error(result) if key == "tipping_margin" else ""
+            yield largest_value(key, value_at(result, value, quantity.unit, name), end=error)
 
 
 def _margin_error(result: RunResult) -> str:
