@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pmr.files.arrays import Array
-from pmr.report.numbers import NOTHING, round_number
+from pmr.report.numbers import round_number
 from pmr.report.subject import is_alone, luffing_support_names, shown_force_name
 from pmr.results import Response, RunResult
 from pmr.results.tables import FORCE_OF
@@ -145,29 +145,6 @@ def tip_displacements(result: RunResult) -> Mapping[str, ResponseFunction]:
 def is_round_off(result: RunResult, quantity: ResponseFunction) -> bool:
     """Whether a displacement is at most round-off in every model; `quantity` reads the displacement from a response."""
     return max(float(np.abs(quantity(response)).max()) for response in result.responses.values()) <= _floor(result)
-
-
-def largest_difference(result: RunResult, quantity: ResponseFunction) -> float:
-    """Largest difference in m of a displacement between the reduced model and any other model; 0 if there is no other.
-
-    `quantity` reads the displacement (T,) in m from a response.
-    """
-    reduced = result.responses["reduced"]
-    displacements = [
-        interpolate(reduced.t, response.t, quantity(response))
-        for name, response in result.responses.items()
-        if name != "reduced"
-    ]
-    return max((float(np.abs(other - quantity(reduced)).max()) for other in displacements), default=0.0)
-
-
-def invisible_difference(result: RunResult) -> float:
-    """Relative difference between models up to which figures do not show the difference.
-
-    It is the larger of the errors of the time step at the tip and along the beam, but at least `NOTHING`.
-    """
-    step = result.summary.get("step") or {}
-    return max(NOTHING, *(step.get(place) or 0.0 for place in ("tip", "beam")))
 
 
 def _floor(result: RunResult) -> float:

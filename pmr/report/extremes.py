@@ -23,13 +23,13 @@ class LargestValue(NamedTuple):
     """Row of the table of largest values.
 
     `share` is the share of the allowed value, None if there is none; `place` is the part of the boom that the value
-    belongs to, as `pmr.results.quantities.Quantity` names it.
+    belongs to, as `pmr.results.quantities.Quantity` names it, or empty for the last rows of the table.
     """
 
     name: str
     text: str
     share: float | None = None
-    place: str = "boom"
+    place: str = ""
 
 
 LargestValues = Iterator[LargestValue]

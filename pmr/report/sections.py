@@ -18,9 +18,7 @@ from pmr.report.blocks import Block, Chapter, Drawing, Grid, Notices, Player, Ta
 from pmr.report.bodies import fields_by_body, has_stresses, largest_colour_stress
 from pmr.report.columns import (
     axis_points,
-    invisible_difference,
     is_round_off,
-    largest_difference,
     tip_displacements,
     undrawn_sentence,
 )
@@ -155,20 +153,16 @@ def tip_drawings(result: RunResult, prefix: str) -> TipDrawings:
     """
     drawings, still, quantities = [], [], tip_displacements(result)
     of = subject.crossing(result) or "the tip"
-    largest = max((float(np.abs(what(result.responses["reduced"])).max()) for what in quantities.values()), default=0.0)
     for number, (direction, what) in enumerate(quantities.items()):
         if is_round_off(result, what):
             still.append(direction)
             continue
         anchor, called = f"{prefix}-tip-{direction}", direction_words(result, direction)
         caption, label = f"Displacement of {of}, {called}", f"{of.removeprefix('the ').capitalize()} {direction}"
-        drawings.append(histories.drawn_history(anchor, result, what, caption, label, "m", largest))
-        if result.tip_error is None:
-            continue
-        wide = result.tip_error[:, number]
-        if max(float(wide.max()), largest_difference(result, what)) > invisible_difference(result) * largest:
+        drawings.append(histories.drawn_history(anchor, result, what, caption, label, "m"))
+        if result.tip_error is not None:
             inside = ", with the difference to the full model in it" if "full" in result.responses else ""
-            caption = f"Estimated error of {of}, {called}{inside}."
+            caption, wide = f"Estimated error of {of}, {called}{inside}.", result.tip_error[:, number]
             band = drawing(f"{prefix}-band-{direction}", histories.estimate_band, caption, result, what, wide)
             drawings.append(band)
     return TipDrawings(drawings, still)

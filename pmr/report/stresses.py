@@ -30,7 +30,7 @@ def stress_block(result: RunResult, prefix: str) -> Block | None:
     for number, (name, body) in enumerate(result.bodies.items()):
         if "reduced" not in body.peak_stress:
             continue
-        below = histories.difference_clause(histories.Timeline(result), histories.stress_histories(result, body))
+        below = histories.Timeline(result).difference_clause(histories.stress_histories(result, body))
         peak = parts.get(name, result.summary).get("stress_peak", {}).get("reduced")
         dot = f" The dot is the largest of all, {sentences.peak_clause(peak)}." if peak else ""
         caption = f"Largest von Mises stress over {name or 'the whole body'}{below}.{dot}"

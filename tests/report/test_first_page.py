@@ -17,7 +17,7 @@ from pmr.report.blocks import Chapter, Drawing, KeyNumber, Notices, Table
 from pmr.report.document import render_runs as rendered
 from pmr.report.errors import rows as error_rows
 from pmr.report.errors import summed_errors
-from pmr.report.extremes import LargestValue
+from pmr.report.extremes import LargestValue, largest_value
 from pmr.report.figures import space
 from pmr.report.figures.canvas import INK, drawn_text
 from pmr.report.first_page import first_page_tables, largest_value_rows, overload_sentences
@@ -590,16 +590,21 @@ def test_a_sum_names_the_sources_that_are_in_it_and_those_that_are_not(make_spac
 
 
 def test_rows_follow_by_share_then_supports_pads_tip_and_frequency(monkeypatch: pytest.MonkeyPatch) -> None:
-    names = {
-        "largest stress over yield stress": 0.4, "largest speeds": None, "lowest natural frequency": None,
-        "largest deflection of the tip, lateral, y": None, "largest pad force": None, "dynamic factors": None,
-        "largest force of a support": None, "largest use of the support polygon": 0.9,
-    }  # fmt: skip
-    shown = [LargestValue(name, "", share) for name, share in names.items()]
+    shown = [
+        LargestValue("largest stress over yield stress", "", 0.4, "section"),
+        LargestValue("largest speeds", ""),
+        largest_value("frequency", ""),
+        largest_value("tip", "", name="largest deflection of the tip, lateral, y"),
+        largest_value("pad_force", ""),
+        LargestValue("dynamic factors", "", place="machine"),
+        largest_value("support", ""),
+        largest_value("tipping", "", 0.9),
+    ]
+    names = [row.name for row in shown]
     monkeypatch.setattr(first_page, "_largest_values", lambda result: iter(shown))
-    assert [list(names).index(row.name) for row in first_page.largest_values(None)] == [7, 0, 6, 5, 4, 3, 2, 1]
+    assert [names.index(row.name) for row in first_page.largest_values(None)] == [7, 0, 6, 5, 4, 3, 2, 1]
     table = first_page._largest_values_table(None)
-    assert [(list(names).index(name), heading) for name, heading in table.headings.items()] == [
+    assert [(names.index(name), heading) for name, heading in table.headings.items()] == [
         (7, "Shares that are used up"), (6, "Supports and machine"), (4, "Pads"), (3, "Tip, frequency and speeds"),
     ]  # fmt: skip
     page = rendered([Chapter(anchor="case-1", title="Boom", first=(table,))])

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from pmr.files.arrays import Array
 from pmr.report import subject
 from pmr.report.blocks import Drawing
-from pmr.report.columns import ResponseFunction, extreme_indices, interpolate, invisible_difference
+from pmr.report.columns import ResponseFunction, extreme_indices, interpolate
 from pmr.report.figures.canvas import (
     HALF,
     INK,
@@ -28,7 +28,7 @@ from pmr.report.figures.canvas import (
     make_panels,
     make_sheet,
 )
-from pmr.report.numbers import NOTHING, format_length, format_percent, unit_for
+from pmr.report.numbers import unit_for
 from pmr.report.subject import field_times
 from pmr.results import BodyResult, Response, RunResult
 from pmr.results.quantities import UNIT_QUANTITIES, unit_text
@@ -113,17 +113,17 @@ class Timeline:
             return {}
         return {name: signal - signals[base] for name, signal in signals.items() if name != base}
 
-    def visible_differences(self, *panels: Mapping[str, Array], largest: float = 0.0) -> list[dict[str, Array]]:
-        """Differences to the reference for each panel, by simulator; all are empty if they are too small to be seen.
+    def difference_clause(self, signals: Mapping[str, Array]) -> str:
+        """Clause that the difference of `signals`, by simulator, to the reference is drawn below; empty if it is 0.
 
-        They are too small if they do not exceed the share `pmr.report.columns.invisible_difference` of the largest
-        signal of all panels, or of `largest` if `largest` exceeds that signal.
+        It says so if the difference is less than the error of the time step.
         """
-        differences = [self.differences(signals) for signals in panels]
-        most = max(largest, largest_of(*panels))
-        return (
-            differences if largest_of(*differences) > invisible_difference(self.result) * most else [{} for _ in panels]
-        )
+        if not (apart := largest_of(self.differences(signals))):
+            return ""
+        step = self.result.summary.get("step") or {}
+        error = max(step.get(place) or 0.0 for place in ("tip", "beam"))
+        small = ", which is less than the time step's error" if apart <= error * largest_of(signals) else ""
+        return f"; below, the difference to {'ANCF' if self.reference == 'ancf' else 'the full model'}{small}"
 
     def trace(self, ax: Axes, curves: Mapping[str, Array], size: float, weight: float = 1.0) -> None:
         """Draw curves (T,) divided by `size`, by simulator; `weight` multiplies the widths of the lines."""
@@ -157,9 +157,8 @@ def drawn_history(
     description: str,
     label: str,
     base: str,
-    largest: float | None = None,
 ) -> Drawing:
-    """Draw a quantity over time for every simulator, with a caption that names the difference.
+    """Draw a quantity over time for every simulator, and its difference to the reference.
 
     Parameters
     ----------
@@ -169,31 +168,11 @@ def drawn_history(
         Reads the quantity (T,), in the unit `base` without prefix, from a response.
     description, label : str
         Beginning of the caption, and label of the axis.
-    largest : float, optional
-        For displacements, the largest displacement in m in all directions.  Differences that are too small beside it
-        are not drawn, but the caption states their size.
     """
-    time, most = Timeline(result), largest or 0.0
+    time = Timeline(result)
     signals = time.signals(quantity)
-    clause, apart = difference_clause(time, signals, most), largest_of(time.differences(signals))
-    if largest is not None and not time.visible_differences(signals, largest=most)[0] and apart > 0.0:
-        clause = f"; that of {model_words(time.reference or '')} differs by {format_length(apart, 2)} at most"
-    return drawing(name, history_figure, f"{description}{clause}.", time, signals, label, base, most)
-
-
-def difference_clause(time: Timeline, signals: Mapping[str, Array], largest: float = 0.0) -> str:
-    """Clause on the difference of `signals`, by model, to the reference; empty if there is no reference.
-
-    If the difference is visible, the clause says that it is below in the figure; otherwise it says how small the
-    difference is.  `largest` is that of `Timeline.visible_differences`.
-    """
-    base, limit = time.reference, invisible_difference(time.result)
-    if base is None or base not in signals:
-        return ""
-    if time.visible_differences(signals, largest=largest)[0]:
-        return f"; below, the difference to {model_words(base)}"
-    share = "the time step's error" if limit > NOTHING else f"{format_percent(NOTHING, 1)} of the largest value"
-    return f"; {model_words(base)} differs by less than {share}"
+    caption = f"{description}{time.difference_clause(signals)}."
+    return drawing(name, history_figure, caption, time, signals, label, base)
 
 
 def _widen_limits(ax: Axes, panel: Mapping[str, Array], size: float) -> None:
@@ -207,19 +186,13 @@ def _widen_limits(ax: Axes, panel: Mapping[str, Array], size: float) -> None:
         ax.set_ylim((low + high - least) / 2.0 / size, (low + high + least) / 2.0 / size)
 
 
-def model_words(simulator: str) -> str:
-    """Words that name the model of a simulator within a sentence."""
-    return "ANCF" if simulator == "ancf" else f"the {simulator} model"
+def history_figure(time: Timeline, signals: Mapping[str, Array], label: str, base: str) -> Figure:
+    """Draw signals (T,) over time, and below them their differences to the reference, unless these are all 0.
 
-
-def history_figure(time: Timeline, signals: Mapping[str, Array], label: str, base: str, largest: float = 0.0) -> Figure:
-    """Draw signals (T,) over time, and below them their differences to the reference if these are visible.
-
-    `label` and `base` are the quantity and its unit without prefix; `largest` is that of
-    `Timeline.visible_differences`.
+    `label` and `base` are the quantity and its unit without prefix.
     """
-    panels = [(label, signals)]
-    panels += [("Difference", of) for of in time.visible_differences(signals, largest=largest) if of]
+    panels, differences = [(label, signals)], time.differences(signals)
+    panels += [("Difference", differences)] if largest_of(differences) > 0.0 else []
     gaps = {"height_ratios": (1.35, 1.0)[: len(panels)], "hspace": 0.12}
     figure, axes = make_sheet(WIDE, 2.75 if len(panels) > 1 else 1.9, len(panels), gridspec_kw=gaps)
     for ax, (name, panel) in zip(axes[:, 0], panels, strict=True):

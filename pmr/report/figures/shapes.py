@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
@@ -237,20 +238,13 @@ def envelope_figure(result: RunResult, quantities: Sequence[str]) -> Figure:
     return add_legend(figure)
 
 
-SHADES = 60  # number of colours in the ramp
-
-
 def colour_scale(largest: float) -> Figure:
     """Draw the colour scale of stresses from 0 to `largest` in MPa, with the colour of larger stresses at its end."""
-    colours = LinearSegmentedColormap.from_list("stress", RAMP)
-    figure, ax = make_axes(HALF, 0.55, "Von Mises stress in MPa", "", left=0.1, right=0.3, top=0.08, bottom=0.36)
-    for k in range(SHADES):
-        ax.axvspan(k / SHADES, (k + 1.2) / SHADES, color=colours(k / (SHADES - 1.0)), linewidth=0.0)
-    ticks = np.linspace(0.0, 1.0, 5)
-    names = [format_input(float(f"{tick * largest:.3g}")) for tick in ticks]
-    ax.set_xticks(ticks, [*names[:-1], f"≥ {names[-1]}"])
-    ax.set_yticks([])
-    ax.set_xlim(0.0, 1.0)
-    ax.grid(False)
-    ax.spines[:].set_visible(False)
+    figure, ax = make_axes(HALF, 0.55, "", "", left=0.1, right=0.3, top=0.08, bottom=0.36)
+    colours = ScalarMappable(Normalize(0.0, largest), LinearSegmentedColormap.from_list("stress", RAMP))
+    ticks = np.linspace(0.0, largest, 5)
+    bar = figure.colorbar(colours, ax, orientation="horizontal", ticks=ticks, label="Von Mises stress in MPa")
+    names = [format_input(float(f"{tick:.3g}")) for tick in ticks]
+    bar.set_ticklabels([*names[:-1], f"≥ {names[-1]}"])
+    bar.ax.spines["outline"].set_visible(False)
     return figure
