@@ -116,9 +116,7 @@ def test_a_missing_package_is_named_before_the_work(monkeypatch: pytest.MonkeyPa
 
 
 #: What extras bring: none of it may be needed to simulate a saved model, or to say what a run found.
-EXTRAS = (
-    "jinja2 matplotlib fontTools weasyprint PIL exudyn gmsh pandas ziglang dolfinx petsc4py slepc4py mpi4py"
-)
+EXTRAS = "jinja2 matplotlib fontTools weasyprint PIL exudyn gmsh pandas ziglang dolfinx petsc4py slepc4py mpi4py"
 
 
 @pytest.mark.slow
