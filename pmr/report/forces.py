@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pmr.files.arrays import Summary
 from pmr.report.blocks import Block, Drawing, Grid
 from pmr.report.columns import Force, forces_of
 from pmr.report.extremes import Measured, extremes_grid, extremes_of
@@ -65,14 +66,14 @@ def cylinder_block(result: RunResult, prefix: str) -> Block | None:
     """
     caption = "Forces of ropes or chains, all strands of each together, and of a cylinder that moves all of them: by "
     caption += "virtual work, without friction of sheaves"
-    ropes = extremes_grid(result, caption, rope_forces(result))
+    ropes = extremes_grid(result, caption, rope_forces(result.summary))
     return _force_block(result, prefix, "cylinder", "cylinder forces", ropes)
 
 
-def rope_forces(result: RunResult) -> list[Measured]:
+def rope_forces(summary: Summary) -> list[Measured]:
     """Extremes of the force of each rope; an elastic one is named with its length and stiffness."""
     forces = list[Measured]()
-    for rope in result.summary.get("ropes", ()):
+    for rope in summary.get("ropes", ()):
         elastic = ""
         if "length" in rope:
             length, stiffness = format_quantity(rope["length"], "m"), format_quantity(rope["stiffness"], "N/m")

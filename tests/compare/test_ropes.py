@@ -101,7 +101,11 @@ def test_the_summary_and_the_report_have_them(simulated) -> None:
     assert [(one["name"], one["follows"]) for one in said] == [("first", None), ("second", "first"), ("fly", "second")]
     assert "power" in said[0] and "power" not in said[1]
     assert Extremes.from_summary(said[0]["force"]).summary() == said[0]["force"]
-    assert [*reported.rope_forces({"ropes": said})] == ["cylinder of first", "rope of second", "rope of fly"]
+    assert [force.name for force in reported.rope_forces({"ropes": said})] == [
+        "cylinder of first",
+        "rope of second",
+        "rope of fly",
+    ]
 
 
 def elastic(lengths: tuple[float, float, float], offset: float, **rope: object) -> Scene:
@@ -161,7 +165,7 @@ def test_the_summary_says_how_long_and_stiff_a_rope_is(simulated) -> None:
         "ropes"
     ]
     assert said[2]["length"] == 6.0 and said[2]["stiffness"] == 2e6 and "length" not in said[1]
-    names = [*reported.rope_forces({"ropes": said})]
+    names = [force.name for force in reported.rope_forces({"ropes": said})]
     assert names[:2] == ["cylinder of first", "rope of second"]
     assert names[2] == "rope of fly, 6.00\u00a0m long, EA/l 2.00\u00a0\u00b7\u00a010\u2076\u00a0N/m"
 
