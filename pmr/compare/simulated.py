@@ -200,7 +200,7 @@ def check_same_scene(model: System | ReducedModel, scene: Scene, number: int | N
     for key, value, of_model in itertools.chain(of_gravity, of_mechanism, differing, of_files):
         shown = list(value) if isinstance(value, tuple) else value
         where = scene.section_key(number or 0, key) if alone else key
-        raise InputError("scene", where, shown, f"that of the model is allowed: {of_model!r}")
+        raise InputError("scene", where, shown, f"{of_model!r} is allowed, as in the model")
 
 
 class Difference(NamedTuple):

@@ -107,11 +107,11 @@ def test_a_path_beyond_what_the_model_was_made_for_is_refused_with_the_time(boom
 @pytest.mark.slow
 def test_loads_in_another_place_or_direction_than_the_model_was_made_with_are_refused(boom_beam: ReducedModel) -> None:
     file, ours, model = BOOM_BEAM, COARSE, boom_beam
-    with pytest.raises(InputError, match=r"gravity.direction = .*that of the model is allowed: \[0.0, 0.0, -1.0\]"):
+    with pytest.raises(InputError, match=r"gravity.direction = .*: \[0.0, 0.0, -1.0\] is allowed, as in the model"):
         simulate_saved(System.of(model), scene.load(file, [*ours, "gravity.inclination=30.0"]))
-    with pytest.raises(InputError, match=r"loads\[1\].direction = 'z': that of the model is allowed: 'y'"):
+    with pytest.raises(InputError, match=r"loads\[1\].direction = 'z': 'y' is allowed, as in the model"):
         simulate_saved(System.of(model), scene.load(file, [*ours, "loads.gust.direction=z"]))
-    with pytest.raises(InputError, match=r"loads\[1\].on = 3.0: that of the model is allowed: 'tip'"):
+    with pytest.raises(InputError, match=r"loads\[1\].on = 3.0: 'tip' is allowed, as in the model"):
         simulate(scene.load(file, [*ours, "loads.gust.on=3"]), model)
     written = model.provenance["scene"]
     older = {"scene": written | {"gravity": {}, "loads": [{"name": load["name"]} for load in written["loads"]]}}
@@ -119,15 +119,15 @@ def test_loads_in_another_place_or_direction_than_the_model_was_made_with_are_re
 
 
 BAKED = {
-    "masses.payload.mass=500": r"masses\[0\].mass = 500.0: that of the model is allowed: 250.0",
-    "masses=[]": r"masses = \[\]: that of the model is allowed: \[{",
+    "masses.payload.mass=500": r"masses\[0\].mass = 500.0: 250.0 is allowed, as in the model",
+    "masses=[]": r"masses = \[\]: \[{.* is allowed, as in the model",
     "body.material.young=70e9": "body.material.young = 70000000000.0",
-    "pads.mouth.stiffness=1e7": r"pads\[1\].stiffness = 10000000.0: that of the model is allowed: 300000000.0",
+    "pads.mouth.stiffness=1e7": r"pads\[1\].stiffness = 10000000.0: 300000000.0 is allowed, as in the model",
     "pads.mouth.stiffness=rigid": r"pads\[1\].stiffness = 'rigid'",
     "pads.mouth.unilateral=true": r"pads\[1\].unilateral = True",
     "pads.mouth.faces={bottom=[0.0],top=[0.0]}": r"pads\[1\].faces",
     "damping={ratio=0.05,frequencies=[1.0,30.0]}": "damping.mass",
-    "reduction.coordinates=7": "reduction.coordinates = 7: that of the model is allowed: 10",
+    "reduction.coordinates=7": "reduction.coordinates = 7: 10 is allowed, as in the model",
     "mesh.elements=9": "mesh.elements = 9",
     "observe={start=3.0,end=6.0,count=4}": "observe.start = 3.0",
 }
@@ -156,7 +156,7 @@ def test_a_file_of_another_content_than_the_models_is_refused(tmp_path: Path) ->
     model = replace(ReducedModel.load(EARLIER), provenance=made)
     check_same_scene(model, asked)
     np.savez(basis, V=np.eye(153, 6, k=-4))
-    with pytest.raises(InputError, match=r"scene: reduction.file = 'basis.npz': .* 'content of SHA-256"):
+    with pytest.raises(InputError, match=r"scene: reduction.file = 'basis.npz': 'content of SHA-256 .*' is allowed"):
         check_same_scene(model, asked)
 
 

@@ -71,7 +71,7 @@ def test_a_system_has_the_hoist_of_the_scene_that_it_is_simulated_under(changes:
     sizes = np.abs(expected.others).max(axis=0) + 1e-6
     assert np.abs(expected.others - before.others).max() > 1e-2
     np.testing.assert_allclose(found.others / sizes, expected.others / sizes, rtol=0.0, atol=1e-9)
-    with pytest.raises(InputError, match=r"hoist.on = 3.5: that of the model is allowed: 'tip'"):
+    with pytest.raises(InputError, match=r"hoist.on = 3.5: 'tip' is allowed, as in the model"):
         simulate_with_states(hoists.cantilever(short | {"hoist.on": 3.5}), hoists.reduced(scene), ())
 
 
