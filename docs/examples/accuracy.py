@@ -1,6 +1,6 @@
 """
-Accuracy on order
-=================
+Model and step for a tolerance
+==============================
 
 How many coordinates are enough, and how long may a step be?  Give the allowed error, and `pmr` chooses both.
 """

@@ -78,7 +78,7 @@ def accuracy_block(result: RunResult) -> Block | None:
     reasons, budget = "; ".join(accuracy.get("reasons", ())), result.summary.get("budget", {})
     texts = [f"{reasons[:1].upper()}{reasons[1:]}."] if reasons else []
     texts += [f"Of all parts of the error, the {budget['first']} is to be improved first."] if "first" in budget else []
-    return Block(heading="Accuracy on order", text=" ".join(texts))
+    return Block(heading="Choice of model and step", text=" ".join(texts))
 
 
 def input_block(result: RunResult, prefix: str) -> Block | None:
