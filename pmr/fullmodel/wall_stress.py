@@ -18,6 +18,7 @@ along the edges where two walls meet.  There the stress can be a few per cent ab
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -36,9 +37,12 @@ from pmr.models.profile_section import section_of
 from pmr.models.sections_along import axial_stress_factors, torsion_stress_factors
 from pmr.models.shell import draw_box
 from pmr.results.field_stress import FORCES, PLANE, von_mises
+from pmr.scene.built import PadRing
+from pmr.scene.choice import traits_of
 from pmr.scene.joints import BoomSection
-from pmr.scene.members import body_ring, seats
+from pmr.scene.members import Member, body_ring, member_at, members, seats
 from pmr.scene.scene import Scene
+from pmr.scene.signals.base import Interval
 
 #: Length of the piece of a section that is looked at, less that of the pads, over the larger of width and height.
 PIECE = 2.0
@@ -355,33 +359,59 @@ def yield_forces(scene: Scene) -> dict[str, YieldForce]:
     return {scene.sections[k].name: least[k] for k in sorted(least) if k not in lacking}
 
 
+def store_stresses(scene: Scene) -> None:
+    """Compute the local stresses in the walls of a scene's beams at their pads and store them for later calls.
+
+    They are those that `wall_peak` and `yield_forces` look at.  Not collective.  Raises an `InputError` as
+    `SectionPiece` and its method `stresses` do.
+    """
+    for member in members(scene):
+        if traits_of(member).is_beam and has_even_walls(member.part):
+            deque(largest_pad_stresses(scene, member.number), maxlen=0)
+
+
 @dataclass(frozen=True)
 class PadStress:
-    """Largest local von Mises stress in Pa/N of a pad of a joint, at one place along a section."""
+    """Largest local von Mises stress in Pa/N of a pad, at one place along a section."""
 
-    joint: int  # number of the section whose joint it is
+    joint: int  # number of the section whose joint it is; 0: the pad is between the body and the ground
     pad: str
     stress: Estimate
 
 
 def largest_pad_stresses(scene: Scene, number: int) -> Iterator[PadStress]:
-    """Yield the stress of each pad of joints on section `number`, at up to `PLACES` places along its range.
+    """Yield the stress of each pad on section `number`, at up to `PLACES` places along its range.
 
     Raises an `InputError` as `SectionPiece` and its method `stresses` do.
     """
     pieces = dict[tuple[float, float], SectionPiece]()
     part = scene.sections[number]
-    for seat in seats(scene, number):
-        if seat.ring.faces is None:
-            continue
-        ring = body_ring(seat.ring, seat.key.partition("[")[0])
+    for joint, ring, positions in _seated_rings(member_at(scene, number)):
         size = (ring.length, ring.width)
         piece = pieces[size] if size in pieces else pieces.setdefault(size, SectionPiece(part, *size))
-        x = np.clip(np.linspace(*seat.positions, PLACES), ring.length / 2.0, part.length - ring.length / 2.0)
+        x = np.clip(np.linspace(*positions, PLACES), ring.length / 2.0, part.length - ring.length / 2.0)
         pads = [Pad(name, face, 0.0, across, ring.length, ring.width) for name, face, across in ring.named_pads]
         for place in np.unique(piece.place(x)).tolist():
             coarse, fine = (stress.largest.tolist() for stress in piece.stresses(pads, place))
             for pad, pair in zip(pads, zip(coarse, fine, strict=True), strict=True):
-                yield PadStress(seat.joint, pad.name, Estimate.from_meshes(*pair))
+                yield PadStress(joint, pad.name, Estimate.from_meshes(*pair))
     for piece in pieces.values():
         piece.destroy()
+
+
+class SeatedRing(NamedTuple):
+    """Ring of pads on a section, with the number of the section whose joint it is, 0 for pads on the ground."""
+
+    joint: int
+    ring: PadRing
+    positions: Interval  # m along the section
+
+
+def _seated_rings(member: Member) -> Iterator[SeatedRing]:
+    """Yield the rings of pads on a section: of joints if the section has one, else those on the ground."""
+    for seat in seats(member.scene, member.number):
+        if seat.ring.faces is not None:
+            yield SeatedRing(seat.joint, body_ring(seat.ring, seat.key.partition("[")[0]), seat.positions)
+    for ring in () if member.has_joint else member.part.pads:
+        first, last = member.travel if ring.moving else (0.0, 0.0)
+        yield SeatedRing(0, ring, Interval(ring.at + first, ring.at + last))

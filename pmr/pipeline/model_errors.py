@@ -24,7 +24,7 @@ from pmr.reduction.from_scene import Vectors
 from pmr.results import Frequencies, Response
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
-from pmr.scene.choice import model_of
+from pmr.scene.choice import model_of, traits_of
 from pmr.scene.members import members
 from pmr.scene.model_ladder import candidate_scenes, comparable_scene, model_comparison
 from pmr.system.system import System
@@ -144,6 +144,27 @@ def start_richer(scene: Scene, cache: Cache, helper: Executor) -> Future[None] |
         if not cache.has_system(richer):
             return helper.submit(_store_richer, richer, cache.folder, cache.content)
     return None
+
+
+def start_stresses(scene: Scene, helper: Executor) -> Future[None] | None:
+    """Let another process, which `helper` has, compute the local stress in walls at pads and store it for later calls.
+
+    Returns None if the scene asks for no stresses, if no beam of it has walls, and if no process can be started.
+    """
+    has_walls = any(traits_of(member).is_beam and member.part.body.box is not None for member in members(scene))
+    if not has_walls or scene.recovery is None or not scene.recovery.stress:
+        return None
+    with suppress(BrokenExecutor, OSError):
+        return helper.submit(_store_stresses, scene)
+    return None
+
+
+def _store_stresses(scene: Scene) -> None:
+    """Store the local stress in the walls of a scene; errors are those of `pmr.pipeline.stress_at_pads`."""
+    from pmr.fullmodel.wall_stress import store_stresses  # FEniCSx, which bodies of given matrices go without
+
+    with suppress(*UNNEEDED):  # the process that needs the stress meets them too
+        store_stresses(scene)
 
 
 def _store_richer(scene: Scene, folder: Path, content: str) -> None:

@@ -37,6 +37,7 @@ from pmr.pipeline.model_errors import (
     measure_model,
     reduce_scene,
     start_richer,
+    start_stresses,
 )
 from pmr.reduction.bodies import Reduction
 from pmr.reduction.cache import Cache, cache_in
@@ -107,8 +108,8 @@ def run(
     reductions and frequencies of full models for later runs.  With a folder `measures` the run also measures the errors
     of mesh and structural model, even if the scene does not ask for them; the folder keeps what takes longest.  They
     are measured last; before, `keep` is called on rank 0 with the outcome without these errors.  `shared` are results
-    of a single body's full model that other runs have computed.  `helper` has another process, which meanwhile reduces
-    the richer model for this measurement.
+    of a single body's full model that other runs have computed.  `helper` has another process, which meanwhile computes
+    the stress in walls at pads and reduces the richer model for this measurement.
 
     Raises
     ------
@@ -122,7 +123,9 @@ def run(
     with _keys_as_written(scene):
         check_installed(scene)
         chosen = decide_models(scene, comm, clock, cache)
-        scene = chosen.scene
+        scene, helps = chosen.scene, list[Future[None] | None]()
+        if helper is not None and measures is not None:
+            helps.append(start_stresses(scene, helper))
         with clock.stage("assemble"):
             built = build_bodies(scene, comm)
             free_motions = free_motion_warnings(scene, built) if scene.free_motions == "allowed" else []
@@ -133,9 +136,8 @@ def run(
         bodies = Bodies(scene, built, clock, caches, shared)
         scene = bodies.scene  # with the chosen step
         measured = None if measures is None else cache_in(measures, next(iter(built.values())).model)
-        richer = None
         if helper is not None and measured is not None and chosen.budget_part is None:
-            richer = start_richer(bodies.written_scene, measured, helper)
+            helps.append(start_richer(bodies.written_scene, measured, helper))
         with clock.stage("frequencies"):
             frequencies = bodies.frequencies()
         motions = bodies.simulate(None if checkpoint is None else Checkpoint(checkpoint))
@@ -145,7 +147,7 @@ def run(
         if keep is not None:
             call_on_first_rank(comm, lambda: outcome and keep(outcome))
         budget = {} if chosen.budget_part is None else {"model": chosen.budget_part}
-        budget |= _measure(bodies, motions, frequencies, budget, measured, richer)
+        budget |= _measure(bodies, motions, frequencies, budget, measured, helps)
         if outcome is not None and budget:
             result, written = outcome.result, bodies.written_scene
             complete: dict[str, Any] = budget | result.summary.get("budget", {})
@@ -238,14 +240,14 @@ def _measure(
     frequencies: Frequencies,
     budget: Summary,
     cache: Cache | None,
-    richer: Future[None] | None,
+    helps: Sequence[Future[None] | None],
 ) -> Summary:
     """Measure the errors of a run's model and mesh, for ``budget`` of summary.json; collective.
 
     The model's is measured if the scene asks for it, or if `budget` lacks it and there is a `cache`; the mesh's if
     there is a cache and the scene has no tolerance or budget.  Where the model's error is known, the stress in walls at
-    pads stands beside it.  The cache keeps what takes longest.  `richer` is done when another process has stored the
-    richer model there.
+    pads stands beside it.  The cache keeps what takes longest.  `helps` are done when another process has stored the
+    richer model there, and the local stress.
     """
     comm, clock, scene = next(iter(bodies.built.values())).model.comm, bodies.clock, bodies.written_scene
     is_wanted, of_mesh, of_model = scene.compare.richer not in ("auto", "none"), dict[str, Any](), dict[str, Any]()
@@ -255,11 +257,11 @@ def _measure(
         if cache is not None and scene.goal is None:
             response = None if motions.reduced is None else motions.reduced.first.response
             of_mesh = measure_mesh(scene, bodies.system, response, comm, cache)
+        wait(filter(None, helps))
         if is_wanted or "model" not in budget:
             with_full = "full" in scene.compare.against and "full" not in motions.references.missing
             responses = {} if motions.reduced is None else motions.responses
             of_run = RunMotion(bodies.system, responses.get("reduced"), responses.get("full"), frequencies)
-            wait([] if richer is None else [richer])
             cache = cache or next(iter(bodies.caches.values()), None)
             of_model = {"model": measure_model(scene, comm, cache, of_run if with_full else None)}
         model = {**budget, **of_model}.get("model", {})

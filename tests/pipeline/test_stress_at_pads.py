@@ -11,7 +11,16 @@ import pmr
 from pmr.compare.simulated import simulate_with_states
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
-from pmr.fullmodel.wall_stress import Estimate, LoadedRing, SectionStates, WallPeak
+from pmr.fullmodel.pads import Pad
+from pmr.fullmodel.wall_stress import (
+    Estimate,
+    LoadedRing,
+    RingStress,
+    SectionPiece,
+    SectionStates,
+    WallPeak,
+    store_stresses,
+)
 from pmr.pipeline import stress_at_pads as at_pads
 from pmr.pipeline.model_errors import reduce_scene
 from pmr.scene.joints import BoomSection
@@ -61,3 +70,27 @@ def test_rings_have_places_and_forces_of_pads_and_the_largest_stress_of_all_sect
     outer, between, inner = (np.array([states.at(k, np.array([x]))[4, 0] for k in range(3)])
                              for x in (scene.sections[2].length - 1e-3, mouth[0], joint.tail[0].at / 2.0))  # fmt: skip
     assert np.all(np.abs(between) > 20.0 * np.abs(outer)) and np.all(np.abs(between) > 20.0 * np.abs(inner))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "elements"), [("boom_three", SHORT[3]), ("boom_beam_walls", "mesh.elements=6")])
+def test_stresses_stored_before_a_run_are_all_that_it_looks_at(
+    monkeypatch: pytest.MonkeyPatch, name: str, elements: str
+) -> None:
+    """The pads of a single body, and of the joints of three sections, are at the same places in both."""
+    looked_at = set[tuple[object, ...]]()
+
+    def stresses(piece: SectionPiece, pads: list[Pad], place: float) -> list[RingStress]:
+        looked_at.add((piece.length, place, *((pad.on, pad.across, pad.length, pad.width) for pad in pads)))
+        at_one_point = RingStress(np.array([[0.0, 0.1, 0.1]]), np.array([0.006]), np.ones((len(pads), 1, 3)))
+        return [at_one_point, at_one_point]
+
+    monkeypatch.setattr(SectionPiece, "stresses", stresses)
+    scene = pmr.load_scene(WORKFLOWS / f"{name}.toml", [*SHORT[:3], elements, SHORT[4]])
+    store_stresses(scene)
+    stored = looked_at.copy()
+    looked_at.clear()
+    reduction = reduce_scene(scene, MPI.COMM_WORLD)
+    states = simulate_with_states(scene, reduction.system, [0, 5, 10]).states
+    at_pads.stress_at_pads(scene, reduction.built, reduction.bodies, states)
+    assert looked_at and looked_at <= stored
