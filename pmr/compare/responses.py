@@ -128,8 +128,11 @@ def simulate_by(
     return replace(result, response=with_forces_on_machine(scene, result.own_response))
 
 
-def march_once(scene: Scene, system: System, excitation: Excitation) -> Response:
-    """Response by the compiled simulator, simulated once; states are not recorded."""
+def march_once(scene: Scene, system: System | SystemForm, excitation: Excitation) -> Response:
+    """Response by the compiled simulator, simulated once; states are not recorded.
+
+    Simulations of the same `SystemForm` share its tables.
+    """
     nothing = np.empty(0, np.int64)
     return with_forces_on_machine(scene, _march(system, excitation, nothing, nothing).response)
 
@@ -214,7 +217,7 @@ def _is_alone(system: System) -> bool:
 
 
 def _march(
-    system: System,
+    system: System | SystemForm,
     excitation: Excitation,
     steps: Indices,
     recorded_steps: Indices,
@@ -226,7 +229,9 @@ def _march(
     The motion is kept at the `recorded_steps`.  States are returned at the `steps`, all of which are recorded.  A short
     simulation is made `repeats` times, and the shortest time counts.
     """
-    march, f = March(SystemForm.of(system), excitation), excitation.forces(system.input_names)
+    form = system if isinstance(system, SystemForm) else SystemForm.of(system)
+    system = form.system
+    march, f = March(form, excitation), excitation.forces(system.input_names)
     every = len(recorded_steps) == len(excitation.times)
     evaluation, recorder = Evaluation(system, excitation.times, f), Recorder(recorded_steps)
     parts, loads = np.ones(len(excitation.times), np.int64), f.copy() if system.hoist else f

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from pmr.compare.simulated import simulate
+from pmr.compare.responses import march_once
+from pmr.compare.simulated import excitation_of_scene
 from pmr.errors import SimulationError
 from pmr.files.arrays import Array, Summary
 from pmr.results import Response
@@ -22,6 +23,7 @@ from pmr.scene.keys import SLIDER
 from pmr.scene.mechanism import AT_GROUND, AT_PIVOT
 from pmr.scene.signals import Constant
 from pmr.simulation.at_rest import scene_at_rest
+from pmr.simulation.native.form import SystemForm
 from pmr.system.system import System
 
 #: Kinds of outputs, in N or without a unit, of which the largest one has a dynamic factor.
@@ -45,6 +47,7 @@ def dynamic_factors_part(scene: Scene, system: System, response: Response) -> Su
     if frame is None or scene.hoist is not None or scene.computed_key is not None or frame.base is not None:
         return SummaryPart()
     names, rows = [output.name for output in response.outputs], list[dict[str, Any]]()
+    form = SystemForm.of(system)
     for kind in KINDS:
         of_kind = [
             k
@@ -58,7 +61,8 @@ def dynamic_factors_part(scene: Scene, system: System, response: Response) -> Su
         values = response.column(number)
         step = int(np.abs(values).argmax())
         try:
-            still = simulate(_still(scene, float(response.t[step])), system)
+            posture = _still(scene, float(response.t[step]))
+            still = march_once(posture, form, excitation_of_scene(posture, system))
         except SimulationError:  # nothing holds the boom at rest in this posture
             continue
         rest = float(still.column([output.name for output in still.outputs].index(names[number]))[0])

@@ -276,7 +276,7 @@ def _stress_at_pads(bodies: Bodies, motions: Motions) -> Summary:
     from pmr.pipeline.stress_at_pads import stress_at_pads  # FEniCSx, which bodies of given matrices go without
 
     states = comm.bcast(None if motions.reduced is None else motions.reduced.first.states)
-    return stress_at_pads(scene, bodies.built, bodies.bodies, states)
+    return stress_at_pads(scene, bodies.built, motions.recovered, states)
 
 
 def _body_masses(built: Mapping[str, AssembledBody]) -> dict[str, float]:

@@ -24,8 +24,7 @@ from pmr.fullmodel.wall_stress import (
     yield_forces,
 )
 from pmr.pipeline.model_errors import UNNEEDED
-from pmr.reduction.cache import ReducedBody
-from pmr.reduction.recovery import BodyFields, Recovery
+from pmr.reduction.recovery import RecoveredBody
 from pmr.results.field_stress import FORCES
 from pmr.scene import Scene
 from pmr.scene.choice import traits_of
@@ -50,14 +49,15 @@ class LoadedSection:
 def stress_at_pads(
     scene: Scene,
     built: Mapping[str, AssembledBody],
-    bodies: Mapping[str, ReducedBody],
+    recovered: Mapping[str, RecoveredBody],
     states: Mapping[str, BodyStates],
 ) -> dict[str, Any]:
     """Entries of ``budget.model`` on stress in the walls of beams at pads; collective.
 
     ``wall_stress`` is the largest von Mises stress at the times of `states`, which are those of the reduced bodies, the
-    same on every rank.  It has ``value`` and its ``error`` by the meshes of the walls in Pa, ``t`` in s, ``position``
-    in m, ``section``, ``region``, and ``yield`` in Pa if the walls have a yield stress.  ``wall_stress_missing`` has
+    same on every rank, from which `recovered` was recorded.  It has ``value`` and its ``error`` by the meshes of the
+    walls in Pa, ``t`` in s, ``position`` in m, ``section``, ``region``, and ``yield`` in Pa if the walls have a yield
+    stress.  ``wall_stress_missing`` has
     the reason, by the name of each section with pads whose walls are not looked at.  ``pad_yield`` has the force of a
     joint's pad at which walls begin to yield (`pmr.fullmodel.wall_stress.yield_forces`), by the name of the joint's
     section.  Entries without content are left out.
@@ -73,7 +73,7 @@ def stress_at_pads(
         elif not has_even_walls(part):
             missing[part.name] = UNEVEN
         else:
-            loaded = _loaded_section(part, body, bodies[part.name], states[part.name])
+            loaded = _loaded_section(body, recovered[part.name], states[part.name])
             try:
                 peak = comm.bcast(call_on_first_rank(comm, lambda: wall_peak(part, loaded.states, loaded.rings)))  # noqa: B023
             except UNNEEDED as error:
@@ -110,18 +110,17 @@ def _peak_entry(part: BoomSection, peak: WallPeak, t: float) -> dict[str, Any]:
     return entry | ({} if allowed is None else {"yield": allowed})
 
 
-def _loaded_section(part: BoomSection, body: AssembledBody, reduced: ReducedBody, states: BodyStates) -> LoadedSection:
+def _loaded_section(body: AssembledBody, recovered: RecoveredBody, states: BodyStates) -> LoadedSection:
     """Return section forces and pad forces of a beam at the times of its `states`; collective."""
-    view = BodyFields(body)
-    assert view.forces is not None  # as of every beam with a profile
-    recovery = Recovery(body.model, reduced.V, reduced.model, part.reduction.solver)
+    along, recovery = recovered.forces, recovered.recovery
+    assert along is not None and recovery is not None  # as of every beam with a profile
     q = np.concatenate([np.hstack(body.model.comm.allgather(block)) for block in recovery.blocks(states)])
-    values, names = view.forces.evaluate(q, states), np.array(view.forces.names)
-    x = np.unique(view.forces.x.round(9))
+    values, names = along.evaluate(q, states), np.array(along.names)
+    x = np.unique(along.x.round(9))
     forces = np.zeros((len(q), len(FORCES), len(x)))
     for number, name in enumerate(FORCES):
         if np.any(of := names == name):
-            forces[:, number] = mean_by_place(view.forces.x[of], values[:, of])[1]
+            forces[:, number] = mean_by_place(along.x[of], values[:, of])[1]
     return LoadedSection(SectionStates(x, forces), _loaded_rings(body, states, q))
 
 

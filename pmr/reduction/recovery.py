@@ -306,9 +306,14 @@ def in_blocks(q: Array) -> Iterator[Array]:
 
 @dataclass(frozen=True)
 class RecoveredBody:
-    """Recorded results of a body by model: ``reduced`` and, if its states are known, ``full``."""
+    """Recorded results of a body by model: ``reduced`` and, if its states are known, ``full``.
+
+    For a beam they are kept with what they were recorded by.
+    """
 
     records: Mapping[str, FieldRecord]
+    forces: SectionForces | None = None  # None: the body is no beam
+    recovery: Recovery | None = None
 
     @property
     def reduced(self) -> FieldRecord:
@@ -373,5 +378,5 @@ def recover(
         if name in full:
             states = full[name]
             records["full"] = record_fields(view, states.t, in_blocks(states.p), acting=states)
-        recovered[name] = RecoveredBody(records)
+        recovered[name] = RecoveredBody(records, view.forces, None if view.forces is None else recovery)
     return recovered

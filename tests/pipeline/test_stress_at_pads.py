@@ -23,6 +23,7 @@ from pmr.fullmodel.wall_stress import (
 )
 from pmr.pipeline import stress_at_pads as at_pads
 from pmr.pipeline.model_errors import reduce_scene
+from pmr.reduction.recovery import recover
 from pmr.scene.joints import BoomSection
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -47,7 +48,8 @@ def test_rings_have_places_and_forces_of_pads_and_the_largest_stress_of_all_sect
 
     monkeypatch.setattr(at_pads, "wall_peak", wall_peak)
     monkeypatch.setattr(at_pads, "yield_forces", lambda scene: {})
-    entries = at_pads.stress_at_pads(scene, reduction.built, reduction.bodies, simulated.states)
+    recovered = recover(scene, reduction.built, reduction.bodies, simulated.states, {})
+    entries = at_pads.stress_at_pads(scene, reduction.built, recovered, simulated.states)
     assert entries["wall_stress_missing"] == {base: "a pad on its face is allowed"}
     found = entries["wall_stress"]
     assert (found["value"], found["error"], found["section"], found["region"]) == (2e8, 3e6, middle, "left")
@@ -92,5 +94,6 @@ def test_stresses_stored_before_a_run_are_all_that_it_looks_at(
     looked_at.clear()
     reduction = reduce_scene(scene, MPI.COMM_WORLD)
     states = simulate_with_states(scene, reduction.system, [0, 5, 10]).states
-    at_pads.stress_at_pads(scene, reduction.built, reduction.bodies, states)
+    recovered = recover(scene, reduction.built, reduction.bodies, states, {})
+    at_pads.stress_at_pads(scene, reduction.built, recovered, states)
     assert looked_at and looked_at <= stored
