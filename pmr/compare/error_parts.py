@@ -222,7 +222,7 @@ def step_part(
     complete = None if impacts else partial(with_forces_on_machine, scene)
     try:
         run = simulated.run if step_estimate is None and fits_in_memory(system, excitation.stepping) else None
-        step_estimate = step_estimate or step_error(system, excitation, run, complete=complete)
+        step_estimate = step_estimate or step_error(simulated.form or system, excitation, run, complete=complete)
     except (SimulationError, InputError) as error:
         messages = [f"the error of the time step is not known: {error}"]
         return SummaryPart({"step": step_summary(None, str(error))}, messages)

@@ -23,6 +23,7 @@ from pmr.simulation import Excitation
 from pmr.simulation.balance import load_potential, row_blocks
 from pmr.simulation.frame_motion import ComputedMotion, MotionSamples
 from pmr.simulation.native import systems
+from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.free_motion import ACCELERATION, CYLINDER_UNITS, STOP, column_name
 from pmr.simulation.reactions import outputs_of, with_row_multipliers, with_support_reactions
 from pmr.simulation.stepping import SimulationEnd
@@ -59,11 +60,12 @@ class SimulatedSystem:
     excitation: Excitation
     recorded_run: SystemTrajectory | None = None  # at all steps
     recorded_response: Response | None = None
+    form: SystemForm | None = None  # whose kernel further simulations share
 
     @cached_property
     def run(self) -> SystemTrajectory:
         """Motion of the system at all steps, by the compiled simulator."""
-        return self.recorded_run or run_from_start(self.system, self.excitation)
+        return self.recorded_run or run_from_start(self.form or self.system, self.excitation)
 
     @cached_property
     def response(self) -> Response:

@@ -291,8 +291,7 @@ def run_from_start(system: System | SystemForm, excitation: Excitation, every: i
     It starts in static equilibrium or undeformed, as the excitation says.  Repeated runs of the same `SystemForm` share
     its tables.
     """
-    form = system if isinstance(system, SystemForm) else SystemForm.of(system)
-    return systems.simulate_form(form, excitation, every=every)
+    return systems.simulate_form(SystemForm.of(system), excitation, every=every)
 
 
 def fits_in_memory(system: System, stepping: TimeStepping) -> bool:

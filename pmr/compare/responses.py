@@ -69,13 +69,14 @@ class Simulations:
     agreement: Mapping[str, float]  # m: largest difference of displacements between two simulators, by pair
     time_grid: TimeStepping  # with the first simulation's parts of each step if contacts only push
     contact_frequency: float  # rad/s: largest one of contacts that only push (`pmr.simulation.contact_step`)
+    form: SystemForm | None  # of the system; None: the compiled simulator did not simulate it
 
     def simulated_system(self, system: System, excitation: Excitation) -> SimulatedSystem:
         """The system with motion and response of the first simulator, and the parts of each of its steps."""
         if self.first.run is None:
-            return SimulatedSystem(system, excitation)
+            return SimulatedSystem(system, excitation, form=self.form)
         stepped = excitation.with_stepping(self.time_grid)
-        return SimulatedSystem(system, stepped, self.first.run, self.first.own_response)
+        return SimulatedSystem(system, stepped, self.first.run, self.first.own_response, self.form)
 
 
 def simulate(
@@ -91,21 +92,21 @@ def simulate(
     """
     clock, names = clock or Clock(), scene.simulation.simulators
     omega, stepping = contact_step.contact_frequency(system, excitation), excitation.stepping
-    results = dict[str, Simulation]()
+    results, form = dict[str, Simulation](), SystemForm.of(system) if "march" in names else None
     for name in names:
         with clock.stage("reduced" if len(names) == 1 else f"reduced, {name}") as done, refuse_growth(scene):
-            result = simulate_by(scene, system, excitation.with_stepping(stepping), name, steps, done)
+            result = simulate_by(scene, form or system, excitation.with_stepping(stepping), name, steps, done)
             results[name] = replace(result, response=append_machine(scene, result.response))
         if names[0] == "march" or name == names[-1]:
             stepping = contact_step.with_schedule(excitation.stepping, results[names[0]].parts, omega)
     responses = {name: simulation.response for name, simulation in results.items()}
     seconds = {name: response.seconds for name, response in responses.items()}
-    return Simulations(results[names[0]], seconds, agreement(responses), stepping, omega)
+    return Simulations(results[names[0]], seconds, agreement(responses), stepping, omega, form)
 
 
 def simulate_by(
     scene: Scene,
-    system: System,
+    system: System | SystemForm,
     excitation: Excitation,
     simulator: str,
     steps: Sequence[int] = (),
@@ -119,11 +120,13 @@ def simulate_by(
     """
     numbers, repeats = np.asarray(steps, np.int64), scene.simulation.repeats
     if simulator == "march":
-        reduced = all(isinstance(body, ReducedModel) for body in system.bodies.values())
-        every = reduced and (not _is_alone(system) or fits_in_memory(system, excitation.stepping))
+        form = SystemForm.of(system)
+        reduced = all(isinstance(body, ReducedModel) for body in form.system.bodies.values())
+        every = reduced and (not _is_alone(form.system) or fits_in_memory(form.system, excitation.stepping))
         recorded_steps = np.arange(len(excitation.times)) if every else numbers
-        result = _march(system, excitation, numbers, recorded_steps, repeats, done)
+        result = _march(form, excitation, numbers, recorded_steps, repeats, done)
     else:
+        system = system.system if isinstance(system, SystemForm) else system
         result = _simulate_by_exudyn(system, excitation, simulator, numbers, repeats, done)
     return replace(result, response=with_forces_on_machine(scene, result.own_response))
 
@@ -134,7 +137,7 @@ def march_once(scene: Scene, system: System | SystemForm, excitation: Excitation
     Simulations of the same `SystemForm` share its tables.
     """
     nothing = np.empty(0, np.int64)
-    return with_forces_on_machine(scene, _march(system, excitation, nothing, nothing).response)
+    return with_forces_on_machine(scene, _march(SystemForm.of(system), excitation, nothing, nothing).response)
 
 
 def agreement(responses: Mapping[str, Response]) -> dict[str, float]:
@@ -217,7 +220,7 @@ def _is_alone(system: System) -> bool:
 
 
 def _march(
-    system: System | SystemForm,
+    form: SystemForm,
     excitation: Excitation,
     steps: Indices,
     recorded_steps: Indices,
@@ -229,7 +232,6 @@ def _march(
     The motion is kept at the `recorded_steps`.  States are returned at the `steps`, all of which are recorded.  A short
     simulation is made `repeats` times, and the shortest time counts.
     """
-    form = system if isinstance(system, SystemForm) else SystemForm.of(system)
     system = form.system
     march, f = March(form, excitation), excitation.forces(system.input_names)
     every = len(recorded_steps) == len(excitation.times)

@@ -32,6 +32,7 @@ from pmr.errors import SimulationError
 from pmr.files.arrays import Array
 from pmr.results import Response
 from pmr.simulation import Excitation
+from pmr.simulation.native.form import SystemForm
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
 
@@ -162,7 +163,7 @@ class StepError:
 
 
 def step_error(
-    system: System,
+    system: System | SystemForm,
     excitation: Excitation,
     run: SystemTrajectory | None = None,
     kinds: Sequence[str] = (),
@@ -200,7 +201,7 @@ def step_error(
     if not runs.can_afford_next:
         raise SimulationError("a run with half the step is too long to be made only to estimate this error")
     initial = runs.sample_initial_run(samples[0])
-    floors = RoundOffBounds.for_system(system, excitation, initial.outputs.force)
+    floors = RoundOffBounds.for_system(stepped.system, excitation, initial.outputs.force)
     of_motion, of_mean = (
         ConvergenceSeries(partial(_motion_difference, mean), samples[0], initial) for mean in (False, True)
     )

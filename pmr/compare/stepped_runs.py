@@ -82,13 +82,13 @@ class SteppedSystem:
 
     def __init__(
         self,
-        system: System,
+        system: System | SystemForm,
         excitation: Excitation,
         run: SystemTrajectory | None = None,
         complete: Callable[[Response], Response] | None = None,
     ) -> None:
-        self.system, self.excitation, self._known, self._complete = system, excitation, run, complete
-        self._form = SystemForm.of(system)
+        self._form, self.excitation, self._known, self._complete = SystemForm.of(system), excitation, run, complete
+        self.system = system = self._form.system
         self.pushing = not np.isnan(system.clearance).all()
         #: The time grid whose error is to be computed.
         self.given = replace(excitation.stepping, schedule=())

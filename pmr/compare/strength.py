@@ -32,7 +32,7 @@ KINDS = ("pad", "support", "reaction", "cylinder", "outrigger", "tipping")
 ON_MACHINE = tuple(reaction_name(f"{place} ") for place in (AT_PIVOT, AT_GROUND, "machine"))
 
 
-def dynamic_factors_part(scene: Scene, system: System, response: Response) -> SummaryPart:
+def dynamic_factors_part(scene: Scene, system: System | SystemForm, response: Response) -> SummaryPart:
     """Entry ``dynamic_factors`` of summary.json: the largest value of each kind of `KINDS`, and its value at rest.
 
     Each row has the ``name`` of the output, its ``kind``, the time ``t`` in s and value ``largest`` of the output of
@@ -62,7 +62,7 @@ def dynamic_factors_part(scene: Scene, system: System, response: Response) -> Su
         step = int(np.abs(values).argmax())
         try:
             posture = _still(scene, float(response.t[step]))
-            still = march_once(posture, form, excitation_of_scene(posture, system))
+            still = march_once(posture, form, excitation_of_scene(posture, form.system))
         except SimulationError:  # nothing holds the boom at rest in this posture
             continue
         rest = float(still.column([output.name for output in still.outputs].index(names[number]))[0])

@@ -182,7 +182,7 @@ def parts_of_motion(
     divided = contact_step.summary(omega, simulations.time_grid)
     return [
         *parts_of_forces(scene, system, simulations.first.response),
-        dynamic_factors_part(scene, system, simulations.first.response),
+        dynamic_factors_part(scene, simulations.form or system, simulations.first.response),
         step,
         published_part(scene, natural),
         lowest_mode_part(scene, system, excitation, natural),

@@ -61,6 +61,11 @@ def extend(model: ReducedModel, count: int | None = None) -> ReducedModel:
 
     A ValueError is raised if the model has fewer enrichment modes or none at all, or if `count` is less than 1.
     """
+    return with_tables(extend_carriers(model, count))
+
+
+def extend_carriers(model: ReducedModel, count: int | None = None) -> ReducedModel:
+    """Return the model that `extend` returns with tables that lack the last coordinates, as `with_tables` follows."""
     available = 0 if model.enrichment is None else model.enrichment.count
     count = available if count is None else count
     if model.enrichment is None or model.carriers is None or not 0 < count <= available:
@@ -68,7 +73,7 @@ def extend(model: ReducedModel, count: int | None = None) -> ReducedModel:
     back = _select_modes(model.enrichment, slice(count))
     matrices = {name: _extend_matrix(A, back.matrices.get(name), count) for name, A in model.matrices.items()}
     D = matrices[DAMPING] if DAMPING in matrices else _block_diagonal(model.D, back.damping)
-    longer = replace(
+    return replace(
         model,
         M=_block_diagonal(model.M, np.ones(count)),
         D=symmetric_part(D),
@@ -80,7 +85,6 @@ def extend(model: ReducedModel, count: int | None = None) -> ReducedModel:
         enrichment=_select_modes(model.enrichment, slice(count, None)) if count < available else None,
         carriers=model.carriers.extend(back),
     )
-    return with_tables(longer)
 
 
 def with_tables(model: ReducedModel) -> ReducedModel:

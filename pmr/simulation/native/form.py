@@ -51,8 +51,13 @@ class SystemForm:
     forms: Mapping[str, ModalForm]  # by the bodies' names, in their order
 
     @classmethod
-    def of(cls, system: System) -> SystemForm:
-        """Diagonalise every body; errors as `modal_form`."""
+    def of(cls, system: System | SystemForm) -> SystemForm:
+        """Diagonalise every body; a form is returned unchanged, as simulations can share its kernel.
+
+        Errors as `modal_form`.
+        """
+        if isinstance(system, SystemForm):
+            return system
         return cls(system, {name: modal_form(body) for name, body in system.bodies.items()})
 
     @classmethod
