@@ -207,9 +207,10 @@ def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
     kg.  The scene is one that `check_chart` accepts.
     """
     assert scene.frame is not None and scene.frame.luffing is not None and scene.frame.luffing != "free"
-    end, names = scene.time.end, scene.names[1:]
-    bounds = [scene.extension(number).bounds(0.0, end) for number in range(1, len(scene.sections))]
-    keys = [name if BARE_KEY.fullmatch(name) else json.dumps(name) for name in names]
+    end, numbers = scene.time.end, range(1, len(scene.sections))
+    names = {number: scene.names[number] for number in numbers if scene.joint(number).follows is None}
+    bounds = [scene.extension(number).bounds(0.0, end) for number in names]
+    keys = [name if BARE_KEY.fullmatch(name) else json.dumps(name) for name in names.values()]
     rows = [
         [f"{key} = {low + share * (high - low):.6g}" for key, (low, high) in zip(keys, bounds, strict=True)]
         for share in np.linspace(0.0, 1.0, EXTENSIONS if names else 0).tolist()

@@ -7,15 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from pmr.compare.forces import missing_reaction_warnings, pulled_pad_warnings, ropes_part, unknown_force_warnings
 from pmr.compare.trust import large_motion_warnings
-from pmr.errors import InputError
 from pmr.files.arrays import Array, Summary
 from pmr.results import Energy, Response
 from pmr.results.quantities import von_mises_stress
@@ -23,15 +22,13 @@ from pmr.results.run import SummaryPart, grave_warnings
 from pmr.scene import Scene
 from pmr.scene.built import force_name
 from pmr.scene.hints import is_hung
-from pmr.scene.keys import SceneTable, Usual, key_error
-from pmr.scene.signals import Constant
+from pmr.scene.keys import SceneTable, Usual
 from pmr.simulation.statics.loaded import LoadedState, LoadedStates, LoadEffects
 from pmr.simulation.statics.postures import HOOK, DeflectionOutputs, PostureMatrices
 from pmr.simulation.statics.swings import stopping_swing
 from pmr.studies.allowed import JUST_BELOW, Place
 from pmr.studies.chart_models import ChartModels
 from pmr.studies.limits import FIELD, Limit
-from pmr.studies.study import Count
 from pmr.system.contacts import Contact
 
 
@@ -329,60 +326,3 @@ def _place_arrays(
         "slewed": at.place.slewing[place.k],
         "stops": np.array([stop.stop_figures(place, load, limit) for stop in stops]).reshape(-1, 5),
     }
-
-
-class Range(SceneTable):
-    """Evenly spaced values from `least` to `most`."""
-
-    least: float = Field(description="First value, in m or the unit of the scene's angles")
-    most: float = Field(description="Last value")
-    count: Annotated[Count, Field(le=1000)] = Field(description="How many")
-    order: Literal["together", "in turn"] = Field(
-        default="together", description="Whether all sections telescope at once or one after the other"
-    )
-
-    @model_validator(mode="after")
-    def _check_order(self) -> Self:
-        """Refuse a `most` below `least`."""
-        if self.most < self.least:
-            raise key_error("most", self.most, f"at least {self.least:g}, which is `least`, is allowed")
-        return self
-
-    @property
-    def values(self) -> tuple[float, ...]:
-        """Evenly spaced values from `least` to `most`, `count` of them."""
-        return tuple(np.linspace(self.least, self.most, self.count).tolist())
-
-    def section_rows(self, names: Sequence[str]) -> list[dict[str, float]]:
-        """Return a mapping of extensions in m by section's name, for each of the `count` rows.
-
-        As `order` says, all sections telescope together, or one after the other in the order of `names`.
-        """
-        rows = list[dict[str, float]]()
-        for share in np.linspace(0.0, 1.0, self.count):
-            in_turn = np.clip(share * len(names) - np.arange(len(names)), 0.0, 1.0)
-            shares = in_turn if self.order == "in turn" else np.full(len(names), share)
-            values = self.least + shares * (self.most - self.least)
-            rows.append(dict(zip(names, values.tolist(), strict=True)))
-        return rows
-
-
-def check_at_rest(scene: Scene) -> None:
-    """Raise InputError for a machine that moves by itself, a hoist, or a base whose motion is not constant."""
-    assert scene.frame is not None
-    if scene.frame.machine is not None:
-        raise InputError("scene", "frame.machine", None, "a machine that stands still is allowed in a load chart")
-    if scene.hoist is not None:
-        raise InputError(
-            "scene", "hoist", None, "none is allowed in a load chart, which hangs its own loads at the tip"
-        )
-    if scene.extension_keys:
-        raise InputError("scene", scene.extension_keys[0], "free", "an extension over time is allowed in a load chart")
-    if scene.frame.luffing == "free":
-        raise InputError("scene", "frame.luffing", "free", "an angle over time is allowed in a load chart")
-    base = scene.frame.base
-    moving = [key for key, signal in (base.motions if base else {}).items() if not isinstance(signal, Constant)]
-    moving += [f"acceleration.{axis}" for axis in (base.accelerations if base else {})]
-    if moving:
-        allowed = "a base that is inclined by a constant rx, ry or rz is allowed in a load chart"
-        raise InputError("scene", f"frame.base.{moving[0]}", None, allowed)

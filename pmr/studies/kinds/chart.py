@@ -26,7 +26,8 @@ from pmr.scene.tomlfiles import Change
 from pmr.simulation.statics.postures import HOOK, with_hook
 from pmr.studies import shared
 from pmr.studies.chart_models import compute_postures, compute_richer_postures
-from pmr.studies.chart_points import Range, Stop, check_at_rest, replaced_mass_warnings
+from pmr.studies.chart_points import Stop, replaced_mass_warnings
+from pmr.studies.chart_rows import Range, check_at_rest, check_slewing, extension_rows
 from pmr.studies.charting import allow_row
 from pmr.studies.duty import CLASSES, NOT_LIMITED, ChartLoads, DutyTable, Hoist, LeastLoads, LoadCase, hoisting_factor
 from pmr.studies.limits import STABILITY, STABILITY_WORDS, Limit
@@ -323,6 +324,7 @@ class Study(StudyBase):
         if scene.gravity is None:
             raise InputError("study", "scene", str(self.scene), "a scene with [gravity] is allowed")
         check_at_rest(scene)
+        check_slewing(scene, self.slewing)
         if self.point is not None and is_planar(members(scene)[-1]):
             raise InputError("study", "point", list(self.point), "a model in space is allowed with a point")
         loads = [load for part in scene.sections for load in part.loads if load.name != HOOK]
@@ -372,27 +374,7 @@ class Study(StudyBase):
     @cached_property
     def _extension_rows(self) -> list[dict[str, float]]:
         """Extensions in m by section, for each row of the chart; InputError if one is missing or out of range."""
-        scene = self._scene
-        names = scene.names[1:] if len(scene.sections) > 1 else ()
-        extensions = self.extensions
-        if isinstance(extensions, Range):
-            rows = extensions.section_rows(names)
-        else:
-            rows = [
-                dict.fromkeys(names, extension) if isinstance(extension, float) else dict(extension)
-                for extension in extensions or ({},)
-            ]
-        for k, row in enumerate(rows):
-            if set(row) != set(names):
-                allowed_ = f"an extension of each of {', '.join(names)} is allowed" if names else "none of a body alone"
-                raise InputError("study", f"extensions[{k}]", ", ".join(row) or None, allowed_)
-            for name, value in row.items():
-                most = scene.sections[scene.names.index(name) - 1].length
-                if not 0.0 < value < most:
-                    raise InputError(
-                        "study", f"extensions[{k}]", value, f"more than 0 and less than {most:g} m is allowed"
-                    )
-        return rows
+        return extension_rows(self._scene, self.extensions)
 
     @cached_property
     def _luffing_angles(self) -> tuple[float, ...]:

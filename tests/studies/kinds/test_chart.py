@@ -117,6 +117,17 @@ def test_the_table_has_the_least_load_and_the_limit_that_governs(small: StudyRes
     assert float(found[0]["radius [m]"]) == pytest.approx(8.0) and float(found[0]["height [m]"]) == 0.0
 
 
+def test_rows_of_extensions_may_name_the_sections_in_any_order(tmp_path: Path) -> None:
+    """Their columns were those of the first row's order."""
+    written = STUDY.replace(
+        "{ least = 1.0, most = 4.0, count = 3 }", "[{ middle = 1.5, fly = 3.0 }, { fly = 3.0, middle = 1.5 }]"
+    ).replace("count = 4 }", "count = 1 }")
+    (tmp_path / "scene.toml").write_text(SCENE)
+    finished(tmp_path, "error_bars = false\n" + written)
+    first, second = rows(tmp_path)
+    assert first == second and float(first["extension middle [m]"]) == 1.5 and float(first["extension fly [m]"]) == 3.0
+
+
 def test_a_hoisted_load_pulls_with_more_than_its_weight(small: StudyResults, folder: Path) -> None:
     """On any boom with less than on a tip that does not move; nothing is hoisted where nothing is carried."""
     figures, found = json.loads((folder / "summary.json").read_text())["figures"], rows(folder)
@@ -369,6 +380,32 @@ def test_bad_tables_are_refused_in_one_line(folder: Path, old: str, new: str, sa
     with pytest.raises(InputError, match=r".") as refused:
         call.load(folder / "bad.toml")
     assert said in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_a_boom_on_a_slope_is_slewed_where_its_scene_slews_alone(folder: Path) -> None:
+    """It had the slope of its first direction at all slewing angles, though the machine below had its own."""
+    legs = ", ".join(f"{{ name = 'leg {x} {y}', at = [{x}, {y}] }}" for x in (2.0, -2.0) for y in (2.0, -2.0))
+    ground = f"\n[frame.ground]\nheight = 1.0\nslope = [2.0, 0.0]\noutriggers = [{legs}]\n"
+    (folder / "slope.toml").write_text(SCENE.replace("\n[section]\n", f"{ground}\n[section]\n", 1))
+    (folder / "slewed.toml").write_text(
+        STUDY.replace("scene.toml", "slope.toml").replace("up_to =", "slewing = [0.0, 90.0]\nup_to =", 1)
+    )
+    with pytest.raises(InputError, match=r"slewing = 90.0: 0 is allowed, or .*: frame.ground.slope acts on the boom"):
+        call.load(folder / "slewed.toml")
+
+
+def test_sections_that_follow_are_where_they_follow(folder: Path) -> None:
+    scene = SCENE.replace('name = "fly"', 'name = "fly"\njoint = { follows = "middle", ratio = 0.5, offset = 0.2 }')
+    (folder / "follows.toml").write_text(scene)
+    study, evenly = STUDY.replace("scene.toml", "follows.toml"), "{ least = 1.0, most = 4.0, count = 3 }"
+    for extensions in (evenly, "[1.0, 2.5, 4.0]", "[{ fly = 0.7, middle = 1.0 }, { middle = 2.5 }, 4.0]"):
+        (folder / "following.toml").write_text(study.replace(evenly, extensions))
+        runs = call.load(folder / "following.toml").parts[0].plan.runs
+        rows = [(run.parameters["extension.middle"], run.parameters["extension.fly"]) for run in runs]
+        assert rows == [(1.0, 0.7), (2.5, 1.45), (4.0, 2.2)]
+    (folder / "following.toml").write_text(study.replace(evenly, "[{ middle = 1.0, fly = 1.0 }]"))
+    with pytest.raises(InputError, match=r"extensions\[0\].fly = 1.0: 0.7 m is allowed, as it follows middle"):
+        call.load(folder / "following.toml")
 
 
 def test_degrees_are_refused_where_the_scene_says_no_unit(folder: Path) -> None:
