@@ -245,8 +245,8 @@ def _print_errors(error_rows: Sequence[Row]) -> None:
     """
     published = any(row.published for row in error_rows)
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    for head in ("e_NRMS, or largest value", "here", *(("published", "") if published else ())):
-        table.add_column(head, justify="right" if head in ("here", "published") else "left")
+    for head in ("e_NRMS, or largest value", "this run", *(("published", "") if published else ())):
+        table.add_column(head, justify="right" if head in ("this run", "published") else "left")
     above = ""
     for row in error_rows:
         if row.place and row.comparison != above:
