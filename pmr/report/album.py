@@ -12,29 +12,12 @@ import numpy as np
 
 from pmr.files.arrays import Array
 from pmr.report.blocks import Picture
-from pmr.report.bodies import (
-    Block,
-    Moment,
-    body_shifts,
-    body_surfaces,
-    build_surroundings,
-    cell_stresses,
-    displacement_scale,
-    drawn_moments,
-    fields_by_body,
-    has_fields,
-    has_stresses,
-    largest_colour_stress,
-    moment_of_peak,
-    pad_blocks,
-    place_of_peak,
-    times,
-)
+from pmr.report.bodies import Block, pad_blocks
 from pmr.report.columns import rope_places
+from pmr.report.moving_bodies import Moment, MovingBodies
 from pmr.report.numbers import SPACE, format_input, format_quantity
 from pmr.report.renderer import Piece, Shot, Vector, frame_shots, render_shot
 from pmr.report.subject import is_alone, walls_clause
-from pmr.results import RunResult
 from pmr.results.quantities import stress_name
 from pmr.scene.members import body_ring
 
@@ -46,9 +29,9 @@ GROUND, CYLINDER = "#d9d2c5", "#5b6875"
 ROD, ROPE, PAYLOAD = 0.06, 0.02, 0.2  # m, half the thickness of a luffing cylinder, of a rope and of a payload
 
 
-def make_album(result: RunResult, prefix: str) -> tuple[Picture, ...]:
-    """Draw the pictures of a run with recovered fields; none without.  `prefix` begins their identifiers."""
-    views = _Views(result).shots() if has_fields(result) else ()
+def make_album(bodies: MovingBodies, prefix: str) -> tuple[Picture, ...]:
+    """Draw the pictures of bodies with recovered fields; none without.  `prefix` begins their identifiers."""
+    views = _Views(bodies).shots() if bodies.are_recovered else ()
     return tuple(
         Picture(
             f"{prefix}-{view.name}", *view.shot.size, base64.b64encode(render_shot(view.shot)).decode(), view.caption
@@ -66,24 +49,21 @@ class View(NamedTuple):
 
 
 class _Views:
-    """Data that all pictures of a run share: surfaces of bodies, surroundings, colour limits, scale of displacement."""
+    """What all pictures of a run share: bodies, colour limits, and the motion of their axes, None without a frame."""
 
-    def __init__(self, result: RunResult) -> None:
-        self.result, self.fields, self.places = result, fields_by_body(result), body_shifts(result)
-        self.surfaces = body_surfaces(result)
-        self.stage = build_surroundings(result, next(iter(self.surfaces.values())))
-        self.scale, self.stressed = displacement_scale(result), has_stresses(result)
-        self.pose = result.pose(times(result))
-        self.limits = (0.0, largest_colour_stress(result) / 1e6 if self.stressed else 1.0)
+    def __init__(self, bodies: MovingBodies) -> None:
+        self.bodies, self.result = bodies, bodies.result
+        self.pose = bodies.result.pose(bodies.t)
+        self.limits = (0.0, bodies.colour_limit / 1e6)
 
     def shots(self) -> Iterator[View]:
         """Yield the pictures to be rendered, in the order of the page."""
-        chosen = drawn_moments(self.result)
+        chosen = self.bodies.moments()
         views = [Shot((*self._pieces_at(m, SIDE), *self._ground_pieces(m)), SIDE, self.limits) for m in chosen]
         for number, (moment, shot) in enumerate(zip(chosen, frame_shots(views, WIDTH), strict=True), start=1):
             yield View(f"view-{number}", shot, self._caption(moment))
-        if self.stressed:
-            yield self._peak_view(moment_of_peak(self.result))
+        if self.bodies.cell_stresses:
+            yield self._peak_view(self.bodies.moment_of_peak())
 
     def _pieces_at(
         self, moment: Moment, direction: Vector, edges: float = 0.6, opacity: float = 0.22
@@ -100,7 +80,7 @@ class _Views:
             layer = np.where(piece.faces_towards(sight), 1.0, -1.0) * float(number)
             pieces[-number] = replace(piece, layer=layer)
         outermost = len(pieces) + 1.0
-        for block in self.stage.section:
+        for block in self.bodies.surroundings.section:
             piece = Piece(block.corners, block.sides, None, SECTION)
             layer = np.where(piece.faces_towards(sight), 1.0, -1.0) * (outermost + 1.0)
             pieces.append(replace(piece, opacity=opacity, edges=1.0, layer=layer))
@@ -109,15 +89,16 @@ class _Views:
             yield replace(piece, points=self._turn_to_ground(moment.frame, piece.points))
 
     def _body_pieces(self, moment: Moment, edges: float) -> Iterator[Piece]:
-        """Yield the bodies at a moment, with displacements enlarged by the factor `self.scale`.
+        """Yield the bodies at a moment, with displacements enlarged by the factor `self.bodies.scale`.
 
         Colours show the von Mises stress in MPa if the fields have stresses; `edges` is the width of mesh lines in px.
         """
-        for name, surface in self.surfaces.items():
-            fields = self.fields[name]
+        for name, surface in self.bodies.surfaces.items():
+            fields = self.bodies.fields[name]
             displaced = surface.point_displacements(fields, fields.displacement[moment.frame])
-            points = surface.points + self.scale * displaced + (self.places[name][moment.frame], 0.0, 0.0)
-            values = cell_stresses(fields)[moment.frame, surface.cell] / 1e6 if fields.von_mises else None
+            points = surface.points + self.bodies.scale * displaced + (self.bodies.shifts[name][moment.frame], 0.0, 0.0)
+            stresses = self.bodies.cell_stresses.get(name)
+            values = None if stresses is None else stresses[moment.frame, surface.cell] / 1e6
             yield Piece(points, surface.faces, values, STEEL, edges=edges)
 
     def _pads(self, moment: Moment, sight: Array) -> Iterator[Piece]:
@@ -125,14 +106,16 @@ class _Views:
 
         `sight` (3,) is the direction to the camera in the boom's axes.
         """
-        yield from (_pad_piece(block, 1, sight) for block in self.stage.near)
-        yield from (_pad_piece(block, 1, sight, np.array([-moment.s, 0.0, 0.0])) for block in self.stage.tail)
+        yield from (_pad_piece(block, 1, sight) for block in self.bodies.surroundings.near)
+        yield from (
+            _pad_piece(block, 1, sight, np.array([-moment.s, 0.0, 0.0])) for block in self.bodies.surroundings.tail
+        )
         bodies, frame = list(self.result.scene.bodies.items()), moment.frame
         for number, ((outer, of_outer), (inner, of_inner)) in enumerate(pairwise(bodies)):
-            if of_inner.joint is None or outer not in self.surfaces:
+            if of_inner.joint is None or outer not in self.bodies.surfaces:
                 continue
-            points, box = self.surfaces[outer].points, of_outer.body.box
-            extent, tails = np.array([points.min(axis=0), points.max(axis=0)]), self.places
+            points, box = self.bodies.surfaces[outer].points, of_outer.body.box
+            extent, tails = np.array([points.min(axis=0), points.max(axis=0)]), self.bodies.shifts
             mouth = tails[outer][frame] + of_outer.length
             at_ends = [(ring, tails[inner][frame] + ring.at) for ring in of_inner.joint.tail]
             at_ends += [(ring, mouth - ring.at) for ring in of_inner.joint.mouth]
@@ -148,10 +131,10 @@ class _Views:
 
         `frame` is the number of the time among those of the body's fields.
         """
-        surface, fields = self.surfaces[body], self.fields[body]
+        surface, fields = self.bodies.surfaces[body], self.bodies.fields[body]
         apart = np.abs(surface.points[:, 0] - x)
         displaced = surface.point_displacements(fields, fields.displacement[frame])[apart <= apart.min() + 1e-6]
-        return np.asarray(self.scale * displaced.mean(axis=0), float)
+        return np.asarray(self.bodies.scale * displaced.mean(axis=0), float)
 
     def _cylinder_pieces(self, moment: Moment) -> Iterator[Piece]:
         """Yield the luffing cylinder from its foot to its lug as a bar; nothing if the frame has no cylinder."""
@@ -161,14 +144,14 @@ class _Views:
             x, z = cylinder.direction(angle)
             lug = np.array([cylinder.lug[0], 0.0, cylinder.lug[1]]) - frame.tail_position
             foot = lug - float(cylinder.length_and_arm(angle)[0]) * np.array([x, 0.0, z])
-            lug += self._drawn_displacement(next(iter(self.surfaces)), moment.frame, lug[0])
+            lug += self._drawn_displacement(next(iter(self.bodies.surfaces)), moment.frame, lug[0])
             yield _bar(foot, lug, ROD, CYLINDER)
 
     def _rope_pieces(self, moment: Moment) -> Iterator[Piece]:
         """Yield the rope of a hoist as a bar from its head sheaves to its hook, and a cube for the payload."""
         response, frame = self.result.responses["reduced"], self.result.frame
         step = int(np.argmin(np.abs(response.t - moment.t)))
-        if (places := rope_places(self.result, [step], self.scale)) is not None:
+        if (places := rope_places(self.result, [step], self.bodies.scale)) is not None:
             head, hook = places[0] - (0.0 if frame is None else np.array(frame.tail_position))
             down = (hook - head) / max(float(np.linalg.norm(hook - head)), 1e-9)
             yield _bar(head, hook, ROPE, CYLINDER)
@@ -206,8 +189,8 @@ class _Views:
 
     def _peak_view(self, moment: Moment) -> View:
         """Build the view of the largest stress, seen from the side on which it occurs, with the body's axis level."""
-        name, place = place_of_peak(self.result, moment)
-        points = self.surfaces[name].points
+        name, place = self.bodies.place_of_peak(moment)
+        points = self.bodies.surfaces[name].points
         low, high = points.min(axis=0), points.max(axis=0)
         middle = (low + high) / 2.0
         from_left, above = place[1] > high[1] - 0.05 * (high[1] - low[1]), place[2] >= middle[2]
@@ -218,7 +201,9 @@ class _Views:
             )
             direction, up = (ahead, aside, high_up), (x, y, z)
         pieces = tuple(self._pieces_at(moment, direction, edges=0.8, opacity=0.08))
-        centre = np.array([float(place[0] + self.places[name][moment.frame]), float(middle[1]), float(middle[2])])
+        centre = np.array(
+            [float(place[0] + self.bodies.shifts[name][moment.frame]), float(middle[1]), float(middle[2])]
+        )
         x, y, z = (float(c) for c in self._turn_to_ground(moment.frame, centre))
         shot = Shot(pieces, direction, self.limits, (x, y, z), NEAR, (WIDTH, WIDTH * 3 // 8), up)
         side = f"the {'left' if from_left else 'right'} and {'above' if above else 'below'}"
@@ -247,9 +232,11 @@ class _Views:
         It states the extension beyond the mouth (or the reach), the time, the largest stress and the scale of
         displacements.
         """
-        deformed = f"displacements {format_input(self.scale)} times their size"
-        largest = stress_name(self.result.scene)
-        stress = f", {largest} {format_quantity(moment.peak, 'Pa')}{walls_clause(self.result)}" if self.stressed else ""
+        deformed = f"displacements {format_input(self.bodies.scale)} times their size"
+        stress = ""
+        if self.bodies.cell_stresses:
+            largest = f"{stress_name(self.result.scene)} {format_quantity(moment.peak, 'Pa')}"
+            stress = f", {largest}{walls_clause(self.result)}"
         length = f"{moment.extension:.2f}{SPACE}m"
         out = f"{length} beyond the mouth" if is_alone(self.result) else f"A boom length of {length}"
         around = "" if is_alone(self.result) else " Pads are drawn on the outside of the section that they slide in."

@@ -1,20 +1,15 @@
-"""Surfaces of bodies as polygons, from the cells of their fields; pads around them; and the moments to draw."""
+"""Surfaces of bodies as polygons, from the cells of their fields, and pads around them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.files.arrays import Array, Indices
-from pmr.report.columns import axis_points, interpolate, spread_indices, tail_positions
-from pmr.report.numbers import enlargement
-from pmr.report.subject import fixtures, is_alone, reach
+from pmr.report.subject import fixtures, is_alone
 from pmr.results import Fields, RunResult
-from pmr.results.field_series import Grid
 from pmr.results.pads import THICK, pad_corners
 from pmr.scene.box import Box
 from pmr.scene.built import PadRing
@@ -25,6 +20,7 @@ _FACES = {
     "tetra": [(0, 1, 3), (1, 2, 3), (2, 0, 3), (0, 2, 1)],
     "hexahedron": [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)],
 }
+KNOB = 0.012  # half the size of a slider or support in pictures, as a share of the length of the body
 #: Width and height in m with which a beam is drawn if its cross-section is not known.
 _THIN = 0.05
 
@@ -116,12 +112,6 @@ def _turn_outwards(points: Array, faces: Indices) -> Indices:
     return np.where(inwards[:, None], faces[:, ::-1], faces)
 
 
-def body_surfaces(result: RunResult) -> dict[str, Surface]:
-    """Surfaces of all bodies that are drawn (`fields_by_body`), by their names."""
-    bodies = result.scene.bodies
-    return {name: body_surface(fields, bodies[name].body.box) for name, fields in fields_by_body(result).items()}
-
-
 def _tube(fields: Fields, box: Box | None) -> Surface:
     """Build the surface of a beam: the walls of its box along the axis, without faces at its ends."""
     thin = np.array([(-_THIN, -_THIN), (_THIN, -_THIN), (_THIN, _THIN), (-_THIN, _THIN)]) / 2.0
@@ -200,194 +190,3 @@ def _block(start: Array, end: Array, sides: Indices) -> Block:
     `sides` (k, 4) are those to be drawn, as indices of corners.
     """
     return Block((start + end) / 2.0 + _CUBE * (end - start), sides)
-
-
-DISPLACED = 0.08  # largest displacement in a picture, as a share of the length of the body
-FRAMES = 1500  # largest number of times of an animation of axes
-KNOB = 0.012  # half the size of a slider or support in pictures, as a share of the length of the body
-EXTENSIONS = 3  # parts of the mouth's range, each with a picture
-ALMOST_ALL = 0.98  # share of the cells within the colour scale: a few peaks must not leave all others in one colour
-
-
-@dataclass(frozen=True)
-class Moment:
-    """Stored time of the fields that is drawn: its index `frame`, the time t in s, and the state at this time.
-
-    The mouth is at the path coordinate s in m, and the body extends `extension` m beyond the mouth; `peak` is the
-    largest stress in Pa.
-    """
-
-    frame: int
-    t: float
-    s: float
-    extension: float
-    peak: float
-
-
-def has_fields(result: RunResult) -> bool:
-    """Whether fields of any body were recovered."""
-    return any(body.fields is not None for body in result.bodies.values())
-
-
-def fields_by_body(result: RunResult) -> dict[str, Fields]:
-    """Fields of the bodies that are drawn, by the names of the bodies; all are stored at the same F times.
-
-    They are the recovered fields; if there are none, displacements of the points along the axes of all bodies.
-    """
-    if not has_fields(result):
-        return _axis_fields(result)
-    return {name: body.fields for name, body in result.bodies.items() if body.fields is not None}
-
-
-def _axis_fields(result: RunResult) -> dict[str, Fields]:
-    """Displacements of the reduced model along the axis of each body, as fields of beams, by the body's name.
-
-    Bodies without outputs along their axis are left out.
-    """
-    response, fields = result.responses["reduced"], dict[str, Fields]()
-    steps = spread_indices(len(response.t), FRAMES)
-    aside = {line.body: line for line in axis_points(result, response, "y")}
-    for line in axis_points(result, response):
-        x, places = np.unique(line.x, return_index=True)
-        displacement = np.zeros((len(steps), len(x), 3), np.float32)
-        for direction, of in ((1, aside.get(line.body)), (2, line)):
-            if of is not None:
-                displacement[:, :, direction] = of.displacements(response)[np.ix_(steps, places)]
-        cells = np.stack([np.arange(len(x) - 1), np.arange(1, len(x))], axis=1)
-        grid = Grid("line", np.stack([x, 0.0 * x, 0.0 * x], axis=1), cells)
-        fields[line.body] = Fields(grid, response.t[steps], displacement, {})
-    return fields
-
-
-def times(result: RunResult) -> Array:
-    """Times (F,) in s at which the fields are stored."""
-    return next(iter(fields_by_body(result).values())).t
-
-
-def has_stresses(result: RunResult) -> bool:
-    """Whether any body has von Mises stresses in its fields."""
-    return any(fields.von_mises for fields in fields_by_body(result).values())
-
-
-def drawn_moments(result: RunResult) -> list[Moment]:
-    """Return the moments that are drawn, in order of time: at most one for each third of the mouth's range.
-
-    In each third, it is the stored time with the largest stress among all times at which the mouth is there.  If
-    there are no stresses, it is the time with the largest displacement.  If the mouth does not move, there is one
-    moment.
-    """
-    s, t = mouth_positions(result), times(result)
-    weight = _peak_stresses(result) if has_stresses(result) else _largest_displacements(result)
-    parts = np.clip(((s - s.min()) / max(np.ptp(s), 1e-12) * EXTENSIONS).astype(int), 0, EXTENSIONS - 1)
-    chosen = [int(inside[np.argmax(weight[inside])]) for part in np.unique(parts)
-              if len(inside := np.flatnonzero(parts == part))]  # fmt: skip
-    largest = weight if has_stresses(result) else np.zeros_like(weight)
-    return [Moment(k, float(t[k]), float(s[k]), reach(result) - float(s[k]), float(largest[k])) for k in sorted(chosen)]
-
-
-def moment_of_peak(result: RunResult) -> Moment:
-    """Return the stored moment nearest to the time of the largest stress in the summary.
-
-    That time itself may not be stored, as fields may be kept at fewer times than stresses.  If the summary has no such
-    time, the moment with the largest stress in the fields is returned, or with the largest displacement if the fields
-    have no stresses.  `peak` is the largest stress in Pa at the returned moment, or the largest displacement in m if
-    the fields have no stresses.
-    """
-    t, s, named = times(result), mouth_positions(result), _summary_peak(result).get("t")
-    largest = _peak_stresses(result) if has_stresses(result) else _largest_displacements(result)
-    k = int(np.argmax(largest)) if named is None else int(np.argmin(np.abs(t - named)))
-    return Moment(k, float(t[k]), float(s[k]), reach(result) - float(s[k]), float(largest[k]))
-
-
-class PointOfBody(NamedTuple):
-    """Name of a body, and a point (3,) in m in the axes of this body."""
-
-    body: str
-    point: Array
-
-
-def place_of_peak(result: RunResult, moment: Moment) -> PointOfBody:
-    """Return the body and the point with the largest stress, as the summary states them.
-
-    If the summary does not state them, the point is the middle of the cell with the largest stress of all bodies at
-    `moment`.
-    """
-    fields, peak = fields_by_body(result), _summary_peak(result)
-    if "position" in peak and (body := peak.get("section", next(iter(fields)))) in fields:
-        return PointOfBody(body, np.array(peak["position"]))
-    stresses = {
-        name: cell_stresses(fields_of_body)[moment.frame]
-        for name, fields_of_body in fields.items()
-        if fields_of_body.von_mises
-    }
-    body = max(stresses, key=lambda name: float(stresses[name].max()))
-    stressed_fields = fields[body]
-    cell = stressed_fields.cells[int(np.argmax(stresses[body]))]
-    return PointOfBody(body, stressed_fields.points[cell].mean(axis=0))
-
-
-def _summary_peak(result: RunResult) -> Mapping[str, Any]:
-    """Entry ``stress_peak.reduced`` of the summary: the largest stress with its time and position; empty without it."""
-    peak: Mapping[str, Any] = result.summary.get("stress_peak", {}).get("reduced") or {}
-    return peak
-
-
-def mouth_positions(result: RunResult) -> Array:
-    """Path coordinate s (F,) in m of the mouth at the F times of the fields.
-
-    For a boom it is the largest reach minus the reach at these times.
-    """
-    s = result.abscissa if result.reach is None else reach(result) - result.reach
-    return interpolate(times(result), result.responses["reduced"].t, s)
-
-
-def body_shifts(result: RunResult) -> dict[str, Array]:
-    """Shift (F,) in m along x with which each body is drawn at the F times of the fields, by the names of the bodies.
-
-    A body alone is shifted by -s, so that the mouth is drawn at 0.  A section of a boom is shifted by the position of
-    its tail along the boom, measured from the tail of the base.
-    """
-    if result.reach is None:
-        return {name: -mouth_positions(result) for name in fields_by_body(result)}
-    t, names = result.responses["reduced"].t, list(result.scene.bodies)
-    tails = dict(zip(names, tail_positions(result, len(t)).T, strict=True))
-    return {name: np.interp(fields.t, t, tails[name]) for name, fields in fields_by_body(result).items()}
-
-
-def cell_stresses(fields: Fields) -> NDArray[np.float32]:
-    """Von Mises stress (F, C) in Pa of the C cells at F times.
-
-    It is the largest of the stresses that are stored for the faces of a cell.
-    """
-    return np.maximum.reduce(list(fields.von_mises.values()))
-
-
-def displacement_scale(result: RunResult) -> float:
-    """Factor, a round number, by which displacements are enlarged in pictures."""
-    return enlargement(float(_largest_displacements(result).max()), DISPLACED * reach(result))
-
-
-def largest_colour_stress(result: RunResult) -> float:
-    """Stress in Pa at the end of the colour scale; few cells exceed it at any time.
-
-    It is a round number, and a quarter of it has few digits.
-    """
-    cells = [cell_stresses(fields).max(axis=0) for fields in fields_by_body(result).values() if fields.von_mises]
-    most = float(np.quantile(np.concatenate(cells), ALMOST_ALL))
-    if most <= 0.0:
-        return 1.0
-    decade = 10.0 ** np.floor(np.log10(most))
-    step = (0.4 if most < 4.0 * decade else 0.8) * decade
-    return float(f"{step * np.ceil(most / step - 1e-9):.2g}")
-
-
-def _peak_stresses(result: RunResult) -> Array:
-    """Largest stress (F,) in Pa of all bodies at each of the F stored times."""
-    each = [cell_stresses(fields).max(axis=1) for fields in fields_by_body(result).values() if fields.von_mises]
-    return np.asarray(np.max(each, axis=0))
-
-
-def _largest_displacements(result: RunResult) -> Array:
-    """Length (F,) in m of the largest displacement of all bodies at each of the F stored times."""
-    each = [np.linalg.norm(fields.displacement, axis=2).max(axis=1) for fields in fields_by_body(result).values()]
-    return np.asarray(np.max(each, axis=0))

@@ -17,25 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.files.arrays import Array
-from pmr.report.bodies import (
-    Block,
-    Surface,
-    body_shifts,
-    body_surfaces,
-    build_surroundings,
-    cell_stresses,
-    displacement_scale,
-    fields_by_body,
-    largest_colour_stress,
-    moment_of_peak,
-    mouth_positions,
-    times,
-)
+from pmr.report.bodies import Block, Surface
 from pmr.report.columns import encode_array, playback_speeds
+from pmr.report.moving_bodies import MovingBodies
 from pmr.report.numbers import format_input, format_percent
 from pmr.report.renderer import RAMP
 from pmr.report.subject import is_alone, reach
-from pmr.results import RunResult
 
 EXACT = 1e-4  # size of a shape, as a share of the size of the largest one, below which the shape is left out
 MOST_SHAPES = 32
@@ -43,7 +30,7 @@ MOST_FACES = 60_000  # bodies with more faces have pictures but no animation, so
 MOST_VALUES = 400_000  # most values in all shapes of a quantity: two bytes each, and a third more in base64
 
 
-def body_motion(result: RunResult) -> dict[str, Any]:
+def body_motion(bodies: MovingBodies) -> dict[str, Any]:
     """Data of the animation of bodies, ready for JSON; empty if there is nothing to animate.
 
     That is the case without bodies, for a single time, and for more than `MOST_FACES` faces.  The keys are the number
@@ -58,53 +45,44 @@ def body_motion(result: RunResult) -> dict[str, Any]:
     of quadrilateral j.  If the scene has a frame, ``pose`` is the motion of the frame, which moves all bodies; else it
     is None.
     """
-    bodies = body_surfaces(result)
-    if (
-        not bodies
-        or len(t := times(result)) < 2
-        or sum(len(body_surface.faces) for body_surface in bodies.values()) > MOST_FACES
-    ):
+    surfaces, result = bodies.surfaces, bodies.result
+    if not surfaces or len(bodies.t) < 2 or sum(len(surface.faces) for surface in surfaces.values()) > MOST_FACES:
         return {}
-    around, alongs = build_surroundings(result, next(iter(bodies.values()))), body_shifts(result)
-    shown = [
-        _body_data(result, name, surface, alongs[name], MOST_VALUES // len(bodies)) for name, surface in bodies.items()
-    ]
+    t, around = bodies.t, bodies.surroundings
+    shown = [_body_data(bodies, name, surface, MOST_VALUES // len(surfaces)) for name, surface in surfaces.items()]
     back = min([0.0, *(float(block.corners[:, 0].min()) for block in around.section)])
     if is_alone(result) and not around.section:
-        back = float(next(iter(bodies.values())).points[:, 0].min() - mouth_positions(result).max())
+        back = float(next(iter(surfaces.values())).points[:, 0].min() - bodies.mouth.max())
     return {
         "frames": len(t),
         "times": [float(t[0]), float(t[-1])],
         "speeds": playback_speeds(float(t[-1] - t[0])),
-        "first": moment_of_peak(result).frame,
+        "first": bodies.moment_of_peak().frame,
         "length": reach(result),
-        "path": encode_array(mouth_positions(result)),
-        "scale": displacement_scale(result),
+        "path": encode_array(bodies.mouth),
+        "scale": bodies.scale,
         "bodies": shown,
         "back": back,
         "ramp": RAMP,
-        "section": [_block_data(block) for block in around.section],
-        "near": [_block_data(block) for block in around.near],
-        "tail": [_block_data(block) for block in around.tail],
+        **{name: [_block_data(block) for block in blocks] for name, blocks in vars(around).items()},
         "lost": max(body["motion"]["lost"] for body in shown),
-        "pose": _frame_motion(result),
+        "pose": _frame_motion(bodies),
     }
 
 
-def _frame_motion(result: RunResult) -> dict[str, Any] | None:
+def _frame_motion(bodies: MovingBodies) -> dict[str, Any] | None:
     """Motion of a frame for the player; None if the scene has no frame.
 
     It has rotations (frames, 9), origins (frames, 3) in m, angles, and centre and size of the picture.
     """
-    frame, pose = result.frame, result.pose(times(result))
+    frame, pose = bodies.result.frame, bodies.result.pose(bodies.t)
     if frame is None or pose is None:
         return None
-    bodies, alongs = body_surfaces(result), body_shifts(result)
     ends = [
         pose.positions(
-            np.array([body_surface.points.min(axis=0), body_surface.points.max(axis=0)]) + _along_axis(alongs[name])
+            np.array([surface.points.min(axis=0), surface.points.max(axis=0)]) + _along_axis(bodies.shifts[name])
         )
-        for name, body_surface in bodies.items()
+        for name, surface in bodies.surfaces.items()
     ]
     every = np.concatenate([np.zeros((1, 3)), *(places.reshape(-1, 3) for places in ends)])
     low, high = every.min(axis=0), every.max(axis=0)
@@ -113,7 +91,7 @@ def _frame_motion(result: RunResult) -> dict[str, Any] | None:
         "origin": encode_array(pose.origin.ravel()),
         "centre": ((low + high) / 2.0).tolist(),
         "size": float(np.linalg.norm(high - low)),
-        "angles": [encode_array(np.rad2deg(angle.value(times(result)))) for angle in frame.angles],
+        "angles": [encode_array(np.rad2deg(angle.value(bodies.t))) for angle in frame.angles],
     }
 
 
@@ -122,24 +100,25 @@ def _along_axis(shifts: Array) -> Array:
     return np.asarray(shifts[:, None, None] * np.array([1.0, 0.0, 0.0]))
 
 
-def _body_data(result: RunResult, name: str, surface: Surface, shifts: Array, most_values: int) -> dict[str, Any]:
+def _body_data(bodies: MovingBodies, name: str, surface: Surface, most_values: int) -> dict[str, Any]:
     """Data of the body `name` for the player.
 
     The keys are ``points``, ``triangles``, ``edges`` and ``faces`` of the surface, its ``along`` shifts, and the shapes
-    of its ``motion`` and ``stress`` with the share that they leave out; ``stress`` is None without stresses.  `shifts`
-    (frames,) are in m.  `most_values` limits the number of values in all shapes of a quantity.
+    of its ``motion`` and ``stress`` with the share that they leave out; ``stress`` is None without stresses.
+    `most_values` limits the number of values in all shapes of a quantity.
     """
-    fields = fields_by_body(result)[name]
+    fields, stress = bodies.fields[name], None
     motion = compress(surface.point_displacements(fields, fields.displacement).reshape(len(fields.t), -1), most_values)
-    stress = cell_stresses(fields)[:, surface.cell] / largest_colour_stress(result) if fields.von_mises else None
+    if name in bodies.cell_stresses:
+        stress = compress(bodies.cell_stresses[name][:, surface.cell] / bodies.colour_limit, most_values)
     return {
         "points": encode_array(surface.points.ravel()),
         "triangles": _encode_indices(surface.triangles),
         "edges": _encode_indices(surface.edges),
         "faces": len(surface.faces),
-        "along": encode_array(shifts),
+        "along": encode_array(bodies.shifts[name]),
         "motion": motion,
-        "stress": None if stress is None else compress(stress, most_values),
+        "stress": stress,
     }
 
 

@@ -15,7 +15,6 @@ from pmr.files.arrays import Array
 from pmr.report import first_page, forces, player, scene_tables, sentences, stresses, subject
 from pmr.report.album import make_album
 from pmr.report.blocks import Block, Chapter, Drawing, Grid, Notices, Player, Table, signed_deviation
-from pmr.report.bodies import fields_by_body, has_stresses, largest_colour_stress
 from pmr.report.columns import (
     axis_points,
     is_round_off,
@@ -26,6 +25,7 @@ from pmr.report.errors import error_table, is_compared
 from pmr.report.figures import histories, shapes, space
 from pmr.report.figures.canvas import drawing, section_colours
 from pmr.report.figures.histories import line_figure
+from pmr.report.moving_bodies import MovingBodies
 from pmr.report.numbers import SPACE, format_input, significant, with_sign
 from pmr.report.subject import acting_loads, direction_words, is_alone, moving_part, slider_offsets
 from pmr.results import RunResult
@@ -123,12 +123,13 @@ def motion_block(result: RunResult, prefix: str) -> Block | None:
 
     It is None if the run has neither fields nor outputs along an axis.  `prefix` begins the identifiers of the figures.
     """
-    if not fields_by_body(result):
+    bodies, scale = MovingBodies(result), list[Drawing]()
+    if not bodies.fields:
         return None
-    data, pictures, scale = player.body_motion(result), make_album(result, prefix), list[Drawing]()
-    if has_stresses(result) and (data or pictures):
+    data, pictures = player.body_motion(bodies), make_album(bodies, prefix)
+    if bodies.cell_stresses and (data or pictures):
         caption = "Colours of the pictures: the largest von Mises stress of each cell."
-        scale.append(drawing(f"{prefix}-ramp", shapes.colour_scale, caption, largest_colour_stress(result) / 1e6))
+        scale.append(drawing(f"{prefix}-ramp", shapes.colour_scale, caption, bodies.colour_limit / 1e6))
     tip, still = tip_drawings(result, prefix)
     return Block(
         heading="Motion",

@@ -6,20 +6,10 @@ import numpy as np
 import pytest
 
 from pmr import RunResult
-from pmr.report.bodies import (
-    Block,
-    body_surface,
-    build_surroundings,
-    cell_stresses,
-    displacement_scale,
-    drawn_moments,
-    largest_colour_stress,
-    moment_of_peak,
-    mouth_positions,
-    place_of_peak,
-)
+from pmr.report.bodies import Block, body_surface, build_surroundings
 from pmr.report.figures import space
 from pmr.report.figures.canvas import style
+from pmr.report.moving_bodies import MovingBodies, cell_stresses
 from pmr.report.player import body_motion
 from pmr.results.field_series import Grid
 from pmr.results.pads import THICK
@@ -29,29 +19,31 @@ from pmr.scene.box import Box
 def test_each_third_of_the_way_shows_its_largest_stress(make_space, make_fields) -> None:
     fields = make_fields("triangle")
     result = make_space(fields=fields)
-    found = drawn_moments(result)
+    found = MovingBodies(result).moments()
     # s rises from 1.5 m at 0.2 s to 4 m at 0.7 s, the stress follows half a sine over the second
     assert [moment.t for moment in found] == pytest.approx([0.35, 0.5, 0.55])
     assert [moment.extension for moment in found] == pytest.approx([6.0 - moment.s for moment in found])
-    assert [moment.s for moment in found] == pytest.approx(mouth_positions(result)[[moment.frame for moment in found]])
+    assert [moment.s for moment in found] == pytest.approx(
+        MovingBodies(result).mouth[[moment.frame for moment in found]]
+    )
     assert found[1].peak == pytest.approx(cell_stresses(fields).max())
 
 
 def test_pictures_stand_in_order_of_time_where_the_mouth_goes_back(make_space, make_fields) -> None:
     back = {"path": {"kind": "ramp", "times": [0.2, 0.7], "values": [4.0, 1.5]}}
-    found = drawn_moments(make_space(fields=make_fields("triangle"), slider=back))
+    found = MovingBodies(make_space(fields=make_fields("triangle"), slider=back)).moments()
     assert len(found) == 3 and [moment.t for moment in found] == sorted(moment.t for moment in found)
 
 
 def test_a_mouth_at_rest_is_shown_once(make_space, make_fields) -> None:
     fields = make_fields("line")
-    (only,) = drawn_moments(make_space(fields=fields, slider={"path": 2.0}))
+    (only,) = MovingBodies(make_space(fields=fields, slider={"path": 2.0})).moments()
     assert (only.t, only.s) == (0.5, 2.0)
 
 
 def test_without_stresses_the_largest_displacement_counts(make_space, make_fields) -> None:
     fields = replace(make_fields("line"), von_mises={})
-    found = drawn_moments(make_space(fields=fields))
+    found = MovingBodies(make_space(fields=fields)).moments()
     assert [moment.t for moment in found] == pytest.approx([0.35, 0.5, 0.55])
     assert {moment.peak for moment in found} == {0.0}
 
@@ -59,15 +51,15 @@ def test_without_stresses_the_largest_displacement_counts(make_space, make_field
 def test_scale_and_quarters_of_the_colours_are_round(make_space, make_fields) -> None:
     fields = make_fields("triangle")
     result = make_space(fields=fields)
-    assert displacement_scale(result) == 50.0  # 8 mm of 6 m
-    assert largest_colour_stress(result) == pytest.approx(48e6)
-    assert np.quantile(cell_stresses(fields).max(axis=0), 0.98) <= largest_colour_stress(result)
+    assert MovingBodies(result).scale == 50.0  # 8 mm of 6 m
+    assert MovingBodies(result).colour_limit == pytest.approx(48e6)
+    assert np.quantile(cell_stresses(fields).max(axis=0), 0.98) <= MovingBodies(result).colour_limit
     for most, colour in ((24.3e6, 28e6), (47.3e6, 48e6), (9.9e6, 10e6), (4.0e5, 4.0e5)):
         level = replace(fields, von_mises={"outer": np.full_like(cell_stresses(fields), most)})
-        assert largest_colour_stress(make_space(fields=level)) == pytest.approx(colour)
+        assert MovingBodies(make_space(fields=level)).colour_limit == pytest.approx(colour)
     still = replace(fields, displacement=0.0 * fields.displacement, von_mises={"outer": 0.0 * cell_stresses(fields)})
     rests = make_space(fields=still)
-    assert (displacement_scale(rests), largest_colour_stress(rests)) == (1.0, 1.0)
+    assert (MovingBodies(rests).scale, MovingBodies(rests).colour_limit) == (1.0, 1.0)
 
 
 def test_a_peak_that_is_shared_is_shown_where_the_text_has_it(make_space, make_fields) -> None:
@@ -82,14 +74,15 @@ def test_a_peak_that_is_shared_is_shown_where_the_text_has_it(make_space, make_f
         place = [0.1 * cell, 0.15, -0.2]
         peak = {"value": 5e6, "t": float(fields.t[frame]), "position": place, "cell": cell}
         result = make_space(fields=twice, summary={"stress_peak": {"reduced": peak}})
-        shown, (body, found) = moment_of_peak(result), place_of_peak(result, moment_of_peak(result))
+        bodies = MovingBodies(result)
+        shown, (body, found) = bodies.moment_of_peak(), bodies.place_of_peak(bodies.moment_of_peak())
         assert (shown.frame, body, list(found)) == (frame, "", place)
     between = {"t": float(0.6 * fields.t[7] + 0.4 * fields.t[8])}  # kept neither then nor there
-    shown = moment_of_peak(make_space(fields=twice, summary={"stress_peak": {"reduced": between}}))
+    shown = MovingBodies(make_space(fields=twice, summary={"stress_peak": {"reduced": between}})).moment_of_peak()
     assert shown.frame == 7
-    largest = moment_of_peak(make_space(fields=twice, summary={}))
+    largest = MovingBodies(make_space(fields=twice, summary={})).moment_of_peak()
     assert largest.frame == 4
-    _, place = place_of_peak(make_space(fields=twice, summary={}), largest)
+    _, place = MovingBodies(make_space(fields=twice, summary={})).place_of_peak(largest)
     assert list(place) == list(fields.points[fields.cells[count - 2]].mean(axis=0))
 
 
@@ -200,7 +193,7 @@ def test_a_load_that_acts_both_ways_has_two_heads(make_result, signal: object, h
 
 def test_what_slides_and_holds_is_played_without_fields(whole: RunResult) -> None:
     """The slider keeps its place, the support moves with the body: it is at -s while the slider is at 0."""
-    data = body_motion(whole)
+    data = body_motion(MovingBodies(whole))
     assert [np.mean(block["corners"][0::3]) for block in data["near"]] == [0.0]
     assert [np.mean(block["corners"][0::3]) for block in data["tail"]] == [0.0]
     assert data["section"] == [] and data["back"] == pytest.approx(-3.75)

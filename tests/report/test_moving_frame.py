@@ -20,6 +20,7 @@ from pmr.report.figures import histories
 from pmr.report.figures import space as figures
 from pmr.report.figures.canvas import WIDE, make_axes, style
 from pmr.report.figures.histories import Timeline
+from pmr.report.moving_bodies import MovingBodies
 from pmr.report.sections import chapter
 from pmr.report.sentences import energy_sentence, frame_sentences
 from pmr.results import Fields
@@ -209,14 +210,14 @@ def test_bodies_are_played_and_pictured_where_they_are(
 ) -> None:
     """Rotations and origins of the page, and points of pictures: tail at its place from the pivot, tip above it."""
     result = make_space(fields=make_fields(kind), frame={"pivot": [0.5, 0.0, -0.3], "unit": "degrees", "luffing": 90.0})
-    pose = player.body_motion(result)["pose"]
+    pose = player.body_motion(MovingBodies(result))["pose"]
     rotation, origin = unpacked(pose["rotation"]).reshape(-1, 3, 3), unpacked(pose["origin"]).reshape(-1, 3)
     s = result.scene.slider.path.value(result.body.fields.t)  # the body is drawn at -s, and pads at its mouth at 0
     assert origin == pytest.approx(np.stack([0.5 + s, 0.0 * s, -0.3 + 0.0 * s], axis=1), abs=1e-3)
     assert rotation == pytest.approx(np.tile([[0, 0, -1], [0, 1, 0], [1, 0, 0]], (len(s), 1, 1)), abs=1e-3)
     low, high = np.array(pose["centre"]) - pose["size"] / 2.0, np.array(pose["centre"]) + pose["size"] / 2.0
     assert low[2] <= 0.0 and high[2] >= 6.5
-    shot = next(shot for _, shot, _ in album._Views(result).shots())
+    shot = next(shot for _, shot, _ in album._Views(MovingBodies(result)).shots())
     body = shot.pieces[0].points
     assert body[:, 2].min() == pytest.approx(0.5, abs=0.2) and body[:, 2].max() == pytest.approx(6.5, abs=0.2)
     assert np.abs(body[:, 1]).max() < 0.3
@@ -238,7 +239,9 @@ def test_the_largest_stress_is_pictured_from_its_side_at_the_time_nearest_to_it(
     frame = {"pivot": [0.0, 0.0, 0.0], "unit": "degrees", "luffing": 60.0}
     summary = SUMMARY | {"stress_peak": {"reduced": peak}}
     result = make_space(fields=make_fields("line"), frame=frame, summary=summary)
-    ((shot, caption),) = [(shot, text) for name, shot, text in album._Views(result).shots() if name == "close"]
+    ((shot, caption),) = [
+        (shot, text) for name, shot, text in album._Views(MovingBodies(result)).shots() if name == "close"
+    ]
     assert said in caption and "nearest to 0.42\u00a0s" in caption
     axis, up, aside = np.array([0.5, 0.0, 3**0.5 / 2.0]), np.array([-(3**0.5) / 2.0, 0.0, 0.5]), np.array([0, 1.0, 0])
     assert np.array(shot.up) == pytest.approx(up, abs=1e-12)
@@ -249,4 +252,4 @@ def test_the_largest_stress_is_pictured_from_its_side_at_the_time_nearest_to_it(
 
 
 def test_bodies_without_a_frame_have_no_pose(make_space: MakeSpace, make_fields: Callable[[str], Fields]) -> None:
-    assert player.body_motion(make_space(fields=make_fields("triangle")))["pose"] is None
+    assert player.body_motion(MovingBodies(make_space(fields=make_fields("triangle"))))["pose"] is None

@@ -9,8 +9,9 @@ from PIL import Image
 
 from pmr import scene as scenes
 from pmr.report import album as pictures
-from pmr.report.bodies import body_surface, drawn_moments
+from pmr.report.bodies import body_surface
 from pmr.report.document import render_runs as render
+from pmr.report.moving_bodies import MovingBodies
 from pmr.report.renderer import Piece, Shot, frame_shots, render_shot
 from pmr.report.sections import chapter as case
 from pmr.results import BodyResult, Paths
@@ -93,8 +94,10 @@ def test_a_boom_stands_over_the_ground_on_its_cylinder_with_pads_at_their_places
     steps = len(alone.responses["reduced"].t)
     ahead = np.full((steps, 1), 2.0)
     paths, bodies = Paths(("fly",), ahead, 0.0 * ahead), {"base": still, "fly": still}
-    views = pictures._Views(replace(alone, scene=scene, bodies=bodies, paths=paths, reach=8.0 + 0.0 * ahead[:, 0]))
-    (moment, *_) = drawn_moments(views.result)
+    views = pictures._Views(
+        MovingBodies(replace(alone, scene=scene, bodies=bodies, paths=paths, reach=8.0 + 0.0 * ahead[:, 0]))
+    )
+    (moment, *_) = views.bodies.moments()
     places = [piece.points.mean(axis=0) for piece in views._pads(moment, np.array([0.0, -1.0, 0.0]))]
     assert [place[0] for place in places] == pytest.approx([2.15, 2.15, 5.85, 5.85])
     assert all(abs(place[2]) == pytest.approx(0.2 + THICK / 2.0) for place in places)  # walls are drawn thin

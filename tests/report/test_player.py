@@ -12,6 +12,7 @@ from pmr import RunResult
 from pmr.report import player as players
 from pmr.report.bodies import body_surface
 from pmr.report.document import render_runs as render
+from pmr.report.moving_bodies import MovingBodies
 from pmr.report.player import body_motion, compress, drawing_sentence
 from pmr.report.sections import chapter as case
 from pmr.results import BodyResult
@@ -33,7 +34,7 @@ def boom_in_motion(make_space, make_fields) -> RunResult:
 
 @pytest.fixture(scope="module")
 def data(boom_in_motion: RunResult) -> dict[str, Any]:
-    return body_motion(boom_in_motion)
+    return body_motion(MovingBodies(boom_in_motion))
 
 
 def test_motion_and_stress_are_those_of_the_fields(boom_in_motion: RunResult, data: dict[str, Any]) -> None:
@@ -70,7 +71,7 @@ def test_few_shapes_hold_a_motion_that_needs_few_and_no_more_than_there_is_room_
 def test_what_rests_is_no_error(boom_in_motion: RunResult) -> None:
     fields = boom_in_motion.body.fields
     still = replace(fields, displacement=0.0 * fields.displacement, von_mises={})
-    data = body_motion(replace(boom_in_motion, bodies={"": BodyResult(None, still)}))
+    data = body_motion(MovingBodies(replace(boom_in_motion, bodies={"": BodyResult(None, still)})))
     assert data["bodies"][0]["stress"] is None and data["scale"] == 1.0
     assert "NaN" not in json.dumps(data)
 
@@ -80,9 +81,9 @@ def test_with_one_time_or_too_many_faces_nothing_is_played(monkeypatch, boom_in_
     once = replace(
         fields, t=fields.t[:1], displacement=fields.displacement[:1], von_mises={"outer": fields.von_mises["outer"][:1]}
     )
-    assert body_motion(replace(boom_in_motion, bodies={"": BodyResult(None, once)})) == {}
+    assert body_motion(MovingBodies(replace(boom_in_motion, bodies={"": BodyResult(None, once)}))) == {}
     monkeypatch.setattr(players, "MOST_FACES", 10)
-    assert body_motion(boom_in_motion) == {}
+    assert body_motion(MovingBodies(boom_in_motion)) == {}
     assert drawing_sentence({}) == ""
 
 
