@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pmr.files.arrays import Array
 from pmr.report.numbers import round_number
-from pmr.report.subject import is_alone, luffing_support_names, shown_force_name
+from pmr.report.subject import luffing_support_names, shown_force_name
 from pmr.results import Response, RunResult
 from pmr.results.tables import FORCE_OF
 from pmr.scene.frame import boom_rotation
@@ -115,16 +115,12 @@ class Force:
 
 @dataclass(frozen=True)
 class AxisPoints:
-    """Points along a body's axis, and the columns of a response with their displacements in one direction."""
+    """Points along a body's axis, sorted by x, with their displacements by the reduced model, in the boom's axes."""
 
     body: str
     x: Array  # (o,) m
-    columns: NDArray[np.int64]
     tail: Array  # (T,) m, position of the body's tail along the boom
-
-    def displacements(self, response: Response) -> Array:
-        """Displacements (T, o) in m of the o points at T times, from a response."""
-        return response.displacement[:, self.columns]
+    displacement: Array  # (T, o, 3) m
 
 
 def tip_displacements(result: RunResult) -> Mapping[str, ResponseFunction]:
@@ -165,34 +161,22 @@ def undrawn_sentence(directions: Sequence[str]) -> str:
     return f"The tip moves along {' and '.join(directions)} by no more than round-off."
 
 
-def axis_points(result: RunResult, response: Response, direction: str = "z") -> list[AxisPoints]:
-    """Points of all bodies' axes from the base out, with the columns of the outputs in `direction` (y or z).
-
-    The points of a body are sorted by x; bodies without outputs in this direction are left out.
-    """
-    outputs, bodies = response.outputs, []
-    for body, tail in zip(result.scene.bodies, tail_positions(result, len(response.t)).T, strict=True):
-        columns = [k for k, output in enumerate(outputs) if output.body == body and output.direction == direction]
-        columns.sort(key=lambda k: float(response.x[k]))
-        if columns:
-            bodies.append(AxisPoints(body, response.x[columns], np.array(columns, np.int64), tail))
+def axis_points(result: RunResult) -> list[AxisPoints]:
+    """Points of all bodies' axes from the base out; bodies without outputs along z are left out."""
+    response, bodies = result.responses["reduced"], list[AxisPoints]()
+    for body, tail in zip(result.scene.bodies, result.tails.T, strict=True):
+        columns = {
+            direction: [k for k, of in enumerate(response.outputs) if (of.body, of.direction) == (body, direction)]
+            for direction in ("y", "z")
+        }
+        order = np.argsort(response.x[columns["z"]], kind="stable") if columns["z"] else np.empty(0, int)
+        displacement = np.zeros((len(response.t), len(order), 3))
+        for k, direction in enumerate(columns, start=1):
+            if columns[direction]:
+                displacement[:, :, k] = response.displacement[:, np.array(columns[direction])[order]]
+        if len(order):
+            bodies.append(AxisPoints(body, response.x[columns["z"]][order], tail, displacement))
     return bodies
-
-
-def tail_positions(result: RunResult, steps: int) -> Array:
-    """Position (T, bodies) in m of each body's tail along the boom, at T = `steps` times of a response.
-
-    It is 0 for a body alone.
-    """
-    if is_alone(result):
-        return np.zeros((steps, 1))
-    extensions = result.paths.values
-    if len(extensions) != steps:
-        at = np.linspace(0.0, 1.0, len(extensions))
-        extensions = np.stack(
-            [np.interp(np.linspace(0.0, 1.0, steps), at, extension) for extension in extensions.T], axis=1
-        )
-    return np.cumsum(np.hstack([np.zeros((steps, 1)), extensions]), axis=1)
 
 
 def forces_of(result: RunResult, kind: str = "pad") -> list[Force]:
@@ -283,16 +267,10 @@ def _boom_places(
 
     Positions are those at the time steps `steps` (S,), with deflections enlarged by `scale`.
     """
-    response, frame = result.responses["reduced"], result.frame
-    chosen, aside = np.asarray(steps), {line.body: line for line in axis_points(result, response, "y")}
-    lines = axis_points(result, response)
-    every = list[tuple[AxisPoints, Array]]()
-    for line in lines:
-        places = np.zeros((len(chosen), len(line.x), 3)) + (0.0 if frame is None else frame.tail_position)
+    chosen, every = np.asarray(steps), list[tuple[AxisPoints, Array]]()
+    for line in axis_points(result):
+        places = scale * line.displacement[chosen] + (0.0 if result.frame is None else result.frame.tail_position)
         places[:, :, 0] += line.tail[chosen, None] + line.x
-        for direction, of in ((1, aside.get(line.body)), (2, line)):
-            if of is not None:
-                places[:, :, direction] += scale * response.displacement[np.ix_(chosen, of.columns)]
         every.append((line, places))
     return every
 

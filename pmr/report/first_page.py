@@ -273,8 +273,8 @@ def _deflection_rows(result: RunResult) -> LargestValues:
             largest = extremes_of(result, values * np.cos(angles)).largest
             text = f"{_deflection_text('z', largest.value)}, {extreme_clause(result, largest)}"
             yield largest_value("tip", text, name=f"{called}, vertical part")
-    for line in axis_points(result, response)[:-1] if mover else ():
-        deflections = line.displacements(response)
+    for line in axis_points(result)[:-1] if mover else ():
+        deflections = line.displacement[:, :, 2]
         k = int(np.abs(deflections).max(axis=0).argmax())
         largest = extremes_of(result, deflections[:, k]).largest
         where = f"{_deflection_text('z', largest.value)}, {two_decimals(line.x[k])}{SPACE}m from its tail"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pmr.files.arrays import Array
 from pmr.report.bodies import Surface, Surroundings, body_surface, build_surroundings
-from pmr.report.columns import axis_points, interpolate, spread_indices, tail_positions
+from pmr.report.columns import axis_points, interpolate, spread_indices
 from pmr.report.numbers import enlargement
 from pmr.report.subject import reach
 from pmr.results import Fields, RunResult
@@ -93,7 +93,7 @@ class MovingBodies:
         if self.result.reach is None:
             return {name: -self.mouth for name in self.fields}
         t = self.result.responses["reduced"].t
-        tails = dict(zip(self.result.scene.bodies, tail_positions(self.result, len(t)).T, strict=True))
+        tails = dict(zip(self.result.scene.bodies, self.result.tails.T, strict=True))
         return {name: np.interp(fields.t, t, tails[name]) for name, fields in self.fields.items()}
 
     @cached_property
@@ -187,18 +187,13 @@ def _axis_fields(result: RunResult) -> dict[str, Fields]:
 
     Bodies without outputs along their axis are left out.
     """
-    response, fields = result.responses["reduced"], dict[str, Fields]()
-    steps = spread_indices(len(response.t), FRAMES)
-    aside = {line.body: line for line in axis_points(result, response, "y")}
-    for line in axis_points(result, response):
+    fields, t = dict[str, Fields](), result.responses["reduced"].t
+    steps = spread_indices(len(t), FRAMES)
+    for line in axis_points(result):
         x, places = np.unique(line.x, return_index=True)
-        displacement = np.zeros((len(steps), len(x), 3), np.float32)
-        for direction, of in ((1, aside.get(line.body)), (2, line)):
-            if of is not None:
-                displacement[:, :, direction] = of.displacements(response)[np.ix_(steps, places)]
         cells = np.stack([np.arange(len(x) - 1), np.arange(1, len(x))], axis=1)
         grid = Grid("line", np.stack([x, 0.0 * x, 0.0 * x], axis=1), cells)
-        fields[line.body] = Fields(grid, response.t[steps], displacement, {})
+        fields[line.body] = Fields(grid, t[steps], line.displacement[np.ix_(steps, places)].astype(np.float32), {})
     return fields
 
 

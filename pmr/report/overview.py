@@ -115,7 +115,7 @@ def _tip_rows(result: RunResult) -> Rows:
     Nothing is yielded unless a frame, or the angle by which gravity is turned, raises the boom.
     """
     response = result.responses["reduced"]
-    if axis_points(result, response) and (result.frame is not None or is_raised(result)):
+    if axis_points(result) and (result.frame is not None or is_raised(result)):
         out, up = body_axes(result, spread_indices(len(response.t), PLACES))[-1].side[:, -1].T
         far, high = (
             format_range(float(coordinate.min()), float(coordinate.max()), f"{SPACE}m") for coordinate in (out, up)

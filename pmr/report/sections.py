@@ -54,7 +54,7 @@ def system_drawing(result: RunResult, prefix: str) -> Drawing | None:
 
     None if the run has no outputs along an axis.
     """
-    if not axis_points(result, result.responses["reduced"]):
+    if not axis_points(result):
         return None
     return drawing(f"{prefix}-sketch", space.side_view, space.view_caption(result, "from the side"), result)
 

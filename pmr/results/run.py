@@ -240,6 +240,13 @@ class RunResult:
         """Name of `abscissa`: ``s`` for a body alone, ``reach`` for a boom."""
         return "s" if self.reach is None else "reach"
 
+    @cached_property
+    def tails(self) -> Array:
+        """Position (T, bodies) in m of each body's tail along the boom; 0 for a body alone."""
+        if self.reach is None:
+            return np.zeros((len(self.responses["reduced"].t), 1))
+        return np.cumsum(np.pad(self.paths.values, ((0, 0), (1, 0))), axis=1)
+
     @property
     def moving_fields(self) -> dict[str, tuple[Fields, Array]]:
         """Fields of each body, and the distance (F,) in m that the body has slid along x, by the body's name.
@@ -248,11 +255,9 @@ class RunResult:
         the extensions up to its own.  A body alone slides by -s into the pads that hold it; it does not slide if points
         slide along it.
         """
-        t = self.responses["reduced"].t
-        if self.reach is None:
-            tails = np.zeros_like(self.paths.values) if self.scene.points else -self.paths.values
-        else:
-            tails = np.hstack([np.zeros((len(t), 1)), np.cumsum(self.paths.values, axis=1)])
+        t, tails = self.responses["reduced"].t, self.tails
+        if self.reach is None and not self.scene.points:
+            tails = -self.paths.values
         return {
             name: (body.fields, np.interp(body.fields.t, t, tail))
             for (name, body), tail in zip(self.bodies.items(), tails.T, strict=True)

@@ -266,10 +266,7 @@ def _make_paper(drawn: Sequence[Array], across: str, up: str) -> Paper:
 
 def exaggeration(result: RunResult) -> float:
     """Factor, a round number, by which a structure's deflection is enlarged in the drawing."""
-    response = result.responses["reduced"]
-    largest = max(
-        float(np.abs(line.displacements(response)).max(initial=0.0)) for line in axis_points(result, response)
-    )
+    largest = max(float(np.abs(line.displacement).max(initial=0.0)) for line in axis_points(result))
     return enlargement(largest, LARGEST * reach(result))
 
 
@@ -287,8 +284,7 @@ def drawn_steps(result: RunResult, view: str) -> NDArray[np.intp]:
         along = np.stack([np.hypot(along[:, 0], along[:, 1]), along[:, 2]], axis=1)
     way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(along * out[:, None], axis=0), axis=1)))
     if way[-1] <= 1e-9 * reach(result):
-        response = result.responses["reduced"]
-        deflection = np.abs(axis_points(result, response)[-1].displacements(response)[:, -1])
+        deflection = np.linalg.norm(axis_points(result)[-1].displacement[:, -1], axis=1)
         parts = np.array_split(deflection, MOMENTS)
         firsts = np.cumsum([0, *map(len, parts[:-1])])
         steps = np.array([first + int(part.argmax()) for first, part in zip(firsts, parts, strict=True) if len(part)])
@@ -348,7 +344,7 @@ def space_drawings(result: RunResult, prefix: str) -> list[Drawing]:
     Nothing is drawn unless the boom is in a frame and has outputs along its axis.  `prefix` begins the identifiers of
     the figures.
     """
-    if result.frame is None or not axis_points(result, result.responses["reduced"]):
+    if result.frame is None or not axis_points(result):
         return []
     drawings = list[Drawing]()
     if slews(result):  # the view from the side is at the top of the page
