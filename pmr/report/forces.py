@@ -13,7 +13,8 @@ from pmr.report.columns import Force, forces_of
 from pmr.report.extremes import Measured, extremes_grid, extremes_of
 from pmr.report.figures.canvas import drawing
 from pmr.report.figures.histories import output_figure, panel_figure
-from pmr.report.numbers import format_quantity, format_time, significant
+from pmr.report.numbers import format_quantity, format_time
+from pmr.report.prose import prose
 from pmr.report.subject import (
     drive_of,
     force_words,
@@ -99,19 +100,11 @@ def pivot_block(result: RunResult, prefix: str) -> Block | None:
     The forces are those of all of the boom's supports together.  `prefix` begins the identifiers of the figures.
     """
     outputs = [output for output in result.responses["reduced"].outputs if output.name.startswith(REACTION_OF + PIVOT)]
-    note = ""
-    if any(output.name.endswith("cylinder") for output in outputs):
-        note = " The luffing cylinder carries a part of them, along itself, and the pivot the rest."
-        if has_free_luffing(result):
-            note += (
-                " Its force here is the one that these moments need; the force of its drive, in the table below, "
-                "differs from it by the moment of the structure's damping about the pivot."
-            )
-    of_boom = "of the boom on its machine, sum over all supports, in the axes of the boom."
+    has_cylinder = any(output.name.endswith("cylinder") for output in outputs)
     panels = [
         Panel(
             f"pivot-{name}",
-            f"{what} {of_boom}{note if unit == 'N' else ''}",
+            prose("pivot", what=what, has_cylinder=has_cylinder and unit == "N", is_computed=has_free_luffing(result)),
             _acting_outputs(result, outputs, unit),
         )
         for unit, what, name in (("N", "Forces", "forces"), ("N m", "Moments about the pivot", "moments"))
@@ -197,11 +190,7 @@ def hoist_block(result: RunResult, prefix: str) -> Block | None:
         Panel("hoist-force", "Force of the rope.", _of_kind(result, "hoist_force")),
     )
     measured = [Measured.from_summary(name, quantity, hoist[key]) for name, (key, quantity) in HOIST.items()]
-    weight, times = format_quantity(hoist["weight_force"], "N"), significant(hoist["factor"])
-    text = f"The rope's largest force is {times} times that of the weight, {weight}."
-    for span in hoist.get("slack", ()):
-        start, end = (format_time(span[key]) for key in ("start", "end"))
-        text += f" It is slack from {start} to {end}, then it pulls with up to {format_quantity(span['snatch'], 'N')}."
+    text = prose("hoist", factor=hoist["factor"], weight=hoist["weight_force"], slack=hoist.get("slack", ()))
     return _output_block(result, prefix, "Hoist", panels, [extremes_grid(result, "The hoist", measured)], text)
 
 

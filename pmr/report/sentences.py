@@ -14,10 +14,9 @@ from pmr.report.numbers import (
     format_input,
     format_percent,
     format_quantity,
-    format_time,
     significant,
 )
-from pmr.report.subject import reach as reach
+from pmr.report.prose import prose
 from pmr.report.subject import (
     reduced_size,
     scope_words,
@@ -141,37 +140,13 @@ def frame_sentences(result: RunResult) -> str:
     motion = result.summary.get("frame")
     if motion is None:
         return ""
-    axes = "Deflections are measured in its own axes, which turn with it: x along it, z perpendicular to it. "
-    buckling = result.summary.get("buckling", {"factor": None})
-    if not motion["second_order"]:
-        size = f" ({format_percent(buckling['share'])} of the stiffness at most)" if "share" in buckling else ""
-        left_out = f"the bending by axial forces{size}"
-        if motion["gyroscopic"] is not None:
-            turning = f"{format_percent(motion['gyroscopic'])}) and centrifugal forces ("
-            turning += format_percent(motion["centrifugal"])
-            left_out += f", and gyroscopic forces ({turning} of the stiffness at the lowest frequency)"
-        return f"{axes}Second order is left out: {left_out}; frame.second_order includes it."
-    factor = buckling["factor"]
-    if factor is None:
-        return f"{axes}Second order is included; no axial force compresses the boom."
-    return (
-        f"{axes}Second order is included: the boom would buckle under {significant(factor)} times its "
-        f"axial forces, at t = {format_time(buckling['t'])}, with every pad closed; open pads lower it."
-    )
+    return prose("frame", motion=motion, buckling=result.summary.get("buckling", {"factor": None}))
 
 
 def energy_sentence(result: RunResult) -> str:
     """Sentence on the energy that drives, loads and damping add to a boom in space; empty if the scene has no frame."""
     energies = result.summary.get("energy")
-    if energies is None:
-        return ""
-    size = {key: f"{significant(value)}{SPACE}J" for key, value in energies.items()}
-    return (
-        "The figures show the motion in the boom's axes, where weight and the frame's inertia count as loads. In space "
-        f"the energy, less that of the same boom when rigid, changes by {size['change']} from start to end: the drives "
-        f"of frame and extensions do {size['drives']}, loads and travelling pads {size['others']}, and damping and the "
-        f"error of the steps take {size['lost']}."
-    )
+    return "" if energies is None else prose("energy", **energies)
 
 
 def _model_key_number(result: RunResult) -> Iterator[KeyNumber]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pmr.files.arrays import Array
+from pmr.files.arrays import Array, Summary
 from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, KeyNumber, Table
 from pmr.report.figures.canvas import drawing
 from pmr.report.figures.load_chart import (
@@ -20,6 +20,7 @@ from pmr.report.figures.load_chart import (
     pointer_cells,
 )
 from pmr.report.numbers import SPACE, format_input, format_quantity
+from pmr.report.prose import prose
 from pmr.report.studies.chart_tables import (
     Parts,
     case_grid,
@@ -71,12 +72,8 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     error = np.where(which >= 0, np.take_along_axis(table.error, np.maximum(which, 0)[..., None], 2)[..., 0], np.nan)
     shown_names = [*names[:-1], STABILITY_WORDS]
     chart, beyond = LoadChart(table.place, least, which, shown_names, up_to), bool((which < 0).any())
-    slewed = f" Loads are {slewing_clause(parts[0]['at.slewing'])}."
-    ends = f" Where it is grey, the search ends at {format_load(up_to)}: it carries more." if beyond else ""
-    caption = (
-        "Load in kg over radius and height of the tip, from the pivot, undeformed, with curves of constant load. "
-        f"Colours and letters say which limit governs.{slewed}{ends} A pointer on the picture shows values."
-    )
+    slewing = slewing_clause(parts[0]["at.slewing"])
+    caption = prose("chart_caption", slewing=slewing, ends_at=format_load(up_to) if beyond else "")
     picture = drawing(f"{prefix}-chart", load_chart, caption, chart)
     caption = "Allowed load over the radius of the tip for boom lengths from the pivot; letters and colours as above."
     lines, duty = (
@@ -89,7 +86,7 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     picture = replace(picture, svg=picture.svg.removesuffix("</svg>") + shown)
     explained = replace(
         blocks[2],
-        text=" ".join(_paragraphs(study, parts)),
+        text=prose("chart_method", asked=study.study_file, figures=study.figures, not_covered=not_covered),
         grids=(*blocks[2].grids, *error_bar_grids(study, names, parts)),
     )
     over_radius = Block("Load over radius", (lines,), grids=tuple(duty_grids(study, duty, not_covered)))
@@ -167,50 +164,6 @@ def covered_parts(parts: Parts) -> str:
     return ", ".join(covered) + (f"; without {', '.join(lacking)}" if lacking else "")
 
 
-def _paragraphs(study: FinishedStudy, parts: Parts) -> list[str]:
-    """Paragraphs on the equilibrium, the error bars and hoisting."""
-    bars = (
-        "Error bars are the sum of four parts: the reduction, from a richer reduced model; the mesh, from elements "
-        "half as long or, where walls give way, cells twice as long; the structural model, from shells in place of "
-        "beams; and what second order neglects where the boom bends far. The lower bound in chart.csv is what all "
-        "limits allow at least, less their error bars. An error bar is that of the load which a limit allows at rest, "
-        "at one point. A run states errors of forces over its motion, as the norm of their difference over all times "
-        "and pads, so its per cent of pad forces is another figure than the bar of a limit of pads. "
-        f"Neither error bars nor lower bounds contain: {parts[0]['not_covered'][0]}."
-        if study.study_file["error_bars"]
-        else "Error bars were not asked for."
-    )
-    frequency = (
-        "Frequencies are those with the pads that are closed at rest under the load. A run's first page has every pad "
-        "closed, which is stiffer: its frequency is higher where pads are open here."
-    )
-    return [
-        "Equilibrium to second order with the contacts that are closed: axial forces of weight and load bend what is "
-        "bent. A machine tips with the load at the deflected tip.",
-        bars,
-        *([frequency] if any(limit["of"] == "frequency" for limit in study.study_file["limits"]) else []),
-        *_hoisting_sentences(study),
-    ]
-
-
-def _hoisting_sentences(study: FinishedStudy) -> list[str]:
-    """List with a sentence on the force of a load that is hoisted off the ground, as a multiple of its weight.
-
-    It is empty if the study does not compute hoisting.
-    """
-    hoist, figures = study.study_file.get("hoist"), study.figures
-    if not hoist or "hoist.most" not in figures:
-        return []
-    rope = f"{hoist['speed']:g}{SPACE}m/s on a rope of {hoist['rope_stiffness']:.3g}{SPACE}N/m"
-    sentence = (
-        f"Hoisted off the ground at {rope}, the load that is allowed pulls with {figures['hoist.least']:.3g} to "
-        f"{figures['hoist.most']:.3g} times its weight, computed at each point without damping"
-    )
-    if "hoist.class" in figures:
-        sentence += f"; class {hoist['hoisting_class']} of EN 13001-2 has {figures['hoist.class']:.3g}"
-    return [f"{sentence}. No load in the chart has this factor unless a case says so."]
-
-
 #: Share of the largest force or displacement below which a force or displacement is round-off.
 ROUND_OFF = 1e-9
 
@@ -240,7 +193,6 @@ def _governing_page(
     angle, tails = float(arrays["at.luffing"][n]), np.cumsum([0.0, *out.values()])
     section, upwards = arrays["at.bent.section"].astype(int), arrays["at.direction.names"] == "z"
     sections = tuple(str(name) if name != ALONE else "boom" for name in arrays["at.section.names"])
-    radius, height = arrays["place"][k]
     boom = BentBoom(
         along=(arrays["at.bent.x"] + tails[section])[upwards],
         across=arrays["at.bent"][n][upwards],
@@ -253,45 +205,37 @@ def _governing_page(
         "large; the thin line is the boom without any load."
     )
     turns = "at.slewed" in arrays and len(arrays["at.slewing"]) > 1  # results of earlier versions have no such angle
-    slewed = f", slewed by {np.rad2deg(arrays['at.slewed'][n]):.4g}°" if turns else ""
-    stands = ", ".join(f"{name} out {value:.3g}{SPACE}m" for name, value in out.items())
-    bar = f"{SPACE}±{SPACE}{format_input(float(f'{error:.2g}'))}" if np.isfinite(error) else ""
-    member = f" ({arrays['member'][k]})" if arrays["member"][k] else ""
-    remark = f", {arrays['at.remarks'][n]}" if arrays["at.remarks"][n] else ""
-    text = (
-        f"Raised by {np.rad2deg(angle):.3g}°{slewed}{', ' if stands else ''}{stands}: radius {radius:.4g}{SPACE}m, "
-        f"height {height:.4g}{SPACE}m. It carries {load:.5g}{bar}{SPACE}kg, by {names[n]}{member}{remark}, the largest "
-        "load that this limit governs."
+    text = prose(
+        "governing",
+        raised=np.rad2deg(angle),
+        slewed=np.rad2deg(arrays["at.slewed"][n]) if turns else None,
+        out=out,
+        place=arrays["place"][k],
+        load=load,
+        bar=format_input(float(f"{error:.2g}")) if np.isfinite(error) else "",
+        limit=names[n],
+        member=arrays["member"][k],
+        remark=arrays["at.remarks"][n],
+        stops=_stops(study, arrays["at.stops"][n]),
     )
-    text += "".join(f" {name}" for name in _stop_sentences(study, names[n], arrays["at.stops"][n]))
     drawn = drawing(anchor, bent_boom, caption, boom)
     return Block(
         f"Governed by {names[n]}", (drawn,), text=text, tables=_use_tables(names, n, arrays, sections), columns=2
     )
 
 
-def _stop_sentences(study: FinishedStudy, limit: str, stops: Array) -> Iterator[str]:
-    """Yield a sentence for each stop with results at this point, on how far the tip swings after it.
+def _stops(study: FinishedStudy, stops: Array) -> list[Summary]:
+    """List of the stops of a study with results at a point: how far the tip swings after each, and the use of a limit.
 
     Each row of `stops` has five numbers.  The first is the swing of the tip as a multiple of the displacement by a
     steady deceleration; it is NaN if not known.  The next three are the use of the limit at rest, under the steady
     deceleration, and at most.  The last is the speed in rad/s.
     """
-    for stop, (factor, at_rest_share, steady, most, speed) in zip(
-        study.study_file["stops"], stops.tolist(), strict=True
-    ):
-        if np.isnan(factor):
-            continue
-        sentence = (
-            f"If {stop['of']} at {np.rad2deg(speed):.3g}°/s stops within {stop['within']:g}{SPACE}s, the tip swings "
-        )
-        sentence += f"{factor:.3g} times as far as a steady deceleration moves it"
-        if stop["class_factor"] is not None:
-            sentence += f" (the study's own factor is {stop['class_factor']:g})"
-        if most > steady or most > at_rest_share:
-            sentence += f", and the use of {limit} goes from {100 * at_rest_share:.3g} to {100 * most:.4g}{SPACE}%"
-            sentence += f", by the steady deceleration to {100 * steady:.4g}{SPACE}%"
-        yield f"{sentence}."
+    return [
+        stop | {"factor": factor, "rest": rest, "steady": steady, "most": most, "speed": np.rad2deg(speed)}
+        for stop, (factor, rest, steady, most, speed) in zip(study.study_file["stops"], stops.tolist(), strict=True)
+        if not np.isnan(factor)
+    ]
 
 
 def _use_tables(names: list[str], n: int, arrays: Mapping[str, Array], sections: tuple[str, ...]) -> list[Table]:

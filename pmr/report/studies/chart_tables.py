@@ -12,17 +12,13 @@ from pmr.report.blocks import Grid
 from pmr.report.columns import spread_indices
 from pmr.report.figures.load_chart import NOT_PERMITTED
 from pmr.report.numbers import SPACE, format_input, format_quantity
+from pmr.report.prose import prose
 from pmr.report.studies.finished import FinishedStudy
 from pmr.studies import charting
 from pmr.studies.duty import NOT_LIMITED, DutyTable, LoadCase
 from pmr.studies.limits import KINDS, STABILITY, STABILITY_WORDS
 from pmr.studies.study import StudyResults
 
-#: Sentence of a chart without limits of pads or of the stress field.
-NO_WALLS = (
-    " These loads are not those that are allowed: walls and pads are not looked at, and walls may yield at pads under "
-    "smaller loads. A run states the stress of walls at pads."
-)
 #: Sign in tables where the boom is not permitted even empty.
 NO_LOAD = "—"
 #: Largest step in kg to which loads are rounded down in tables; smaller ones keep three digits of the largest load.
@@ -95,15 +91,20 @@ def headline(study: FinishedStudy, least_loads: Array, slewing: Array) -> str:
         most = format_input(study.study_file["up_to"], "kg")
         return f"No limit is reached up to {most} at any of {least_loads.size} points.{hint} {case}"
     limits = [f"{limit['name']} (factor {limit['factor']:g})" for limit in study.study_file["limits"]]
-    walls = "" if {"pad", "field"} & {str(limit["of"]) for limit in study.study_file["limits"]} else NO_WALLS
-    by = f"by these limits alone: {', '.join([*limits, STABILITY_WORDS])}; {slewing_clause(slewing)}.{walls}"
-    empty, permitted = int((least_loads <= 0.0).sum()), least_loads[least_loads > 0.0]
-    never = f"At {empty} of {least_loads.size} points the boom is {NOT_PERMITTED}. " if empty else ""
-    if not len(permitted):
-        return f"{case} {never}This is so {by}" if not np.isnan(least_loads).any() else f"{case} {never}"
-    high = ceiling(study) if np.isnan(least_loads).any() else format_load(permitted.max())
-    carries = f"{'Elsewhere it' if empty else 'It'} carries {format_load(permitted.min())} to {high}"
-    return f"{case} {never}{carries}, depending on extension and angle, {by}"
+    permitted = least_loads[least_loads > 0.0]
+    high = ceiling(study) if np.isnan(least_loads).any() else format_load(permitted.max(initial=0.0))
+    return prose(
+        "headline",
+        case=case,
+        limits=[*limits, STABILITY_WORDS],
+        points=least_loads.size,
+        empty=int((least_loads <= 0.0).sum()),
+        not_permitted=NOT_PERMITTED,
+        least=format_load(permitted.min()) if len(permitted) else "",
+        most=high if len(permitted) or np.isnan(least_loads).any() else "",
+        slewing=slewing_clause(slewing),
+        looks_at_walls={"pad", "field"} & {str(limit["of"]) for limit in study.study_file["limits"]},
+    )
 
 
 def terminal_grid(results: StudyResults, rows: int) -> Grid:
@@ -274,23 +275,16 @@ def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Itera
         load = round_down(float(values[r, e]), step)
         return f"{load:.10g}{SPACE}{letter}" if load > 0.0 else f"{NO_LOAD}{SPACE}{letter}"
 
-    ends = (
-        f" >{duty.up_to:.0f} is more than that: {NOT_LIMITED}, the search ends there."
-        if (duty.load >= duty.up_to).any()
-        else ""
-    )
-    more = (
-        f" {len(columns)} of {len(duty.lengths)} boom lengths fit, evenly spread; all are in duty.csv."
-        if len(columns) < len(duty.lengths)
-        else ""
-    )
-    is_small = (duty.lower[:, columns] < step).any()
-    least = f" {NO_LOAD} is {NOT_PERMITTED}, or with less than {step:g}{SPACE}kg." if is_small else ""
-    caption = (
-        f"Allowed load in kg, rounded down to {step:g}{SPACE}kg, over radius and boom length, from the pivot, "
-        f"undeformed. The letter is that of the limit that governs.{least}{ends} Between the "
-        "luffing angles of the chart, each limit is interpolated. Empty cells are "
-        f"radii that the tip does not reach.{more}"
+    caption = prose(
+        "duty",
+        step=f"{step:g}{SPACE}kg",
+        no_load=NO_LOAD,
+        not_permitted=NOT_PERMITTED,
+        is_small=(duty.lower[:, columns] < step).any(),
+        beyond=f"{duty.up_to:.0f}" if (duty.load >= duty.up_to).any() else "",
+        not_limited=NOT_LIMITED,
+        shown=len(columns),
+        count=len(duty.lengths),
     )
     named = {caption: duty.load}
     if study.study_file["error_bars"]:

@@ -1,0 +1,38 @@
+"""Longer texts of pages: macros of the template `prose.txt`, which get numbers and names and choose the words."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from typing import Any
+
+from pmr.report.numbers import SPACE, format_input, format_percent, format_quantity, format_time, significant
+
+
+def prose(name: str, **values: Any) -> str:
+    """Return the text of the macro with this name for its arguments `values`, on one line, as plain text."""
+    text = getattr(_macros(), name)(**values)
+    return re.sub(r"[ \n]+", " ", str(text)).strip()
+
+
+def format_digits(value: float, digits: int, unit: str = "") -> str:
+    """Format a value with so many significant digits at most, and with its `unit`."""
+    return f"{value:.{digits}g}{SPACE if unit else ''}{unit}"
+
+
+@cache
+def _macros() -> Any:
+    """Macros of `prose.txt` as functions; imports Jinja, which only pages need."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    prose = Environment(loader=PackageLoader("pmr.report"), undefined=StrictUndefined)
+    prose.globals["nbsp"] = SPACE
+    prose.filters |= {
+        "digits": format_digits,
+        "given": format_input,
+        "percent": format_percent,
+        "quantity": format_quantity,
+        "significant": significant,
+        "time": format_time,
+    }
+    return prose.get_template("prose.txt").module
