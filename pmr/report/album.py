@@ -15,7 +15,8 @@ from pmr.report.blocks import Picture
 from pmr.report.bodies import Block, pad_blocks
 from pmr.report.columns import rope_places
 from pmr.report.moving_bodies import Moment, MovingBodies
-from pmr.report.numbers import SPACE, format_input, format_quantity
+from pmr.report.numbers import SPACE, format_quantity
+from pmr.report.prose import prose
 from pmr.report.renderer import Piece, Shot, Vector, frame_shots, render_shot
 from pmr.report.subject import is_alone, walls_clause
 from pmr.results.quantities import stress_name
@@ -201,30 +202,18 @@ class _Views:
             )
             direction, up = (ahead, aside, high_up), (x, y, z)
         pieces = tuple(self._pieces_at(moment, direction, edges=0.8, opacity=0.08))
-        centre = np.array(
-            [float(place[0] + self.bodies.shifts[name][moment.frame]), float(middle[1]), float(middle[2])]
-        )
+        centre = np.array([place[0] + self.bodies.shifts[name][moment.frame], middle[1], middle[2]])
         x, y, z = (float(c) for c in self._turn_to_ground(moment.frame, centre))
         shot = Shot(pieces, direction, self.limits, (x, y, z), NEAR, (WIDTH, WIDTH * 3 // 8), up)
-        side = f"the {'left' if from_left else 'right'} and {'above' if above else 'below'}"
-        tip = f"the tip is to the {'left' if from_left else 'right'}"
-        return View(
-            "close",
-            shot,
-            f"The neighbourhood of the largest stress that is drawn, seen from {side}; {tip}. "
-            f"{self._time_clause(moment)}.",
+        peak, near = self.result.summary.get("stress_peak", {}).get("reduced", {}).get("t", moment.t), 0.005
+        caption = prose(
+            "close_picture",
+            side="left" if from_left else "right",
+            height="above" if above else "below",
+            t=_two_decimals(moment.t, "s"),
+            peak=_two_decimals(peak, "s") if abs(peak - moment.t) > near else "",  # fields are kept at some times only
         )
-
-    def _time_clause(self, moment: Moment) -> str:
-        """Return the words of a caption that state the time of the close picture.
-
-        If no fields are stored at the time of the largest stress, they also name that time.
-        """
-        at, displacements = f"{moment.t:.2f}{SPACE}s", "displacements as above"
-        peak = self.result.summary.get("stress_peak", {}).get("reduced", {}).get("t", moment.t)
-        if abs(peak - moment.t) <= 0.005:
-            return f"At {at}; {displacements}"
-        return f"At {at}, of the times whose fields are kept the nearest to {peak:.2f}{SPACE}s; {displacements}"
+        return View("close", shot, caption)
 
     def _caption(self, moment: Moment) -> str:
         """Return the caption of a view.
@@ -232,15 +221,23 @@ class _Views:
         It states the extension beyond the mouth (or the reach), the time, the largest stress and the scale of
         displacements.
         """
-        deformed = f"displacements {format_input(self.bodies.scale)} times their size"
         stress = ""
         if self.bodies.cell_stresses:
             largest = f"{stress_name(self.result.scene)} {format_quantity(moment.peak, 'Pa')}"
             stress = f", {largest}{walls_clause(self.result)}"
-        length = f"{moment.extension:.2f}{SPACE}m"
-        out = f"{length} beyond the mouth" if is_alone(self.result) else f"A boom length of {length}"
-        around = "" if is_alone(self.result) else " Pads are drawn on the outside of the section that they slide in."
-        return f"{out}, at {moment.t:.2f}{SPACE}s{stress}; {deformed}.{around}"
+        return prose(
+            "picture",
+            extension=_two_decimals(moment.extension, "m"),
+            is_alone=is_alone(self.result),
+            t=_two_decimals(moment.t, "s"),
+            stress=stress,
+            scale=self.bodies.scale,
+        )
+
+
+def _two_decimals(value: float, unit: str) -> str:
+    """Format a value with two decimals and its unit."""
+    return f"{value:.2f}{SPACE}{unit}"
 
 
 def _bar(start: Array, end: Array, half: float, colour: str) -> Piece:

@@ -267,20 +267,15 @@ def exceeds_round_off(result: RunResult, force: Force) -> bool:
 
 def _caption(result: RunResult, kind: str, unit: str) -> str:
     """Caption of a figure of forces of one `kind`, or of moments if `unit` is ``N m``."""
-    in_parts = result.responses["reduced"].force_peaks is not None  # then steps were divided into parts
-    peaks = in_parts and has_pushing_pads(result)
-    within = " Of pads that only push, the largest force within each step." if peaks else ""
-    if kind == "cylinder":
-        note = "What a cylinder or rope pushes its section out with, friction included; negative where it pulls."
-        return f"Cylinder forces over time. {note}"
-    if kind == "support" and is_luffing_cylinder_alone(result):
-        return "Force of the luffing cylinder, positive where it pushes."
-    if kind == "support":
-        return f"{'Moments' if unit == 'N m' else 'Forces'} of supports that give way, positive along the axes."
-    if is_alone(result) and not result.scene.pads:
-        return "Slider force: the multiplier λ of the constraint. The slider pushes with −λ on the body."
-    inwards = "the body inwards" if is_alone(result) else "the sections apart"
-    return f"Pad forces over time. Positive where a pad pushes {inwards}.{within}"
+    return prose(
+        "forces",
+        kind=kind,
+        is_moment=unit == "N m",
+        is_alone=is_alone(result),
+        is_slider=is_alone(result) and not result.scene.pads,
+        is_luffing_cylinder=kind == "support" and is_luffing_cylinder_alone(result),
+        has_peaks=result.responses["reduced"].force_peaks is not None and has_pushing_pads(result),
+    )
 
 
 def _force_grid(result: RunResult, kind: str, forces: Sequence[Force]) -> Grid:

@@ -20,6 +20,7 @@ from pmr.report.document import ReportFiles, render, with_date, write_page
 from pmr.report.figures.canvas import HALF, INK, LIMIT, MUTED, SERIES, add_legend, bins_of, drawing, make_axes
 from pmr.report.figures.histories import BAND
 from pmr.report.numbers import SPACE, format_percent, format_quantity, significant, unit_for
+from pmr.report.prose import prose
 from pmr.results.quantities import unit_text
 
 #: p-value of the test of innovations below which the report says that the model lacks something.
@@ -63,7 +64,12 @@ def build_chapter(figures: Summary, table: Array) -> Chapter:
     ]
     blocks = [
         Block("Estimates beside what was measured", drawings=bands),
-        Block("Innovations", drawings=tests, text=INNOVATIONS, grids=(_sensor_grid(figures, innovations),)),
+        Block(
+            "Innovations",
+            drawings=tests,
+            text=prose("innovations", doubtful=DOUBTFUL),
+            grids=(_sensor_grid(figures, innovations),),
+        ),
     ]
     if figures["observability"]:
         rows = [(name, format_percent(ratio)) for name, ratio in figures["observability"].items()]
@@ -82,13 +88,6 @@ def build_chapter(figures: Summary, table: Array) -> Chapter:
         notices=Notices(warnings=list(_warnings(figures))),
         blocks=blocks,
     )
-
-
-INNOVATIONS = (
-    "An innovation is the measured less the predicted value, over the standard deviation of this difference. "
-    "Of a model that fits, 90 % lie between the lines, and one tells nothing about the next: the p-value of Ljung and "
-    f"Box's test is then not small. Below {DOUBTFUL:g} the model lacks something that the sensor sees."
-)
 
 
 OBSERVABILITY = (
@@ -114,10 +113,8 @@ def _estimate_caption(name: str, figures: Summary) -> str:
     It tells the share of true values within the band, if `figures` has this share, and whether the error budget of the
     run covers the estimate.
     """
-    share = figures["coverage"].get(name)
-    covered = "" if share is None else f" {format_percent(share)} of the true values lie within the band."
-    missing = " No part of the run's error budget covers it." if name in figures["not_covered"] else ""
-    return f"{name[:1].upper()}{name[1:]}.{covered}{missing}"
+    is_covered = name not in figures["not_covered"]
+    return prose("estimate", name=name, share=figures["coverage"].get(name), is_covered=is_covered)
 
 
 def _sensor_grid(figures: Summary, innovations: Mapping[str, Array]) -> Grid:

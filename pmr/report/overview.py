@@ -9,6 +9,7 @@ import numpy as np
 from pmr.files.arrays import Array
 from pmr.report.columns import axis_points, body_axes, spread_indices
 from pmr.report.numbers import MINUS, SPACE, format_input, format_quantity, significant
+from pmr.report.prose import prose
 from pmr.report.scene_tables import SceneWords, describe_plain
 from pmr.report.subject import (
     AppliedLoad,
@@ -102,11 +103,10 @@ def _drive_clause(cylinder: DrivenCylinder | None) -> str:
 
 def _describe_ground(ground: Ground, unit: str) -> str:
     """Describe the outriggers, the machine's masses and the slope of the ground, whose angles are in `unit`."""
-    masses = f", with machine masses of {_format_mass(sum(mass.mass for mass in ground.masses))}"
     angles = ground.slope if unit == "degrees" else np.rad2deg(ground.slope)
     ways = [f"{format_input(round(float(angle), 2))}° along {axis}" for angle, axis in zip(angles, "XY", strict=True)]
-    slope = f", on ground that rises by {' and '.join(ways)}" if any(ground.slope) else ""
-    return f"{len(ground.outriggers)} outriggers{masses if ground.masses else ''}{slope}"
+    masses = _format_mass(sum(mass.mass for mass in ground.masses)) if ground.masses else ""
+    return prose("ground", count=len(ground.outriggers), masses=masses, slope=ways if any(ground.slope) else ())
 
 
 def _tip_rows(result: RunResult) -> Rows:

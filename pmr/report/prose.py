@@ -9,9 +9,9 @@ from typing import Any
 from pmr.report.numbers import SPACE, format_input, format_percent, format_quantity, format_time, significant
 
 
-def prose(name: str, **values: Any) -> str:
-    """Return the text of the macro with this name for its arguments `values`, on one line, as plain text."""
-    text = getattr(_macros(), name)(**values)
+def prose(macro: str, /, **values: Any) -> str:
+    """Return the text of a macro for its arguments `values`, on one line, as plain text."""
+    text = getattr(_macros(), macro)(**values)
     return re.sub(r"[ \n]+", " ", str(text)).strip()
 
 

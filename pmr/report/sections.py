@@ -27,6 +27,7 @@ from pmr.report.figures.canvas import drawing, section_colours
 from pmr.report.figures.histories import line_figure
 from pmr.report.moving_bodies import MovingBodies
 from pmr.report.numbers import SPACE, format_input, significant, with_sign
+from pmr.report.prose import prose
 from pmr.report.subject import acting_loads, direction_words, is_alone, moving_part, slider_offsets
 from pmr.results import RunResult
 from pmr.results.quantities import UNIT_QUANTITIES
@@ -201,10 +202,7 @@ def basis_block(result: RunResult, prefix: str) -> Block | None:
             drawing(f"{prefix}-frequencies", shapes.frequency_figure, shapes.frequencies_caption(result), result)
         )
     if (over := result.frequencies.over_joints) is not None:
-        caption = f"First natural frequency in Hz over the extensions of {' and '.join(over.joints)}, every pad "
-        caption += "closed; the white line is the way of this run."
-        if result.frequencies.t is not None:
-            caption += " The boom is at rest at its steepest angle; axial forces are included."
+        caption = prose("frequency_map", joints=over.joints, is_stressed=result.frequencies.t is not None)
         drawings.append(drawing(f"{prefix}-map", shapes.frequency_map_figure, caption, result))
     heading = "Basis and eigenfrequencies" if is_alone(result) else "Natural frequencies"
     heading += "" if result.scene.hoist is None else ", without the payload of the hoist"

@@ -29,6 +29,7 @@ from pmr.report.figures.canvas import (
     section_colours,
 )
 from pmr.report.numbers import format_input, share_captured, unit_for
+from pmr.report.prose import prose
 from pmr.report.renderer import RAMP
 from pmr.report.subject import crossing, moving_part, reach
 from pmr.results import FrequencyResponse, RunResult, Shapes
@@ -186,27 +187,20 @@ def gain_figure(response: FrequencyResponse, load: int) -> Figure:
 
 def basis_caption(shapes: Shapes) -> str:
     """Caption of the figure of basis vectors."""
-    count = shapes.shapes.shape[1]
-    first = f"the first {MOST_SHAPES} of {count}" if count > MOST_SHAPES else f"all {count}"
-    flat = " A flat line belongs to a vector that moves the body along its axis only."
-    scaled = f"Transverse shapes of the basis vectors, {first}, each over its largest value."
-    return f"{scaled}{flat if _is_axial(shapes)[:MOST_SHAPES].any() else ''}"
+    count, flat = shapes.shapes.shape[1], _is_axial(shapes)[:MOST_SHAPES].any()
+    return prose("basis", count=count, shown=min(count, MOST_SHAPES), has_flat_lines=flat)
 
 
 def frequencies_caption(result: RunResult) -> str:
     """Caption of the figure of natural frequencies."""
-    lowest = result.frequencies
-    if lowest.t is not None:
-        stays = len(lowest.along) > 1 and not np.ptp(lowest.along)
-        when = "over time" if stays else "at the first time with each boom length"
-        return f"Lowest natural frequencies {when}, as the frame and axial forces stress the boom, every pad closed."
-    if moving_part(result) == "boom":
-        return "Lowest natural frequencies of the boom at rest, every pad closed."
-    omega = result.frequencies.models["reduced"]
-    level = np.abs(np.diff(omega, axis=0)) < LEVEL * omega[1:]
-    along = " Level stretches belong to vibration along the axis." if level.any() else ""
-    part = moving_part(result)
-    return f"Lowest eigenfrequencies{f' while the {part} rests' if part else ''}.{along}"
+    lowest, omega = result.frequencies, result.frequencies.models["reduced"]
+    return prose(
+        "frequencies",
+        is_stressed=lowest.t is not None,
+        stays=len(lowest.along) > 1 and not np.ptp(lowest.along),
+        part=moving_part(result),
+        has_level_stretches=(np.abs(np.diff(omega, axis=0)) < LEVEL * omega[1:]).any(),
+    )
 
 
 def envelope_figure(result: RunResult, quantities: Sequence[str]) -> Figure:

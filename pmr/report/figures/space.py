@@ -29,7 +29,8 @@ from pmr.report.figures.canvas import (
     section_colours,
 )
 from pmr.report.figures.histories import line_figure
-from pmr.report.numbers import SPACE, enlargement, format_input, format_quantity
+from pmr.report.numbers import SPACE, enlargement, format_quantity
+from pmr.report.prose import prose
 from pmr.report.subject import (
     abscissa_label,
     fixtures,
@@ -94,23 +95,21 @@ def buckling_figure(result: RunResult) -> Figure:
 
 def view_caption(result: RunResult, view: str) -> str:
     """Caption of a view of the boom; `view` names the direction from which the boom is seen, from the side or above."""
-    steps, t, scale = (
-        drawn_steps(result, "side" if view.endswith("side") else "plan"),
-        result.responses["reduced"].t,
-        format_input(exaggeration(result)),
+    steps, t = drawn_steps(result, "side" if view.endswith("side") else "plan"), result.responses["reduced"].t
+    worst, slides = largest_stress(result), float(np.ptp(result.abscissa)) > 0.0
+    moves = result.frame is None and bool(slider_offsets(result)) and slides
+    return prose(
+        "view",
+        what="body" if is_alone(result) else "boom",
+        seen=view,
+        times=t[steps].tolist(),
+        worst=None if worst is None else float(t[worst.step]),
+        ring=ringed_stress_name(result),
+        moves_tip=result.frame is not None or (not is_alone(result) and slides),
+        has_rope=rope_axis(result, steps) is not None,
+        has_other_end=moves and view == "from the side",
+        scale=exaggeration(result),
     )
-    when = f"at {len(steps)} moments" if len(steps) > 1 else f"at {float(t[steps[0]]):.3g}{SPACE}s"
-    worst = largest_stress(result)
-    mark = "" if worst is None else f"; the ring is the place of the {ringed_stress_name(result)}"
-    if worst is not None and len(steps) > 1:
-        mark += f", at {float(t[worst.step]):.3g}{SPACE}s; other moments are paler"
-    moves_tip = result.frame is not None or (not is_alone(result) and float(np.ptp(result.abscissa)) > 0.0)
-    way = "; dashed: the path of its tip" if moves_tip else ""
-    way += "; square: the payload on its rope" if rope_axis(result, steps) is not None else ""
-    moves = result.frame is None and slider_offsets(result) and float(np.ptp(result.abscissa)) > 0.0
-    way += "; hollow: the other end of the way" if moves and view == "from the side" else ""
-    what = "body" if is_alone(result) else "boom"
-    return f"The {what} {view} {when}{way}; deflection is drawn {scale} times its size{mark}."
 
 
 def _draw_boom(result: RunResult, view: str, across: str, up: str, from_side: bool = False) -> Figure:

@@ -200,10 +200,7 @@ def _governing_page(
         names=sections,
         luffing=angle,
     )
-    caption = (
-        f"The boom at rest under {load:.5g}{SPACE}kg, seen from the side, displacements drawn {boom.scale:g} times as "
-        "large; the thin line is the boom without any load."
-    )
+    caption = prose("bent_boom", load=load, scale=boom.scale)
     turns = "at.slewed" in arrays and len(arrays["at.slewing"]) > 1  # results of earlier versions have no such angle
     text = prose(
         "governing",

@@ -169,13 +169,7 @@ def limit_grid(study: FinishedStudy, names: list[str], parts: Parts) -> Grid:
             )
         )
     heads = ("limit", "of", "amount", "factor", "governs", "not reached", "passed empty")
-    return Grid(
-        "Limits with the letters of pictures and tables, the number of points at which they govern, at which no load "
-        "up to the end of the search reaches them, and at which the boom passes them without a load: it is not "
-        f"permitted there, even empty. Points are counted for each of the slewing angles {_degrees(parts)}.",
-        heads,
-        tuple(rows),
-    )
+    return Grid(prose("limits", slewing=_degrees(parts)), heads, tuple(rows))
 
 
 def _degrees(parts: Parts) -> str:

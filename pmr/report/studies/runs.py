@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pmr.report.blocks import Block, Chapter, Drawing, Grid, KeyNumber
 from pmr.report.figures.canvas import WIDE, add_legend, curve_style, drawing, log_axis, log_x, make_axes, make_panels
 from pmr.report.numbers import SPACE, Unit, unit_for
+from pmr.report.prose import prose
 from pmr.report.studies import tables
 from pmr.report.studies.finished import FinishedStudy
 from pmr.report.studies.tables import (
@@ -86,17 +87,14 @@ def _headline(count: int, done: Sequence[RunRecord], error: str | None) -> str:
 
     `count` is the number of all runs, `done` are the runs with a result.
     """
-    finished_text = f"{len(done)} of {count} runs are there." if len(done) < count or error is None else ""
-    if error is None:
-        return finished_text
-    ordered = sorted(runs_with(done, error), key=lambda run: value_of(run, error))
-    best, worst, what = ordered[0], ordered[-1], quantity_of(error)
-    if len(ordered) < 2:
-        return finished_text
-    return (
-        f"The {what.label} is {what.cell(best.figures[error])} at least ({run_name(best)}) and "
-        f"{what.cell(worst.figures[error])} at most ({run_name(worst)}). {finished_text}".rstrip()
-    )
+    texts = {"label": "", "least": "", "best": "", "largest": "", "worst": ""}
+    if error is not None and len(ordered := sorted(runs_with(done, error), key=lambda run: value_of(run, error))) > 1:
+        what, best, worst = quantity_of(error), ordered[0], ordered[-1]
+        least, largest = what.cell(best.figures[error]), what.cell(worst.figures[error])
+        names = {"best": run_name(best), "worst": run_name(worst)}
+        texts = {"label": what.label, "least": least, "largest": largest, **names}
+    finished = len(done) if len(done) < count or error is None else None
+    return prose("runs_headline", done=finished, count=count, **texts)
 
 
 def _key_numbers(done: Sequence[RunRecord], error: str | None) -> Iterator[KeyNumber]:
