@@ -85,7 +85,7 @@ _UsageError: type[Exception] = typer.BadParameter.__mro__[1]  # the class of cli
 
 
 def _usage_message(error: Any) -> str:
-    """Return the message of click for a command that was used in a wrong way.
+    """Return click's message for a command used in a wrong way, with a pointer to the command's ``--help``.
 
     If an argument is missing and has a help text, that text is added.
     """

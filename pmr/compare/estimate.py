@@ -351,7 +351,12 @@ def describe_scatter(peaks: Sequence[float]) -> str:
 
 
 class UnsettledError(SimulationError):
-    """Two richer models differ too much for an estimate; `warning` is `describe_scatter` of the `peaks` in N."""
+    """Error for a run whose error can't be estimated, since two richer models differ too much.
+
+    `error` is the relative error that was to be estimated, and `difference` the relative difference between the two
+    richer models, both as fractions of 1.  `peaks` are the largest pad forces in N, one for each model; the attribute
+    `warning` is their `describe_scatter`.
+    """
 
     def __init__(self, error: float, difference: float, peaks: Sequence[float]) -> None:
         super().__init__(

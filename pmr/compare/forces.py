@@ -364,7 +364,8 @@ def ropes_part(scene: Scene, response: Response) -> SummaryPart:
 
     A section that follows no other also has the ``power`` in W: that for moving it and all its followers.  A rope with
     a stiffness EA also has its largest ``length`` in m on the way, and the ``stiffness`` in N/m of all its strands
-    together at that length.  There is a warning about ropes that would have to push.
+    together at that length.  There is a warning about ropes that would have to push.  The part is empty if the scene
+    has a single body.
     """
     if len(scene.sections) < 2:
         return SummaryPart()

@@ -231,7 +231,7 @@ class SecondOrderEffect:
 
 
 def second_order_effect(scene: Scene, bodies: Mapping[str, SlidingBody]) -> SecondOrderEffect:
-    r"""Effect of second order in a scene with a frame, with all contacts closed.
+    r"""Buckling factors and changes of stiffness by second order over a run in a scene with a frame.
 
     Axial forces and the frame's speed add :math:`\sum_k c_k G_k` to the stiffness K, with the amplitude c_k and the
     matrix G_k of each term k.  The share by which they change the stiffness at a time is the largest share of the
@@ -240,8 +240,8 @@ def second_order_effect(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Seco
     .. math::
         \max_q \frac{\lvert q^T \sum_k c_k G_k\, q \rvert}{q^T K q}, \qquad C q = F \lambda,
 
-    with contact rows C, compliance F and contact forces :math:`\lambda`.  For a load P along a column that buckles at
-    P_cr it is P / P_cr.
+    with contact rows C, compliance F and contact forces :math:`\lambda`.  All contacts are taken as closed.  `bodies`
+    are the models of all bodies, by name.  For a load P along a column that buckles at P_cr it is P / P_cr.
 
     If second order is left out, the relative error of a static deflection is that share.  A vibration then lags by
     :math:`\pi` times that share (as a phase in rad) in each period.  The measurements in docs/moving_frame.md are the

@@ -266,10 +266,10 @@ def _difference(kind: str, floors: RoundOffBounds, sample: Sample, finer: Sample
 def _force_series(
     initial: Sample, samples: Sequence[Sample], in_the_mean: bool
 ) -> dict[str, ConvergenceSeries[ForceHistories]]:
-    """A series of differences for each kind of forces of completed responses, by kind.
+    """Series of differences between the forces of runs with smaller and smaller steps, by kind of force.
 
-    The differences are those of RMS values over time if `in_the_mean` is true.  `initial` is the given run, and
-    `samples` are those of runs with smaller and smaller steps.
+    The kinds are those of `force_errors`.  `initial` is the run whose error is asked for, and `samples` are those of
+    the runs with smaller steps.  If `in_the_mean` is true, the RMS values over time are compared.
     """
     of_given, first, *finer = (_rms_forces(run.forces) if in_the_mean else run.forces for run in (initial, *samples))
     by_kind = dict[str, ConvergenceSeries[ForceHistories]]()

@@ -43,7 +43,10 @@ def view(local: Array, like: PETSc.Mat) -> PETSc.Mat:
 
 
 def _view(local: Array, sizes: tuple[int, int], comm: MPI.Comm) -> PETSc.Mat:
-    """Dense PETSc matrix that shares its entries with `local`; `sizes` are the local and the global number of rows."""
+    """Dense PETSc matrix that shares its entries with `local`, the rows of this rank; collective.
+
+    `local` has to be stored by columns (Fortran's order).  `sizes` are the local and the global number of rows.
+    """
     assert len(local) == sizes[0] and local.flags.f_contiguous
     matrix = PETSc.Mat().createDense((sizes, (PETSc.DECIDE, local.shape[1])), array=local, comm=comm)
     matrix.assemble()

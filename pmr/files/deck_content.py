@@ -78,7 +78,7 @@ class Elements:
         return Elements(self.type, numbers, self.lines, [[nodes[node] for node in of] for of in self.nodes])
 
     def face_corners(self, face: str) -> tuple[int, ...]:
-        """Return the numbers of an element's corners on a `face`, as surfaces call it: S1, E1, SPOS.
+        """Return the local numbers, from 0, of an element's corners on a `face`, as surfaces call it: S1, E1, SPOS.
 
         A shell has the faces SPOS and SNEG, and the edges E1 (Abaqus) or S3 (CalculiX) and so on.  The result is empty
         if the element has no face of that name.

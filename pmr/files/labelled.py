@@ -69,7 +69,10 @@ class UnreadableError(ValueError):
 
 
 def read_by_suffix(path: Path, readers: dict[str, Callable[[Path], object]]) -> Any:
-    """Return the result of the reader for the file's suffix; raises InputError if this reader can't read the file."""
+    """Return the file's content, read by the function of `readers` for its suffix, such as ``.npz``.
+
+    Raises an InputError if no function has that suffix, the file is missing, or the function can't read the file.
+    """
     suffix = path.suffix.lower()
     if suffix not in readers:
         raise InputError(str(path), "", None, f"files that end in {', '.join(readers)} are allowed")

@@ -82,9 +82,10 @@ class RigidBody:
 
     @classmethod
     def from_model(cls, model: FullModel, structural: StructuralModel) -> RigidBody:
-        """Compute what the rows of a full model measure of its rigid motions; collective.
+        """Compute what the rows of a full model measure of the rigid motions of its structural model; collective.
 
-        Raises a `ValueError` if the full model has no rigid motions (`FullModel.rigid` is None).
+        `structural` is the structural model from which `model` was made.  Raises a `ValueError` if the full model has
+        no rigid motions (`FullModel.rigid` is None).
         """
         if model.rigid is None:
             raise ValueError("a model whose rigid motions are known is needed")
@@ -137,7 +138,7 @@ def free_motions(
 def describe_free_motions(
     system: FullSystem, structural: Mapping[str, StructuralModel], positions: CheckedPositions
 ) -> FreeMotions:
-    """Describe in words the free motions at the position that has most of them; collective.
+    """Describe in words the free motions at that position at which the bodies have most of them; collective.
 
     `structural` has the structural models of the bodies.  The position is named unless all positions have the same free
     motions.  Both texts are empty if nothing can move freely.
@@ -203,7 +204,7 @@ def _multiply_each(rows: Array, shifts: Array) -> Array:
 
 
 def _shifts(distances: Array) -> Array:
-    """Matrices (T, 6, 6) that turn a rigid motion about the base's origin into the motion about a point ahead of it.
+    """Matrices (T, 6, 6) from a rigid motion about the base's origin to the motion about a point farther along x.
 
     `distances` (T,) in m are those of the points from the origin, along x.
     """
@@ -213,10 +214,10 @@ def _shifts(distances: Array) -> Array:
 
 
 def _distribute_motions(free: Array, names: tuple[str, ...], scale: Array) -> dict[str, Array]:
-    """Distribute the f orthonormal motions `free` (6 b, f) over b bodies: each goes to the first body that moves in it.
+    """Distribute the f orthonormal motions `free` (6 b, f) over b bodies, each to the first body that moves in it.
 
-    Returns by the name of each body with free motions these motions (6, f_b), relative to the body that carries it and
-    divided by `scale` (6,).
+    `names` are the names of the b bodies.  The result maps each body with free motions to its motions (6, f_b),
+    relative to the body that carries it and divided by `scale` (6,).
     """
     motions = {}
     for k, name in enumerate(names):
@@ -271,7 +272,7 @@ def _reduce_rows(A: Array) -> Array:
 
 
 def _direction(vector: Array) -> str:
-    """Name of the axis x, y or z along which a vector (3,) points, or its unit vector as text if it is along none."""
+    """Name of the axis x, y or z along which a vector (3,) points; for any other vector its unit vector as text."""
     unit = vector / np.linalg.norm(vector)
     along = int(np.abs(unit).argmax())
     if np.abs(unit[along]) > 1.0 - 1e-6:
@@ -333,8 +334,9 @@ def log_warnings(built: Iterable[AssembledBody], comm: MPI.Comm) -> None:
 def warnings(structure: Structure) -> list[str]:
     """Warnings about a structure: nodes of given matrices that could not be checked, seams, round-off in the stiffness.
 
-    A seam of a mesh is open where several nodes lie at one place.  Very short elements cause round-off.  There is a
-    warning if it changes the lowest frequency by more than the share `NOTICED_ROUND_OFF`; else there is none.
+    A seam of a mesh is open where several nodes lie at one place.  Very short elements cause round-off.  Round-off is
+    told if it changes the lowest frequency by more than the share `NOTICED_ROUND_OFF`.  The list is empty if nothing is
+    to be told.
     """
     if getattr(structure.model, "unchecked", False):
         return [UNCHECKED]

@@ -40,7 +40,8 @@ from pmr.fullmodel.modes import (
 class DependentRowsError(InputError):
     """A rigid row is a combination of other rows.
 
-    For example, a slider sits on a support, or two pads on a beam are opposite one another.
+    For example, a slider sits on a support, or two pads on a beam are opposite one another.  `names` are the names of
+    the dependent rows.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
@@ -136,9 +137,9 @@ def eigensolver(model: FullModel, choice: str) -> EigenSolver:
     """Eigensolver of a model by `choice`: ``"dense"``, ``"slepc"``, or ``"auto"``.
 
     ``"auto"`` is dense up to `DENSE_UP_TO` coordinates.  The method `lowest(s, count)` of the solver computes the
-    lowest modes with the rows held at path coordinate s (m); collective.  It raises a `DependentRowsError` if rigid
-    rows depend on each other at s, and a `ConvergenceError` if fewer modes exist or converge.  If some rows have a
-    compliance, or SLEPc is not installed, ``"slepc"`` means block Lanczos with one factor for all path coordinates.
+    lowest modes with the rows held at path coordinate s (m); collective.  `lowest` raises a `DependentRowsError` if
+    rigid rows depend on each other at s, and a `ConvergenceError` if fewer modes exist or converge.  If some rows have
+    a compliance, or SLEPc is not installed, ``"slepc"`` means block Lanczos with one factor for all path coordinates.
     """
     if is_dense(model, choice):
         return DenseEigenSolver(model)
@@ -224,7 +225,7 @@ class SlepcEigenSolver:
         return finish_modes(model, s, omega2[:count], phi, cut)
 
     def _solve(self, M: PETSc.Mat, K: PETSc.Mat, count: int, deflation: list[PETSc.Vec]) -> SolvedModes:
-        """The `count` lowest values omega^2 and their modes, M-orthogonal to the vectors `deflation`; collective."""
+        """The `count` lowest omega^2 of (K, M) and their modes, M-orthogonal to the vectors `deflation`; collective."""
         eps = lowest_mode_solver(K, M, self._sigma, count)
         pc = eps.getST().getKSP().getPC()
         pc.setType("cholesky")

@@ -51,7 +51,7 @@ AT_TAIL = 1e-3
 def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
     """Structure of a body of a scene, the same on every rank; collective.
 
-    Its outputs are, in this order:
+    The outputs of the structure are, in this order:
 
     - displacements in m along each transverse direction at the observed stations;
     - displacements of the tip in m;
@@ -224,7 +224,7 @@ def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBo
 
     `kinds` are the kinds of cells that are allowed.  `write` writes the drawn boom to a file of gmsh, which is then
     read.  Raises an InputError about a file that can't be read or whose mesh is not where the boom is, or about the key
-    of the scene that keeps the box from being drawn.
+    of the scene that keeps the box from being drawn.  If `write` is None, the mesh has to have a file.
     """
     if member.part.mesh.file is not None:
         groups = member.part.mesh.groups

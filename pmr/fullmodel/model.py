@@ -161,7 +161,7 @@ class FullModel(FullOrderBody):
 
     @property
     def carriers(self) -> SharedCarriers:
-        """Constraint rows of the body with their weights on carrier rows that they share."""
+        """Constraint rows of the body with their weights on carrier rows that the constraint rows share."""
         return self.rows.shared_carriers
 
     @property

@@ -121,7 +121,7 @@ class _Block:
 
 
 def _orthonormalise(W: Array, MW: Array, comm: MPI.Comm, most: int) -> _Block:
-    """Return M-orthonormal vectors that span the columns of W, given the product `MW`; collective.
+    """Return M-orthonormal vectors that span the columns of W (n_local, k), from M W, `MW` (n_local, k); collective.
 
     Directions shorter than `SPANNED` times the longest are left out, and at most `most` directions are kept, the
     longest ones.  `lengths` of the result are those of all directions.
@@ -137,8 +137,8 @@ def _orthonormalise(W: Array, MW: Array, comm: MPI.Comm, most: int) -> _Block:
 def _border(T: Array, columns: Array) -> Array:
     """Return T (k, k) bordered by b rows and columns, from the lowest rows `columns` (d, b) of the new columns.
 
-    These d >= b rows include the new diagonal block (b, b), which is symmetrised; the rows of the new columns above
-    them are zero.  T and the result are symmetric.
+    The d >= b lowest rows include the new diagonal block (b, b), which is symmetrised; all higher rows of the new
+    columns are zero.  T and the result are symmetric.
     """
     d, b = columns.shape
     m = len(T) + b
@@ -184,8 +184,8 @@ class Modes:
 def lowest_mode_solver(K: PETSc.Mat, M: PETSc.Mat, sigma: float, count: int) -> SLEPc.EPS:
     """Set up SLEPc's Krylov-Schur solver with shift-and-invert at -sigma for the `count` lowest modes of (K, M).
 
-    The start vector is the same on any number of ranks.  It is random, so that it is not orthogonal to any mode for
-    reasons of symmetry.
+    The start vector is the same on any number of ranks.  The vector is random, so that no symmetry makes it orthogonal
+    to a mode.
     """
     eps = SLEPc.EPS().create(comm=M.comm)
     eps.setOperators(K, M)
@@ -213,9 +213,9 @@ class SolvedModes(NamedTuple):
 
 
 def solve_modes(eps: SLEPc.EPS, count: int) -> SolvedModes:
-    """Solve `eps` and free it: the values of omega^2 (count,), ascending, and the modes in the same order; collective.
+    """Solve `eps` and free it; return the values omega^2 (count,), ascending, and the modes in the same order.
 
-    Raises a `ConvergenceError` if fewer than `count` converge.
+    Collective.  Raises a `ConvergenceError` if fewer than `count` converge.
     """
     eps.solve()
     converged = eps.getConverged()
@@ -267,7 +267,7 @@ def finish_modes(model: FullModel, s: float, omega2: Array, phi: Array, cut: boo
 
 
 def _residuals(model: FullModel, s: float, omega2: Array, phi: Array) -> Array:
-    """Backward errors (k,) of k eigenpairs `omega2` (k,), `phi` (n_local, k) at path coordinate s.
+    """Backward errors (k,) of k eigenpairs `omega2` (k,), `phi` (n_local, k) at path coordinate s in m; collective.
 
     The part of a residual that is in equilibrium with forces of constraints does not count as an error.
     """

@@ -73,7 +73,10 @@ def static_solver(model: FullModel, held_rows: Sequence[Row], choice: str = "aut
 
 
 def solver_of(K: PETSc.Mat, elimination: Elimination, dense: bool) -> StaticSolver:
-    """Static solver of a stiffness (n, n): by LAPACK if `dense`, else by a sparse factor."""
+    """Static solver of a stiffness K (n, n): by LAPACK if `dense`, else by a sparse factor.
+
+    `elimination` says which coordinates remain after the held ones are eliminated.
+    """
     return (_DenseSolver if dense else _SparseSolver)(K, elimination)
 
 
@@ -170,9 +173,11 @@ class FrameAssembler:
         return tensor, compiled_form(self._assembler.model.inertia(space, tensor))
 
     def acceleration_load(self, name: str) -> Array:
-        """Load f_S (n,) of the input `name`, a key of `CONSTANT` or `LINEAR`; collective.
+        """Load f_S (n,) on all n coordinates by a unit acceleration field, the input `name`; collective.
 
-        It leaves out point masses.  Every rank has all of its entries.
+        The field is a tensor S applied to a rigid motion u, and the load is the inertia with S times u
+        (`acceleration_field`).  `name` is a key of `CONSTANT` or `LINEAR`.  Point masses are left out.  Every rank has
+        all entries.
         """
         S, motion = acceleration_field(name, self._model)
         if (key := S.tobytes()) not in self._rigid_loads:  # several inputs have the same tensor
@@ -316,7 +321,7 @@ def cylinder_row(
 
 
 def direction_polynomial(cylinder: LuffingCylinder) -> PPoly:
-    """Piecewise polynomial of the unit vector (2,) from foot to lug, its components along x and z in the boom's axes.
+    """Piecewise polynomial of the unit vector (2,) from a cylinder's foot to its lug, along x and z in the boom's axes.
 
     Its argument is the luffing angle in rad from -pi to pi.  Intervals are halved until the error is at most `ACCURACY`
     or the length of the interval at most `SHORTEST`.
@@ -334,10 +339,11 @@ def direction_polynomial(cylinder: LuffingCylinder) -> PPoly:
 
 
 def _direction_derivatives(cylinder: LuffingCylinder, angle: Array) -> Array:
-    r"""Unit vector from foot to lug and its first two derivatives by the luffing angle, (n, 3, 2), at `angle` (n,) rad.
+    r"""Unit vector from a cylinder's foot to its lug and its first two derivatives by the luffing angle, (n, 3, 2).
 
-    With the foot :math:`r_0` and the lug :math:`r_1` as complex numbers x + i z, and the luffing angle :math:`\varphi`,
-    the unit vector is :math:`e^{i \beta}` with :math:`\beta = \arg(r_1 - r_0 e^{-i \varphi})`.
+    `angle` (n,) are the luffing angles in rad.  With the foot :math:`r_0` and the lug :math:`r_1` as complex numbers x
+    + i z, and the luffing angle :math:`\varphi`, the unit vector is :math:`e^{i \beta}` with :math:`\beta = \arg(r_1 -
+    r_0 e^{-i \varphi})`.
     """
     foot, lug = complex(*cylinder.foot), complex(*cylinder.lug)
     turned = foot * np.exp(-1j * angle)

@@ -225,7 +225,7 @@ def moving_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple
 def fixed_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
     """Row of a pad that stays at `pad.at`, constant over `travel` (m), on the coordinates z with q = T z.
 
-    It equals the row of a moving pad that has a station at its centre.  Raises an `InputError` if the pad leaves its
+    The row equals that of a moving pad that has a station at its centre.  Raises an `InputError` if the pad leaves its
     face.
     """
     mean = sp.csr_matrix(under_pad(pad, model, np.array([pad.at])) @ T)
@@ -268,16 +268,17 @@ def _support_row(support: Support, model: StructuralModel, T: sp.csr_matrix, pad
 
 
 def _end_row(end: Support, model: StructuralModel, T: sp.csr_matrix, pads: Pads) -> Row:
-    """Row of a place that another body holds: the row of a support, cut into two intervals of the path coordinate.
+    """Row of the place `end` that another body holds, on the coordinates z with q = T z, over the path of `pads`.
 
-    A row with one interval counts as a support of the ground, which always holds; two intervals avoid this.
+    The row is that of a support, cut into two intervals of the path coordinate.  A row with one interval counts as a
+    support of the ground, which always holds; two intervals avoid this.
     """
     travel = pads.travel
     return _support_row(end, model, T, pads).refine(np.array([travel[0], sum(travel) / 2.0, travel[1]]))
 
 
 def _point_row(slider: Slider, model: StructuralModel, T: sp.csr_matrix) -> Row:
-    """Row of a sliding point on the coordinates z with q = T z.
+    """Row of the sliding point `slider` on the coordinates z with q = T z.
 
     Raises an `InputError` if the model is neither a planar beam nor a mover.
     """
@@ -396,7 +397,7 @@ def _moments(weights: Array, offsets: Array, ends: Indices) -> Array:
 
 
 def _correct_weights(weights: Array, offsets: Array, ends: Indices, moments: Array) -> Array:
-    """Weights (q,) times a parabola in each station's offsets, which gives them the moments of the exact integral.
+    """Weights (q,) times a parabola in each station's offsets, so that their moments are those of the exact integral.
 
     After this the weights of each station add up to one, their centroid is zero, and their spread along the axis is 1/6
     as that of the hat.  The correction is as small as the error of the quadrature.  Uncorrected weights would make rows

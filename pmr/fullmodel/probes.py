@@ -56,7 +56,7 @@ def gauges(part: OneBody, model: StructuralModel) -> list[Gauge]:
     """Gauges of all probes of a body, in their order, one for each component that a probe measures.
 
     Raises an `InputError` if a probe's point is off the body, if a group or face does not exist, if the model has no
-    stresses that a probe measures, or if the body is given by matrices.
+    stresses that a probe measures, or if the body is given by matrices.  The list is empty if the body has no probes.
     """
     if not part.probes:
         return []
@@ -177,8 +177,8 @@ class _Stresses:
     def _probe_points(self, number: int) -> _Points:
         """Stress points of probe `number`: the nearest to its point, on a beam those around it, or all in its group.
 
-        In a group, only points on the probe's face count, or on the model's first face if the probe names none.
-        Raises an `InputError` if the probe's face or group does not exist, or has no stress point.
+        In a group, only points on the probe's face count, or on the model's first face if the probe names none.  Raises
+        an `InputError` if the probe's face or group does not exist, or has no stress point.
         """
         stress_rows, probe, key = self.rows, self.part.probes[number], f"probes[{number}]"
         if probe.face and probe.face not in stress_rows.faces:
@@ -228,9 +228,9 @@ class _Stresses:
 
 
 def _hooke(material: Material, components: int) -> sp.csr_matrix:
-    """Strains (c, c) under unit stresses, for c `components`: 1 of a fibre, 2 with shear, 3 in a plane, 6 in space.
+    """Strains (c, c) of `material` under unit stresses, for c `components`.
 
-    Shear strains are changes of angles in rad.
+    c is 1 for a fibre, 2 with shear, 3 in a plane and 6 in space.  Shear strains are changes of angles in rad.
     """
     normal = {1: 1, 2: 1, 3: 2, 6: 3}[components]
     matrix = np.eye(components) / material.shear_modulus

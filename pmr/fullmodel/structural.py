@@ -70,9 +70,9 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
 
 
 def _add_rayleigh(operators: Operators, law: Rayleigh) -> PETSc.Mat:
-    """Damping D + alpha M + beta K, in place of the damping D of a structure's model; collective.
+    """Damping D + alpha M + beta K, from the mass, damping and stiffness in `operators`; collective.
 
-    `law` has the factors alpha and beta.
+    `law` has the factors alpha and beta.  The matrix D of `operators` itself is changed.
     """
     assert operators.D is not None
     for factor, A in ((law.alpha, operators.M), (law.beta, operators.K)):
@@ -103,9 +103,10 @@ def _frame_matrices(names: Sequence[str], coupling: Coupling, moving: FrameAssem
 
 
 def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat) -> RigidMotions:
-    """Rigid motions of a structure, and what clamps, springs and supports inside given matrices measure of them.
+    """Rigid motions of a structure, and what clamps, springs and supports inside given matrices measure of these.
 
-    A spring weaker than the round-off in the stiffness K is left out.  Collective.
+    A spring weaker than the round-off in the stiffness K is left out.  Collective: every rank has its part of the
+    motions.
     """
     model, size = coupling.model, coupling.T.shape[1]
     inner_supports = model.body_matrices.held if isinstance(model, Matrices) else np.empty((0, len(model.directions)))
@@ -136,7 +137,7 @@ def _constrain_matrix(A: PETSc.Mat, T: sp.csr_matrix, addition: sp.csr_matrix) -
 
 
 def _position(output: Action | PadForce | Gauge, structure: Structure) -> float:
-    """Coordinate along the axis in m at which an output is measured."""
+    """Coordinate along the axis in m at which an output of the structure is measured."""
     if isinstance(output, Gauge):
         return float(output.at[0])
     if isinstance(output, Action):

@@ -116,7 +116,10 @@ def wall_compliance(
 def _compute_compliance(
     body: PlateBody, standing: tuple[Pad, ...], ends: tuple[tuple[str, str], ...], rings: tuple[Ring, ...]
 ) -> WallCompliance:
-    """Compute the result of `wall_compliance`, from its arguments, by solves on the shell and the beam of the body."""
+    """Compute the compliance of a body's walls, from the arguments of `wall_compliance`.
+
+    The compliance follows from solves on the shell and on the beam of the body.
+    """
     box, line = body.box, beam_of(body)
     shell, beam = HeldModel(shell_of(body), body), HeldModel(line, body)
     fixed_shell, fixed_beam = (
@@ -158,7 +161,7 @@ class HeldModel:
         free_objects(F)
 
     def pads(self, pads: Sequence[Pad], u: Array) -> sp.csr_matrix:
-        """Rows (p k, n) of the normal displacement under k pads after they slid by each of p distances `u` (p,) m.
+        """Rows (p k, n) of the normal displacement under k pads after the pads slid by each of p distances `u` (p,) m.
 
         The k rows of one distance follow each other.
         """
@@ -192,7 +195,7 @@ class HeldModel:
         return result
 
     def compliance_along(self, pads: Sequence[Pad], u: Array, fixed_rows: sp.csr_matrix) -> Array:
-        """Compliance (p, k + m, k) under unit forces on k pads, after they slid by each of p distances `u` (p,) m.
+        """Compliance (p, k + m, k) in m/N under unit forces on k pads, after a slide by each of p distances `u` (p,) m.
 
         The first k rows are the displacements under these pads, and the last m are what the `fixed_rows` (m, n)
         measure.
@@ -223,7 +226,7 @@ def places_along(span: float, layer: float) -> Array:
 def _smooth(values: Array) -> Array:
     """Moving means of `values` (p, ...) over a layer of cells.
 
-    They are needed because on a coarse mesh a pad dents the wall deeper between two nodes than on a node.
+    The means are needed because on a coarse mesh a pad dents the wall deeper between two nodes than on a node.
     """
     between = (values[:-1] + values[1:]) / 2.0
     return np.concatenate([between[:1], (between[:-1] + between[1:]) / 2.0, between[-1:]])
@@ -307,7 +310,7 @@ class _PadGroups(NamedTuple):
 
 
 def _split_by_sliding(member: Member, pads: Sequence[Pad]) -> _PadGroups:
-    """Pads of a body that stay, and groups of those that slide together.
+    """Split the pads of a body into pads that stay and groups of pads that slide together.
 
     Pads that move, but by no distance, are at rest.  `at` of each returned pad is its first position along the body, m.
     """
@@ -330,7 +333,7 @@ def _split_by_sliding(member: Member, pads: Sequence[Pad]) -> _PadGroups:
 
 
 def _wall_volume(pad: Pad, box: Box) -> float:
-    """Volume of the wall under a pad, m^3."""
+    """Volume in m^3 of the wall of a box under a pad."""
     return box.thickness(pad.on) * pad.length * pad.width
 
 

@@ -125,7 +125,7 @@ class Walls:
         return self._last_diagonal(masses * np.concatenate(sizes) * (self.stiffness_scale if self.count else 0.0), size)
 
     def pad_row(self, row: Row, centre: float) -> Row:
-        """The row of a pad with the dents of its wall added, or the same row if the wall does not give way.
+        """The row of a pad with the dents of its wall as further carriers, or the same row if the wall is rigid.
 
         The pad is centred at `centre` (m) on the body, or at s + `centre` if it moves with the path coordinate s.
         """

@@ -111,8 +111,9 @@ class MachineSimulation:
     def start(self, motion: Array, z: Array, v: Array) -> None:
         """Begin at t = 0 with the machine's `motion` (3, 6), and with coordinates z and rates v (modes,) of the boom.
 
-        The second rates of free directions are computed.  The initial state is recorded in row 0.  Errors are raised as
-        by `advance`.
+        The rows of `motion` are values, rates and second rates of the six directions in m and rad; second rates of free
+        directions are computed.  The initial state is recorded in row 0 of the results.  Errors are raised as by
+        `advance`.
         """
         self.number = 0
         arrays = [np.ascontiguousarray(array, float) for array in (motion, z, v)]

@@ -123,7 +123,7 @@ class Beam(FiniteElementModel, ABC):
     def resultants(self) -> Array:
         """The k section forces at a node per unit force on each of its d coordinates, (E, k, d) for E elements.
 
-        They are in the order of `FORCES`.
+        The section forces are in the order of `FORCES`.
         """
 
     @cached_property
@@ -178,13 +178,14 @@ class Beam(FiniteElementModel, ABC):
         return sp.csr_matrix(amounts @ rows)
 
     def motions(self, places: Array) -> sp.csr_matrix:
-        """Rows (k d, n) that measure displacements and rotations of the axis at distances `places` (k,) m along it."""
+        """Rows (k d, n) that measure the d displacements and rotations of the axis at `places` (k,) in m along it."""
         return self._axis_rows(places, np.eye(len(self.directions)))
 
     def _axis_rows(self, places: Array, of: Array) -> sp.csr_matrix:
-        """Rows (k m, n) of m linear combinations of the axis' motions at each of k `places` (k,) in m along the axis.
+        """Sparse rows (k m, n) of m combinations of the axis' motions at each of k `places` (k,) in m along the axis.
 
-        `of` (m, d) are the coefficients of the combinations.
+        Row i m + j is combination j at place i.  `of` (m, d) are the coefficients of the combinations: displacements
+        along, then rotations about, the d directions.
         """
         d, x = len(self.directions), self.node_stations[self.grid.cells]
         e = np.clip(np.searchsorted(x[:, 0], places, side="right") - 1, 0, None)  # at a node, the element behind it
@@ -225,7 +226,7 @@ class Beam(FiniteElementModel, ABC):
         return sp.csr_matrix(sp.diags(np.tile(self.signs, len(places))) @ self.motions(places))
 
     def strip(self, face: str, window: Window) -> Strip:
-        """Points within `window` on the line that represents a face; it is parallel to the axis.
+        """Points within `window` on the line that represents a face, which is parallel to the axis.
 
         The height of the face above or below the axis does not matter.  Raises an `InputError` if the beam has no such
         face.
@@ -257,8 +258,8 @@ class Beam(FiniteElementModel, ABC):
     def element_property(self, mesh: Mesh, values: Array) -> Expr:
         """Property of the sections with the `values` (K,) in UFL, constant in each element.
 
-        It is no constant of UFL where the sections are equal: a form with several of them has another signature once
-        their numbers have more digits, and is compiled once more.
+        The property is no constant of UFL even where the sections are equal: a form with several of them has another
+        signature once their numbers have more digits, and is compiled once more.
         """
         return cellwise(mesh, values[self.number])
 
@@ -403,7 +404,7 @@ class Beam(FiniteElementModel, ABC):
         return np.array([at, *(np.zeros(2) if self.sections is None else self.sections.middle_at(at))])
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
-        """Numbers (k,) of the coordinates along or about `directions` at the tail or tip.
+        """Numbers (k,) of the coordinates along or about `directions` at a `place`, ``tail`` or ``tip``.
 
         Raises an `InputError` for other places.
         """

@@ -107,9 +107,9 @@ class Beam2D(Beam):
     def round_off(self) -> float:
         """Relative error to expect in the lowest frequency from round-off in the stiffness.
 
-        It is 2e-17 times the sum of (L / h)^3 over the elements, with the beam's length L and the elements' lengths h;
-        the factor was found by tests.  Entries 12 EI / h^3 of an element cancel where the element only rotates.  What
-        round-off leaves of them acts like a spring against this rotation.
+        The error is 2e-17 times the sum of (L / h)^3 over the elements, with the beam's length L and the elements'
+        lengths h; the factor was found by tests.  Entries 12 EI / h^3 of an element cancel where the element only
+        rotates.  The round-off that remains acts like a spring against this rotation.
         """
         return float(2e-17 * np.sum((self.body.length / np.diff(self.nodes)) ** 3))
 
@@ -125,7 +125,7 @@ class Beam2D(Beam):
 
     @property
     def directions(self) -> tuple[str, ...]:
-        """The directions ``z`` and ``ry``; before them ``x`` if the beam has axial coordinates."""
+        """The directions ``z`` and ``ry``, with ``x`` before them if the beam has axial coordinates."""
         return ("z", "ry") if self.stiffnesses.axial is None else ("x", "z", "ry")
 
     @property
@@ -145,7 +145,7 @@ class Beam2D(Beam):
         return U
 
     def space(self, domain: Mesh) -> FunctionSpace:
-        """Function space on a dolfinx interval mesh."""
+        """Function space of the beam on `domain`, a dolfinx interval mesh."""
         return hermite_space(domain, linear=len(self.directions) - 2)
 
     def forms(self, space: FunctionSpace) -> Forms:
@@ -179,9 +179,10 @@ class Beam2D(Beam):
         return field[0] if i else None, None, field[i] + J * field[i + 1]
 
     def in_elements(self, h: Array, X: Array, number: Indices) -> Array:
-        """Motion (q, d, 2 d) of the axis at a point in each of q elements, by the coordinates of these.
+        """Shape functions (q, d, 2 d): motion of the axis at a point in each of q elements.
 
-        h, X and number are as in `Beam.in_elements`.
+        Columns are the d coordinates of the element's first node, then those of its second node; d is 3 with axial
+        motion, else 2.  h, X and number (q,) are as in `Beam.in_elements`.
         """
         d, (value, slope) = len(self.directions), Bending(self.stiffnesses.bending).shape_weights(h, X, number)
         local = np.zeros((len(h), d, 2 * d))
@@ -195,7 +196,7 @@ class Beam2D(Beam):
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
         """Rows (d, n) of the motion of a place's centroid.
 
-        Raises an `InputError` if `about` is given.
+        Raises an `InputError` if `about` is not None: a planar beam has no points beside its axis.
         """
         if about is not None:
             allowed = "the place itself is allowed: a planar beam has no points beside it"
@@ -210,10 +211,10 @@ class Beam2D(Beam):
         return {name: (FACES[name], Extent((0.0, self.body.length))) for name in ("bottom", "top")}
 
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
-        """Axial stresses of the lowest and highest fibres at P places; None if the beam is given by its stiffnesses.
+        """Rows of the axial stresses of the lowest and the highest fibre at P places, from section forces.
 
         `forces` are the rows of the section forces at the places, and `element` (P,) is the number of each place's
-        element.
+        element.  The result is None if the beam is given by its stiffnesses, since its section has no shape.
         """
         if self.sections is None:
             return None

@@ -104,14 +104,15 @@ class Beam3D(Beam):
     def reference_frequency(self) -> float:
         """Scale of the lowest frequencies in rad/s.
 
-        It is sqrt(EI / (rho A L^4)) with the least EI of all sections in both planes, the least rho A and the length L.
+        The scale is sqrt(EI / (rho A L^4)) with the least EI of all sections in both planes, the least rho A and the
+        length L.
         """
         softest = min(plane.stiffness.min() for plane in self.planes)
         return float(np.sqrt(softest / self.masses.min()) / self.body.length**2)
 
     @property
     def masses(self) -> Array:
-        """Mass per length (E,) in kg/m of each element, with the rings in it."""
+        """Mass per length (E,) in kg/m of each element, with the mass of its rings."""
         added = 0.0 if self._element_rings is None else self._element_rings.area
         return self.body.material.density * (self.sections.area[self.number] + added)
 
@@ -161,14 +162,16 @@ class Beam3D(Beam):
         return Forms(self.inertia(space, ufl.Identity(3)), stiffness * measure(mesh))
 
     def inertia(self, space: FunctionSpace, S: Expr) -> Form:
-        r"""UFL form of the integral of rho v . S u over the body, for trial and test displacements u and v.
+        r"""UFL form of the integral of rho v .
+
+        S u over the body, for trial and test displacements u and v, with S (3, 3).
 
         .. math::
             \int \rho A\, v \cdot S u + \rho I_z\, v_{,y} \cdot S u_{,y} + \rho I_y\, v_{,z} \cdot S u_{,z}\, dx
 
         The point (y, z) of a section moves by :math:`(u - y \psi_v - z \psi_w,\; v - z \phi,\; w + y \phi)`, where u,
         v, w are the displacements of the centroid.  Without shear, the rotations :math:`\psi_v` and :math:`\psi_w` of
-        the section have no inertia.
+        the section have no inertia.  Rings welded to the walls add their own inertia in the same way.
         """
         mesh, sections, rho = space.mesh, self.sections, self.body.material.density
         sizes = sections.area, *sections.second_moments.T
@@ -183,7 +186,7 @@ class Beam3D(Beam):
     def _ring_inertia(self, mesh: Mesh, S: Expr, by: Sequence[Motion], of: Sequence[Motion]) -> Expr:
         """Integrand of the rings' inertia in UFL, from `_motion` of the test (`by`) and trial (`of`) functions.
 
-        Rings have their own centroid and second moments.
+        S (3, 3) is the matrix of `inertia`.  Rings have their own centroid and second moments.
         """
         added, sections, rho = self._element_rings, self.sections, self.body.material.density
         if added is None:
@@ -211,7 +214,7 @@ class Beam3D(Beam):
         return [[self.element_property(mesh, self.sections.principal[:, i, j]) for j in (0, 1)] for i in (0, 1)]
 
     def _motion(self, mesh: Mesh, field: Expr) -> tuple[Motion, ...]:
-        """Displacement of the centroid, then its derivatives along both principal axes of the section, in UFL.
+        """Displacement of the centroid in a `field`, then its derivatives along both principal axes, in UFL.
 
         Each of the three has components along x and the principal axes; a component without inertia is None.
         """
@@ -311,7 +314,7 @@ class Beam3D(Beam):
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
         """Axial and torsion stresses in the profile's corners, at points in the elements `element` (P,).
 
-        None if a section has no profile.
+        `forces` are the rows of the section forces at these points.  The result is None if a section has no profile.
         """
         return stresses_along(self.sections, np.repeat(self.number, 2), forces, element, corner_stress_factors)
 

@@ -99,32 +99,35 @@ Places = tuple[Array, Array, Mask]
 
 
 def _in_side(p: Array, sides: Sequence[Side], k: int, depth: float) -> Places:
-    """Share xi along side k and depth eta, (N,) each, of points p (N, 2) m, and whether both are in [0, 1]."""
+    """Shares xi, eta (N,) of points p (N, 2) m along side k of `sides` and in depth, and whether both are in [0, 1]."""
     xi, eta = _side_shares(p, sides, k, depth)
     return xi, eta, (np.abs(xi - 0.5) <= 0.5 + SLACK) & (np.abs(eta - 0.5) <= 0.5 + SLACK)
 
 
 def _in_triangle(p: Array, sides: Sequence[Side], k: int, depth: float) -> Places:
-    """Shares (N,) of points p (N, 2) m along the vectors to start and end of side k, and whether none is negative.
+    """Shares (N,) of points p (N, 2) m along the vectors to both ends of side k, and whether none is negative.
 
-    Points without a negative share are in the sector between the two vectors.  `depth` is not used.
+    Side k is one of `sides`.  Points without a negative share are in the sector between the two vectors.  `depth` is
+    not used.
     """
     first_share, second_share = np.linalg.solve(np.array([sides[k].start, sides[k].end]).T, p.T)
     return first_share, second_share, (first_share >= -SLACK) & (second_share >= -SLACK)
 
 
 def _triangle_points(first_share: Array, second_share: Array, sides: Sequence[Side], k: int, depth: float) -> Array:
-    """Points (N, 2) m with given shares (N,) along the vectors to the ends of side k; `depth` is not used.
+    """Points (N, 2) m with given shares (N,) along the vectors to the ends of side k of `sides`.
 
-    `first_share` is that along the vector to the start of the side, `second_share` that to its end.
+    `first_share` is the share along the vector to the start of the side, `second_share` along that to its end.  `depth`
+    is not used.
     """
     return np.outer(first_share, sides[k].start) + np.outer(second_share, sides[k].end)
 
 
 def _side_shares(p: Array, sides: Sequence[Side], k: int, depth: float) -> Array:
-    """Share xi along side k and depth eta, the rows of an array (2, N), of points p (N, 2) m.
+    """Share xi along side k of `sides` and depth eta, the rows of an array (2, N), of points p (N, 2) m.
 
-    For points outside of the side xi or eta is not in [0, 1].
+    The depth is relative to `depth` in m, or, if that is 0, to `THIN` of the side's length.  For points outside of the
+    side xi or eta is not in [0, 1].
     """
     side = sides[k]
     scale = depth or THIN * side.length
@@ -141,7 +144,7 @@ def _side_shares(p: Array, sides: Sequence[Side], k: int, depth: float) -> Array
 
 
 def _side_points(xi: Array, eta: Array, sides: Sequence[Side], k: int, depth: float) -> Array:
-    """Points (N, 2) m with the shares xi (N,) along side k and the depths eta (N,)."""
+    """Points (N, 2) m with the shares xi (N,) along side k of `sides` and eta (N,) of the `depth` in m."""
     side = sides[k]
     if side.centre is not None:
         start = np.subtract(side.start, side.centre)
@@ -239,7 +242,7 @@ class BoxBoom:
 
 
 def write_shell(boom: BoxBoom, file: Path) -> None:
-    """Mesh the mid-surface by triangles and write the mesh to `file`.
+    """Mesh the mid-surface of a boom by triangles and write the mesh to `file`.
 
     Each rectangle is split by both of its diagonals, so that no direction is preferred.
     """
@@ -259,9 +262,10 @@ def write_shell(boom: BoxBoom, file: Path) -> None:
 
 
 def write_solid(boom: BoxBoom, file: Path, hexahedra: bool = True) -> None:
-    """Mesh the walls by hexahedra, one across, or by tetrahedra of the same structure, and write the mesh to `file`.
+    """Mesh the walls of a boom by hexahedra, one across, or by tetrahedra, and write the mesh to `file`.
 
-    Raises an `InputError` if there are frames, or walls of different thickness with rounded corners.
+    The tetrahedra divide the same hexahedra.  Raises an `InputError` if the boom has frames, or walls of different
+    thickness with rounded corners.
     """
     if boom.frames:
         raise InputError(DIMENSIONS, "frames", boom.frames, "a solid boom has none")
@@ -283,7 +287,10 @@ def write_solid(boom: BoxBoom, file: Path, hexahedra: bool = True) -> None:
 
 
 def _section_curves(drawing: Drawing, boom: BoxBoom, x: float, inset: float) -> list[int]:
-    """Tags of the curves around the section at x, moved inwards by `inset` (m), with the divisions of the mid-line."""
+    """Tags in gmsh of the curves around the section of a boom at x (m), moved inwards by `inset` (m).
+
+    The curves have the divisions of the mid-line.
+    """
     curves = []
     for k, side in enumerate(boom.sides):
         start, end = (drawing.point(x, *p) for p in shifted_ends(boom.sides, k, lambda side: -inset))
@@ -295,7 +302,10 @@ def _section_curves(drawing: Drawing, boom: BoxBoom, x: float, inset: float) -> 
 
 
 def _frame_surfaces(drawing: Drawing, boom: BoxBoom, outer: list[int], x: float) -> list[Entity]:
-    """Surfaces of a frame at x: from the curves `outer` to the frames' depth, or all within them if it is infinite."""
+    """Surfaces of a frame at x (m): from the curves `outer` inwards to the frames' depth.
+
+    If that depth is infinite, the surface is all that `outer` encloses.
+    """
     if boom.frame_depth == np.inf:
         return [drawing.fill(outer)]
     inner = _section_curves(drawing, boom, x, boom.frame_depth)
@@ -305,7 +315,7 @@ def _frame_surfaces(drawing: Drawing, boom: BoxBoom, outer: list[int], x: float)
 def _wall_patches(drawing: Drawing, boom: BoxBoom, quads: bool) -> list[Entity]:
     """Surfaces of the walls' cross-section at x = 0: one for each side, and one for each right-angled sharp corner.
 
-    They are meshed by rectangles if `quads`, else by triangles.
+    The surfaces are meshed by rectangles if `quads`, else by triangles.
     """
     patches, count = [], len(boom.sides)
     inside = [[drawing.point(0.0, *p) for p in shifted_ends(boom.sides, k, _inner_distance)] for k in range(count)]
@@ -328,20 +338,20 @@ def _wall_patches(drawing: Drawing, boom: BoxBoom, quads: bool) -> list[Entity]:
 
 
 def _outer_distance(side: Side) -> float:
-    """Distance from the mid-surface to the outer surface, m."""
+    """Distance in m from the mid-surface of a side to its outer surface."""
     return side.thickness / 2.0
 
 
 def _inner_distance(side: Side) -> float:
-    """Distance in m from the mid-surface to the inner surface; negative, as distances count outwards."""
+    """Distance in m from the mid-surface of a side to its inner surface; negative, as distances count outwards."""
     return -side.thickness / 2.0
 
 
 def _outer_ends(boom: BoxBoom, k: int) -> Ends:
-    """Ends (2,) m of the outer line of side k's patch.
+    """Both ends of the outer line of side k's patch, points (y, z) in m.
 
-    At a corner that has a patch of its own they are opposite the ends of the inner line; at other corners the patches
-    meet in a mitre.
+    At a corner that has a patch of its own the ends are opposite the ends of the inner line; at other corners the
+    patches meet in a mitre.
     """
     side, outer = boom.sides[k], shifted_ends(boom.sides, k, _outer_distance)
     inner = [
@@ -353,7 +363,7 @@ def _outer_ends(boom: BoxBoom, k: int) -> Ends:
 
 
 def _is_square(boom: BoxBoom, k: int) -> bool:
-    """Whether side k and the side after it are flat and meet at a right angle."""
+    """Whether side k of a boom and the next side are flat and meet at a right angle."""
     side, after = boom.sides[k], boom.sides[(k + 1) % len(boom.sides)]
     flat = side.centre is None and after.centre is None
     return flat and abs(float(outward_normal(side, side.end) @ outward_normal(after, after.start))) < SQUARE
@@ -367,7 +377,7 @@ class _Plane:
     distance: float
 
     def holds(self, low: Array, high: Array) -> bool:
-        """Whether a flat face with the bounding box from `low` to `high` lies in the plane."""
+        """Whether a flat face with the bounding box from `low` (3,) to `high` (3,), in m, lies in the plane."""
         rising = float(np.prod(self.normal[1:])) <= 0.0
         ends = (low, high) if rising else (np.array([low[0], low[1], high[2]]), np.array([high[0], high[1], low[2]]))
         return all(abs(self.normal @ end - self.distance) < 1e-6 for end in ends)

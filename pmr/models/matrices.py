@@ -50,7 +50,7 @@ class Matrices(TracedModel):
     def unchecked(self) -> bool:
         """Whether positions and directions of the nodes could not be checked against the stiffness.
 
-        They could not if all nodes are next to supports inside the matrices.
+        No check is possible if all nodes are next to supports inside the matrices.
         """
         return self.body_matrices.unchecked
 
@@ -160,7 +160,7 @@ class Matrices(TracedModel):
         ]
 
     def trace(self, place: str | float) -> Trace:
-        """Displacements of a group's nodes, or of nodes near a cross-section at a distance along the axis in m.
+        """Displacements at `place`: of the nodes of a group, or of nodes near a cross-section at a distance in m.
 
         The nodes near a cross-section are weighted by a hat that reaches to the next nodes on either side, or farther
         until the nodes spread over the whole section.  Raises an `InputError` if the group does not exist or the body

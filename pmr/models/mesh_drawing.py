@@ -34,7 +34,10 @@ class NotDrawnError(ValueError):
 
 @contextmanager
 def _unchanged_sigpipe() -> Iterator[None]:
-    """Keep the handler of SIGPIPE, which gmsh resets: then a pipe that nobody reads would end the process unseen."""
+    """Keep the handler of the signal SIGPIPE within the context, as gmsh resets it.
+
+    A pipe that nobody reads would otherwise end the process without a message.
+    """
     is_main = threading.current_thread() is threading.main_thread()  # only this thread can set handlers
     handler = signal.getsignal(signal.SIGPIPE) if is_main and hasattr(signal, "SIGPIPE") else None
     yield
@@ -82,9 +85,9 @@ class Drawing:
         return self._curve(start, end, divisions, lambda: self._model.geo.addCircleArc(start, centre, end))
 
     def _curve(self, start: int, end: int, divisions: int, draw: Callable[[], int]) -> int:
-        """Tag in gmsh of the curve from `start` to `end`, tags of points; if there is none yet, `draw` draws it.
+        """Tag in gmsh of the curve from `start` to `end`, tags of points; `draw` draws a curve that does not exist yet.
 
-        A new curve gets cells by the given number of divisions.
+        A new curve gets as many cells as `divisions`.
         """
         key = frozenset((start, end))
         if key not in self._curves:
@@ -156,7 +159,7 @@ class Drawing:
     def write(
         self, groups: Mapping[str, Sequence[Entity]], file: Path, move: Callable[[Array], Array] = np.asarray
     ) -> None:
-        """Mesh the drawing, move its points and write it to `file`, with `groups` as physical groups.
+        """Mesh the drawing, move the mesh's points and write the mesh to `file`, with `groups` as physical groups.
 
         `move` maps points (N, 3) m to their new positions.  If the drawing is a surface, each of its rectangles becomes
         four triangles.

@@ -194,7 +194,7 @@ def _warn_of_unread(file: Path, deck: Deck) -> None:
 
 
 def join_ties(deck: Deck, points: Array) -> Indices:
-    """Numbers (N,) of the nodes that stand for the nodes at `points` (N, 3) m, after ties are joined.
+    """Numbers (N,) of the nodes that stand for the nodes at `points` (N, 3) m, after the ties of `deck` are joined.
 
     A node that is not tied stands for itself.  Raises an `InputError` if a tie names a surface that is not read, or if
     a node of its first surface has no node of the second one at its place.
@@ -271,9 +271,9 @@ def _meshio_content(file: Path) -> MeshFile:
 
 
 def _physical_groups(mesh: meshio.Mesh) -> dict[str, list[Indices]]:
-    """Numbers of the cells of each physical group in each of meshio's blocks, by the group's name.
+    """Numbers (k,) of the cells of each physical group in each of meshio's blocks, by the group's name.
 
-    They come from sets (MSH 4) or tags (MSH 2).  The result is empty if the file has neither.
+    The groups are sets (MSH 4) or tags (MSH 2).  The result is empty if the file has neither.
     """
     sets = {name: parts for name, parts in mesh.cell_sets.items() if not name.startswith("gmsh:")}
     empty = np.empty(0, np.int64)

@@ -19,7 +19,7 @@ from pmr.files.arrays import Array, Indices
 def codes(entities: Indices, points: int) -> Indices:
     """One number (e,) for each of `entities` (e, k) with sorted vertices, made from its three lowest vertices.
 
-    It is unique among vertices, edges and faces.  `points` is the number of the mesh's vertices.
+    A number is unique among vertices, edges and faces.  `points` is the number of the mesh's vertices.
     """
     code = np.zeros(len(entities), np.int64)
     for column in range(3):
@@ -108,7 +108,7 @@ def number_nodes(cell: str, points: Array, cells: Indices, components: Mapping[i
 def _dimension_codes(flat: Indices, dim: int, cells: Indices, points: int) -> Indices:
     """Unique numbers (e,) of e entities `flat` (e, k) with sorted vertices and the dimension `dim`.
 
-    They are the `codes` of the entities, for a mesh with so many `points`.  If `dim` is 3, the entities are `cells` and
-    their numbers are 0, 1, 2, ..., as two cells may share their three lowest vertices.
+    The numbers are the `codes` of the entities, for a mesh with so many `points`.  If `dim` is 3, the entities are
+    `cells` and their numbers are 0, 1, 2, ..., as two cells may share their three lowest vertices.
     """
     return np.arange(len(cells), dtype=np.int64) if dim == 3 else codes(flat, points)

@@ -53,7 +53,10 @@ class TracedModel(ABC):
 
     @abstractmethod
     def trace(self, place: str | float) -> Trace:
-        """Trace of the displacement on a named group, or on the cross-section at a distance along the axis in m."""
+        """Trace of the displacement on `place`: a named group, or the cross-section at a distance along the axis.
+
+        The distance is in m.
+        """
 
     def displacement(self, *places: str | float) -> sp.csr_matrix:
         """Rows (3 p, n) of the mean displacements of p places along x, y and z."""
@@ -80,7 +83,7 @@ class MeshedModel(TracedModel):
     @property
     @abstractmethod
     def components(self) -> Mapping[int, tuple[int, ...]]:
-        """Displacements (0, 1, 2) and rotations (3, 4, 5) of a node, by the dimension of the entity that it sits on.
+        """Displacements (0, 1, 2) and rotations (3, 4, 5) of a node, by the dimension of the entity with the node.
 
         The dimensions 0 to 3 are those of vertices, edges, faces and cells.
         """
@@ -104,7 +107,7 @@ class MeshedModel(TracedModel):
         return self.nodes.component_coordinates(cells)
 
     def trace(self, place: str | float) -> Trace:
-        """Trace of the displacement on a named group, or on the cross-section at a distance along the axis in m.
+        """Trace of the displacement on `place`: a named group, or the cross-section at a distance in m along the axis.
 
         Traces are cached.
         """
@@ -189,8 +192,8 @@ def region_properties(mesh: NamedMesh, default: object, regions: Mapping[str, ob
 def frequency_scale(points: Array, material: Material, thickness: float = 0.0) -> float:
     """Scale sqrt(E / rho) r / L^2 in rad/s of the frequencies of a slender beam.
 
-    E is Young's modulus and rho the density.  L is the largest extent of `points` (N, 3) m; r is half the smallest
-    extent, which counts as `thickness` (m) if it is less.
+    E is Young's modulus and rho the density of `material`.  L is the largest extent of `points` (N, 3) m; r is half the
+    smallest extent or half of `thickness` (m) if that is larger.
     """
     extent = np.ptp(points, axis=0)
     depth = max(extent.min(), thickness) / 2.0

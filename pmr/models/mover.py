@@ -82,7 +82,7 @@ class Mover:
         return [0 if axis == "z" else self.size - 1 for axis in self.directions]
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
-        """Rows (t, n) of the displacements, the same for every `place`; `about` is not used."""
+        """Rows (t, n) of the displacements along the t directions, the same for every `place`; `about` is not used."""
         return self.displacement(place)
 
     def centroid(self, place: str | float) -> Array:
@@ -93,11 +93,11 @@ class Mover:
         return np.array([ends[place] if isinstance(place, str) else place, 0.0, 0.0])
 
     def strip(self, face: str, window: Window) -> Strip:
-        """Raise an `InputError`: a mover has no faces."""
+        """Raise an `InputError` about the `face`: a mover has no faces, so no `window` on one either."""
         raise InputError("scene", "pads.on", face, "a point, without faces, is allowed on a mover")
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
-        """Numbers (k,) of the mass's coordinates along the given `directions`; directions that it lacks are left out.
+        """Numbers (k,) of the mass's coordinates along the given `directions`, without directions that the mover lacks.
 
         The numbers are the same for every `place`.
         """

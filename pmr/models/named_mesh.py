@@ -44,9 +44,9 @@ class Fault:
 
 
 def mesh_fault(cell: str, points: Array, cells: Indices) -> Fault | None:
-    """Return why a mesh of `cells` with the vertices `points` is unsound; None if it is sound.
+    """Return the first fault of a mesh of `cells` (C, k) with the vertices `points` (N, 3) m; None if it is sound.
 
-    The first of these faults is described:
+    The faults are searched for in this order:
 
     - degenerate cells;
     - inverted cells;
@@ -192,7 +192,7 @@ class NamedMesh:
         return create_mesh(comm, self.cell, self.points, self.cells)
 
     def require(self, names: Sequence[str]) -> None:
-        """Raise an `InputError`, which lists the mesh's groups, if one of the named groups is missing."""
+        """Raise an `InputError`, which lists the mesh's groups, if one of the groups `names` is missing."""
         missing = [name for name in names if name not in self.groups]
         if missing:
             names_there = ", ".join(sorted(self.groups)) or "none"
@@ -241,14 +241,15 @@ def named_mesh(
     point_groups: Mapping[str, Indices] | None = None,
     lines: Sequence[Sequence[Place]] = (),
 ) -> NamedMesh:
-    """Checked mesh with the vertices `points`, from blocks of cells (kind, dimension, vertices).
+    """Checked mesh with the vertices `points` (N, 3) in m, from blocks of cells (kind, dimension, vertices).
 
     Only cells of the highest dimension are its cells; one that is listed several times counts once.  Vertices that no
     cell uses are left out, and the others are numbered along the longest extent of the mesh.  `memberships` are each
-    group's numbers of cells in every block, `point_groups` the numbers of points of further groups, and `kinds` the
-    allowed kinds of cells.  Of two groups of one name the one of fewer dimensions is taken: the edge or face of a set
-    of nodes, rather than the set of the elements that touch it.  `source` is the mesh's name in errors, and `lines`
-    where each cell of each block is in its file, if that is known.  Raises the errors of `read_mesh`.
+    group's numbers of cells in every block, `point_groups` the numbers of points of further groups (None: no further
+    groups), and `kinds` the allowed kinds of cells.  Of two groups of one name the one of fewer dimensions is taken:
+    the edge or face of a set of nodes, rather than the set of the elements that touch it.  `source` is the mesh's name
+    in errors, and `lines` where each cell of each block is in its file, if that is known.  Raises the errors of
+    `read_mesh`.
     """
 
     def refuse(what: str) -> InputError:
@@ -313,10 +314,10 @@ def named_mesh(
 
 
 def _group_of_points(cell: str, cells: Indices, inside: Mask) -> Group:
-    """Group of the cells that have all their vertices in the mask `inside`.
+    """Group of the `cells` (C, k) that have all their vertices in the mask `inside` (N,).
 
     If there is no such cell, the group is that of faces, edges or points, of the first of these kinds that has members.
-    The mask has to be true for a vertex of a cell.
+    The mask has to be true for at least one vertex of a cell.
     """
     for dim, parts in reversed([*enumerate(cell_topology(cell))]):
         entities = cells[:, parts].reshape(-1, len(parts[0]))
@@ -388,7 +389,7 @@ def add_faces(mesh: NamedMesh, faces: Mapping[str, FaceNormal]) -> NamedMesh:
 
 
 def _outermost(points: Array, facets: Skin, face: FaceNormal) -> Indices:
-    """Numbers (k,) of the outermost facets that have the normal of `face`; empty if no facet has it.
+    """Numbers (k,) of the outermost facets that have the normal of `face`; empty if no facet has that normal.
 
     `points` are the mesh's vertices.  Of several connected patches of such facets, those count that reach farthest
     along the normal.

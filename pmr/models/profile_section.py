@@ -148,7 +148,7 @@ class MidLine:
 
 
 def section_of(profile: BoxProfile, poisson: float) -> BeamSection:
-    """Section properties of a profile, for the material's Poisson ratio."""
+    """Section properties of a profile, for the material's Poisson ratio `poisson`."""
     line = MidLine(profile)
     area, first, second = np.zeros(()), np.zeros(2), np.zeros((2, 2))
     for k, side in enumerate(line.sides):
@@ -173,12 +173,12 @@ def section_of(profile: BoxProfile, poisson: float) -> BeamSection:
 
 
 def _zero_round_off(values: Array, size: float) -> Array:
-    """Copy of `values`, of the same shape, with zeros for values that are round-off compared with `size`."""
+    """Copy of `values` (any shape), with zeros for values that are round-off compared with `size`."""
     return np.asarray(np.where(np.abs(values) > ROUND_OFF * size, values, 0.0))
 
 
 def _arc_angles(side: Side, x: Array) -> Array:
-    """Angles (q,) in rad of points at the shares x (q,) in [0, 1] along an arc."""
+    """Angles (q,) in rad of points at the shares x (q,) in [0, 1] along the arc of a `side`."""
     y, z = np.subtract(side.start, side.centre or (0.0, 0.0))
     return np.asarray(np.arctan2(z, y) + side.angle * x)
 
@@ -216,9 +216,9 @@ Integrals = tuple[Array, Array, Array]
 
 
 def _strip(side: Side, before: Side, after: Side) -> Integrals:
-    """Integrals of 1, p (2,) and p p^T (2, 2) over a flat plate, with the vector p from the axis.
+    """Integrals of 1, p (2,) and p p^T (2, 2) over the flat plate of a `side`, with p from the axis.
 
-    The plate is mitred at sharp corners.
+    p is a vector in m.  The plate is mitred at sharp corners with the sides `before` and `after`.
     """
     x, w = np.polynomial.legendre.leggauss(3)
     out = x * side.thickness / 2.0
@@ -231,9 +231,9 @@ def _strip(side: Side, before: Side, after: Side) -> Integrals:
 
 
 def _mitre(side: Side, other: Side) -> float:
-    """Length by which a plate's end is shorter per metre outwards from the mid-line, to meet `other` in a mitre.
+    """Length by which the end of a `side` is shorter per metre outwards, to meet the side `other` in a mitre.
 
-    It is 0 next to an arc.
+    Outwards means away from the mid-line.  The length is 0 next to an arc.
     """
     if other.centre is not None:
         return 0.0
@@ -242,7 +242,7 @@ def _mitre(side: Side, other: Side) -> float:
 
 
 def _sector(side: Side) -> Integrals:
-    """Integrals of 1, p (2,) and p p^T (2, 2) over a rounded corner, a sector of a ring.
+    """Integrals of 1, p (2,) and p p^T (2, 2) over a rounded corner `side`, a sector of a ring.
 
     p is the vector from the axis.
     """
@@ -289,7 +289,7 @@ class Plane:
     second: Array  # (2, 2) m^4
 
     def less(self, other: Plane) -> Plane:
-        """Integrals over this figure without `other`, a figure inside it."""
+        """Integrals over this figure without `other`, a figure inside this one."""
         return Plane(self.area - other.area, self.first - other.first, self.second - other.second)
 
 

@@ -62,14 +62,14 @@ class SectionsAlong:
         return np.clip(np.searchsorted(self.ends, places, side="right") - 1, 0, len(self.each) - 1)
 
     def profile_at(self, x: float) -> BoxProfile | None:
-        """Profile at the coordinate x (m) along the axis; None if it is unknown."""
+        """Profile at the coordinate x (m) along the axis; None where the section is given by its properties alone."""
         stretch = self.stretches[int(self.section_numbers(x))]
         return None if stretch is None else stretch.profile_at(x)
 
     def middle_at(self, x: float) -> Array:
         """Centroid (2,) in m of the walls' mid-line at x (m), which is also the mean position over the end of a shell.
 
-        It is on the axis if there is no profile.
+        The centroid is (0, 0) if there is no profile.
         """
         number = int(self.section_numbers(x))
         middle, stretch = self._middles[number], self.stretches[number]
@@ -82,7 +82,7 @@ class SectionsAlong:
     def _middles(self) -> tuple[Array | None, ...]:
         """Centroid (2,) in m of the walls' mid-line of each section.
 
-        It is zero for a section without walls of its own, and None where it varies along the section.
+        The centroid is zero for a section without walls of its own, and None where it varies along the section.
         """
         return tuple(
             np.zeros(2) if stretch is None else MidLine(stretch.first).middle if stretch.first is stretch.last else None
@@ -159,7 +159,7 @@ class SectionsAlong:
 
 
 def centre_motion_matrices(sections: SectionsAlong) -> Array:
-    """Matrices (K, 6, 6), one per section: motion of its centres along x, y and z from the motion of the axis.
+    """Matrices (K, 6, 6), one for each of `sections`: motion of its centres along x, y and z from that of the axis.
 
     The motion of the centres is u of the centroid, v and w of the shear centre, and the rotations.  Unlike in
     `SectionsAlong.centre_motions`, all components are along and about x, y and z, not the principal axes.
@@ -173,7 +173,8 @@ def centre_motion_matrices(sections: SectionsAlong) -> Array:
 def sections_of(body: Beam3DBody, stations: Array, box: Box | None = None) -> SectionsAlong:
     """Sections of a beam with nodes at `stations` (N,) m, from its section, its profile or a varying `box`.
 
-    A stretch of constant profile is one section.  Where the profile changes along a stretch, each element is a section.
+    `box` is None if nothing varies.  A stretch of constant profile is one section.  Where the profile changes along a
+    stretch, each element is a section.
     """
     poisson = body.material.poisson
     if body.profile is None:
@@ -204,13 +205,13 @@ def mean_section(stretch: Stretch, poisson: float) -> BeamSection:
 
 
 def _inner_nodes(stretch: Stretch, stations: Array) -> list[float]:
-    """List the `stations` strictly inside a stretch if its profile changes along it, otherwise none."""
+    """List the `stations` (N,) in m strictly inside a stretch whose profile changes along it; empty for others."""
     inside = (stations > stretch.start) & (stations < stretch.end) & (stretch.first is not stretch.last)
     return [float(at) for at in stations[inside]]
 
 
 def stations_of(breaks: Sequence[float], elements: int) -> Array:
-    """Coordinates in m of the nodes of a beam of about `elements` elements.
+    """Coordinates (N,) in m of the nodes of a beam of about `elements` elements.
 
     There is a node at each of the `breaks` (m), and the nodes between two breaks are evenly spaced.
     """
@@ -254,7 +255,8 @@ def axial_stress_factors(section: BeamSection, points: Array) -> Array:
 def torsion_stress_factors(profile: BoxProfile, thickness: Array) -> Array:
     r"""Shear stress in k walls of the given `thickness` (k,) in m, counter-clockwise, per unit section force, (k, 6).
 
-    Section forces are in the order of `FORCES`.  With the torque T, the enclosed area :math:`A_m` and the thickness t
+    Section forces are in the order of `FORCES`; all but the torque's column are zero.  With the torque T, the area
+    :math:`A_m` within the mid-line of the `profile` and the thickness t
 
     .. math:: \tau = \frac{T}{2 A_m t}
     """

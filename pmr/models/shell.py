@@ -172,8 +172,8 @@ class Shell(MeshedModel):
     def plane_stresses(self, space: FunctionSpace) -> Expr:
         """Membrane stresses in Pa, then bending stresses per distance from the middle in Pa/m, as a UFL vector of six.
 
-        They are linear in a trial function.  Each of the two has three components in the axes of `frames`: along,
-        across, and shear.
+        The stresses are linear in a trial function on `space`.  Each of the two has three components in the axes of
+        `frames`: along, across, and shear.
         """
         mesh, axes = space.mesh, frames(self.mesh)
         frame = [ufl.as_vector([cellwise(mesh, axes[:, k, i]) for i in range(3)]) for k in range(3)]
@@ -236,7 +236,7 @@ def _plane_stress(E: Expr, nu: Expr, strain: Expr) -> Expr:
 
 
 def _frame(mesh: Mesh) -> tuple[Expr, ...]:
-    """Unit vectors of each triangle in UFL: along its first edge, across it in its plane, normal to it."""
+    """Unit vectors of each triangle in UFL: along its first edge, in its plane across that edge, normal to it."""
     J = ufl.Jacobian(mesh)
     first, second = ufl.as_vector([J[i, 0] for i in range(3)]), ufl.as_vector([J[i, 1] for i in range(3)])
     normal = ufl.cross(first, second)
@@ -308,7 +308,10 @@ def walls_along(box: Box, mesh: NamedMesh) -> Array:
 
 
 def shell_body(profile: BoxProfile, material: Material) -> ShellBody:
-    """Body of a profile's thickest plate, with thinner plates as regions by the names of their walls."""
+    """Body of `material` with the thickness of a profile's thickest plate.
+
+    Thinner plates are regions, called by the names of their walls.
+    """
     walls = profile.walls
     thickest = max(walls.values())
     thinner = {name: Plate(material=material, thickness=wall) for name, wall in walls.items() if wall < thickest}
@@ -316,7 +319,7 @@ def shell_body(profile: BoxProfile, material: Material) -> ShellBody:
 
 
 def frames(mesh: NamedMesh) -> Array:
-    """Unit vectors (C, 3, 3) of each triangle: along the body's axis, across it in the triangle, outward normal.
+    """Unit vectors (C, 3, 3) of each triangle: along the body's axis, across that in the triangle, outward normal.
 
     For a triangle that lies across the body's axis, the next of the axes x, y, z is used instead of the body's axis.
     """

@@ -62,7 +62,7 @@ class Trace:
     def mean(self) -> sp.csr_matrix:
         """Rows (3, n) of the mean displacement, at the point that `offset` leads to from the centroid.
 
-        This point follows the mean motion of the group.  If `offset` is not zero, the property raises the `InputError`
+        The point follows the mean motion of the group.  If `offset` is not zero, the property raises the `InputError`
         of `rotation`.
         """
         mean = sp.csr_matrix(self.weights / self.weights.sum())
@@ -110,7 +110,7 @@ class Trace:
 
 
 def group_trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int, parts: int = 1) -> Trace:
-    """Trace of the displacement on a named group, in a Lagrange space of the given polynomial degree.
+    """Trace of the displacement on the group called `name`, in a Lagrange space of the given polynomial degree.
 
     Each entity of the group is cut into `parts` along every direction, for weights that vary within the entity.
 
@@ -322,7 +322,7 @@ def flat_face(mesh: NamedMesh, name: str) -> FlatFace:
 
 
 def face_strip(face: FlatFace, nodes: Nodes, window: Window) -> Strip:
-    """Strip of a face within a window, for quadratic displacements; without points if no cell is in the window.
+    """Strip of a face within a window, for quadratic displacements on `nodes`; without points if no cell is inside.
 
     Raises an `InputError` if cells are so much larger than the window's spacing that there would be too many points.
     """
@@ -364,7 +364,7 @@ def line_points(window: Window, stations: Array) -> Array:
 
 
 def _face_normal(mesh: NamedMesh, group: Group, face: str) -> Array:
-    """Outward unit normal (3,) of a face, whatever the order of its vertices.
+    """Outward unit normal (3,) of the face `face`, the entities of `group`, whatever the order of their vertices.
 
     Raises an `InputError` if the face is not flat.
     """

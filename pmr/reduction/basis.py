@@ -141,14 +141,14 @@ def pod(
 
 
 def modal_basis(modes: Snapshots) -> Basis:
-    """Basis of eigenmodes, which are M-orthonormal; all singular values in the mass product are set to 1."""
+    """Basis of the M-orthonormal eigenmodes `modes`; all singular values in the mass product are set to 1."""
     return Basis(modes.S, np.ones(modes.S.getSize()[1]), "mass")
 
 
 def with_rigid_modes(
     model: FullModel, snapshots: Snapshots, rigid: Array, size: int, product: str = "euclidean", solver: str = "auto"
 ) -> Basis:
-    """Basis of `size` vectors: all rigid-body modes, then the POD of what they leave of the pool; collective.
+    """Basis of `size` vectors: rigid-body modes, then the POD of the `snapshots` without these modes; collective.
 
     A residual flexibility can't replace a rigid-body motion, so the basis has to contain all rigid-body modes exactly;
     a POD basis of modes with the slider held contains them to a few digits only.
@@ -241,8 +241,8 @@ INDEPENDENT, NEARLY_DEPENDENT = 1e-9, 1e-4
 def reduced_model(model: FullModel, basis: Basis, provenance: dict[str, object]) -> ReducedModel:
     """Galerkin projection of a model on the basis V, without the supports that V satisfies; same on every rank.
 
-    It consists of V^T A V for A = M, D, K and the model's `matrices`, and of V^T B, O V and C(s) V.  Fixed rows that
-    every basis vector satisfies (supports, for eigenmodes) are left out and named in the result.  The result keeps
+    The result consists of V^T A V for A = M, D, K and the model's `matrices`, and of V^T B, O V and C(s) V. Fixed rows
+    that every basis vector satisfies (supports, for eigenmodes) are left out and named in the result.  The result keeps
     `provenance`, which says what it was made from.  An InputError is raised if the remaining rows depend on each other,
     as with a basis that is too small.
     """
@@ -256,7 +256,7 @@ def reduced_model(model: FullModel, basis: Basis, provenance: dict[str, object])
 def galerkin(model: FullModel, basis: Basis, provenance: dict[str, object]) -> ReducedModel:
     """Galerkin projection of a model with all of its rows, even those that the basis satisfies up to round-off.
 
-    The result keeps `provenance`, which says what it was made from.
+    The result keeps `provenance`, which says what it was made from, and is the same on every rank; collective.
     """
     comm = model.comm
     V = np.array(basis.V.getDenseArray())
@@ -290,7 +290,10 @@ def galerkin(model: FullModel, basis: Basis, provenance: dict[str, object]) -> R
 
 
 def _rigid_work(model: FullModel) -> Array | None:
-    """Work R^T B (k, i) of the inputs on the k rigid motions R; None for a model with clamps or without known R."""
+    """Work R^T B (k, i) of the inputs on the k rigid motions R; None for a model with clamps or unknown R.
+
+    Collective.
+    """
     if model.rigid is None or not model.rigid.complete:
         return None
     return np.asarray(model.comm.allreduce(model.rigid.coordinates.T @ local_csr(model.inputs)))
@@ -324,7 +327,7 @@ def with_held_coordinates(model: ReducedModel) -> ReducedModel:
 
 
 def _check_rank(model: ReducedModel) -> None:
-    """Raise an InputError if rigid rows depend on each other at a path coordinate; log a warning if they nearly do.
+    """Raise an InputError if rigid rows depend on each other at a path coordinate; log a warning if they nearly depend.
 
     The ends of the path are not checked: there a slider may be on a support.  Rows of pads with a stiffness may depend
     on each other: these pads share the force according to their stiffness.

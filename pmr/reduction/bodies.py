@@ -98,8 +98,8 @@ class Reduction:
     def basis(self) -> Array | Mapping[str, Array]:
         """Basis V (n, r) of a single body, or a dict of the basis of each section by its name.
 
-        The columns of V are the vectors that the coordinates multiply.  Those of a section's cylinder modes come last;
-        modes without inertia (`pmr.system.attachment`) are not among them.  Under MPI every rank has the whole array.
+        The columns of V are the vectors that the coordinates multiply.  The vectors of a section's cylinder modes come
+        last; modes without inertia (`pmr.system.attachment`) have none.  Under MPI every rank has the whole array.
         """
         bases = {name: self._gather_rows(name, self._recovery(name).V) for name in self.bodies}
         return bases.get(ALONE, bases)
@@ -108,7 +108,7 @@ class Reduction:
     def snapshots(self) -> Array | Mapping[str, Array]:
         """Snapshots (n, k) from which the basis of a single body is made, or a dict of those of each section by name.
 
-        They are the same on every rank.
+        The array is the same on every rank.
         """
         pools = {
             name: self._gather_rows(name, np.array(body.snapshots.S.getDenseArray()))
@@ -166,16 +166,16 @@ class Reduction:
 
 
 def with_stress_flags(scene: Scene, bodies: Mapping[str, ReducedBody]) -> dict[str, ReducedBody]:
-    """Bodies by name, with `stressed` set if terms of second order of the scene's frame act on them."""
+    """Bodies by name, with `stressed` true if terms of second order of the scene's frame act on the scene's bodies."""
     stressed = any(frame_terms(scene))  # a body that is not changed keeps its simulated model
     return {n: body if body.stressed == stressed else replace(body, stressed=stressed) for n, body in bodies.items()}
 
 
 def join_bodies(scene: Scene, bodies: Mapping[str, ReducedBody]) -> System:
-    """System of a scene's bodies as simulations take it; its `on_modes` has the bodies without cylinder modes.
+    """System of a scene's bodies as simulations need it; its `on_modes` has the bodies without cylinder modes.
 
-    Its provenance is the scene's.  For a single body without terms it is the body's own, so that a frame moves it
-    within the kernel, both in the run and after saving and loading.
+    Its provenance is the scene's.  For a single body without terms, the body's own provenance is taken, so that the
+    kernel moves the body with a frame, both in the run and after saving and loading.
     """
     bodies = with_stress_flags(scene, bodies)
     joined_system = system_of(scene, {name: body.model for name, body in bodies.items()})
@@ -197,8 +197,9 @@ def reduce_bodies(
     """Reduced bodies of a scene by their names, from its full models `built`; collective.
 
     Equal sections are reduced once.  With `caches`, by the bodies' names, results are read from a cache or written to
-    it.  The basis of a single body may consist of `vectors`, an array or a function of its full model; then no cache is
-    used.  An InputError with the section's key is raised if a section can't be reduced.
+    one; None means no cache.  `clock` measures the time of each stage.  The basis of a single body may consist of
+    `vectors`, an array or a function of its full model; then no cache is used.  If `vectors` is None, the scene chooses
+    the basis.  An InputError with the section's key is raised if a section can't be reduced.
     """
     caches, clock = caches or {}, clock or Clock()
     if vectors is not None:
@@ -219,9 +220,10 @@ def reduce_bodies(
 
 
 def cached_body(scene: Scene, model: FullModel, cache: Cache | None, clock: Clock | None = None) -> ReducedBody:
-    """Reduced single body from the cache; if it is not there, `reduce_body` makes it and it is stored; collective.
+    """Reduced single body, from the cache or, if it is not stored there, made by `reduce_body` and stored; collective.
 
-    A stored body gets the provenance of this scene.  If `cache` is None, the body is made and not stored.
+    A stored body gets the provenance of this scene.  If `cache` is None, the body is made and not stored.  `clock`
+    measures the time of each stage.
     """
     if cache is None:
         return reduce_body(scene, model, clock)
@@ -238,7 +240,10 @@ def cached_body(scene: Scene, model: FullModel, cache: Cache | None, clock: Cloc
 def reduce_body(
     scene: Scene, model: FullModel, clock: Clock | None = None, vectors: Vectors | None = None
 ) -> ReducedBody:
-    """Reduce the full model of a single body as the scene asks, or on a basis of `vectors`, if given; collective."""
+    """Reduce the full model of a single body as the scene asks, or on a basis of `vectors`, if given; collective.
+
+    `clock` measures the time of each stage.
+    """
     clock = clock or Clock()
     with clock.stage("snapshots"):
         body = FreeBody(model, scene.reduction.solver)
@@ -254,11 +259,11 @@ def reduce_body(
 
 
 def _reduce_section(scene: Scene, member: Member, model: FullModel, cache: Cache | None) -> ReducedBody:
-    """Reduced section on free modes and carriers, from the cache; if it is not stored there, it is made and stored.
+    """Reduced section on free modes and carriers, from the cache or, if it is not stored there, made and stored.
 
-    Enrichment modes are added in two cases: an error is estimated, or terms that vary in time may act.  Inertia on
-    carriers is added if an error is estimated.  A section is stored with its residual flexibility, which is taken off
-    the result if the scene asks for none.
+    If `cache` is None, nothing is read or stored.  Enrichment modes are added in two cases: an error is estimated, or
+    terms that vary in time may act.  Inertia on carriers is added if an error is estimated.  A section is stored with
+    its residual flexibility, which is taken off the result if the scene asks for none.
     """
     choice, stressed = member.part.reduction, may_be_stressed(scene)
     if member.part.body.mover is not None:  # it keeps both of its coordinates

@@ -53,12 +53,12 @@ class ReducedBody:
 
     @property
     def has_error_estimate(self) -> bool:
-        """Whether errors can be estimated with `modal`: it has the inertia of the residual part."""
+        """Whether errors can be estimated with `modal`, which takes the inertia of the residual part."""
         return self.modal.carriers is not None and self.modal.carriers.inertia is not None
 
     @cached_property
     def model(self) -> ReducedModel:
-        """Model that is simulated: `modal` with cylinder modes and, if it is stressed, with modes without inertia."""
+        """Model that is simulated: `modal` with cylinder modes and, for a stressed body, with modes without inertia."""
         return simulated_model(self.modal, self.stressed)
 
 
@@ -69,7 +69,7 @@ IRRELEVANT_KEYS = ("title", "start", "time", "recovery", "simulation", "compare"
 def model_digest(model: FullModel) -> str:
     """Digest of the code and of all data of a full model; collective.
 
-    It also depends on the number of ranks.
+    The digest also depends on the number of ranks.
     """
     digest = hashlib.blake2b(digest_size=16)
     matrices = [model.M, model.K, model.inputs, model.outputs, *model.matrices.values()]
@@ -118,10 +118,10 @@ class SystemCache:
     comm: MPI.Comm
 
     def system_of(self, scene: Scene, make: Callable[[], System]) -> System:
-        """Return the reduced system of a scene of any structure; if it is not stored, call `make` and store its result.
+        """Return the reduced system of a scene, from the cache or, if it is not there, made by `make` and stored.
 
-        It is the same on every rank; collective.  A NotHeldError of `make`, which says that supports and pads leave the
-        scene free to move, is stored too and raised again: finding it out takes the full models.
+        Collective: the system is the same on every rank.  A NotHeldError of `make`, which says that supports and pads
+        leave the scene free to move, is stored too and raised again: finding it out takes the full models.
         """
         file, unheld = self._system_files(scene)
         if (not_held := self._read(unheld)) is not None:
@@ -151,7 +151,7 @@ class SystemCache:
         return array
 
     def has_system(self, scene: Scene) -> bool:
-        """Whether the folder has a file for the system of this scene, or for the refusal to reduce it."""
+        """Whether the folder has a file for the system of this scene, or for the refusal to reduce the scene."""
         return any(file.is_file() for file in self._system_files(scene))
 
     def _system_files(self, scene: Scene) -> SystemFiles:
@@ -180,7 +180,7 @@ class SystemCache:
         return everywhere
 
     def _read(self, file: Path) -> dict[str, NDArray[Any]] | None:
-        """Arrays of a file by name, on every rank; None if there is no such file or it is damaged.  Collective."""
+        """Arrays of a file by name, on every rank; None if the file is missing or damaged.  Collective."""
         arrays = npz.read_stored(file) if self.comm.rank == 0 else None
         result: dict[str, NDArray[Any]] | None = self.comm.bcast(arrays)
         return result
@@ -245,7 +245,10 @@ class Cache(SystemCache):
         return ReducedBody(snapshots, Basis(V, arrays["sigma"], str(arrays["product"])), model)
 
     def _gather_rows(self, tall_matrix: PETSc.Mat) -> Array:
-        """Whole distributed matrix (n, k) as an array on rank 0; an array without entries on other ranks."""
+        """The whole of a distributed matrix, `tall_matrix` (n, k), as an array on rank 0; collective.
+
+        On other ranks the result is an array without entries.
+        """
         shares = self.model.comm.gather(np.array(tall_matrix.getDenseArray()))
         return np.concatenate(shares) if shares is not None else np.empty((0, 0))
 

@@ -117,10 +117,10 @@ class FreeBody:
 
 
 def _anchor_rows(model: FullModel, Z: Array) -> list[Row]:
-    """Rows that each hold one coordinate; their number c is that of the rigid-body modes Z (n_local, c).
+    """Rows that each hold one coordinate, so that together they hold the c rigid-body modes Z (n_local, c); collective.
 
-    The coordinates are those that determine the modes best.  They are chosen by pivoted QR of the modes, with each
-    coordinate weighted by the square root of its mass.  There are no rows if c is 0.
+    The c coordinates are those that determine the modes best.  They are chosen by pivoted QR of the modes, with each
+    coordinate weighted by the square root of its mass.  The list is empty if c is 0.
     """
     if Z.shape[1] == 0:
         return []
@@ -140,7 +140,7 @@ RIGID = 1e-6
 
 
 def fixed_rows(model: FullModel) -> tuple[Row, ...]:
-    """Rows that are rigid, hold both ways and don't depend on s; with sliders and pads released, only they hold."""
+    """Rows that are rigid, hold both ways and don't depend on s: they still hold with sliders and pads released."""
     return tuple(row for row in model.rows.rows if row.is_fixed)
 
 
@@ -164,7 +164,7 @@ def rigid_modes(model: FullModel) -> Array:
 
 
 def _motion_measures(model: FullModel, R: Array) -> Array:
-    """Values (h, k) of h fixed rows for k motions R (n_local, k), of which each rank has its part."""
+    """Values (h, k) of h fixed rows for k motions R (n_local, k), of which each rank has its part; collective."""
     first = model.M.getOwnershipRange()[0]
     rows = [row.project(R, first).c[-1, 0] for row in fixed_rows(model)]
     return np.asarray(model.comm.allreduce(np.reshape(rows, (len(rows), R.shape[1]))))
@@ -216,7 +216,7 @@ def support_motions(body: FreeBody) -> Array | None:
 
 
 def with_reactions(reduced: ReducedModel, body: FreeBody, V: Array, motions: Array | None) -> ReducedModel:
-    """Return the model on the basis V with reactions of its rigid supports; unchanged if `motions` is None.
+    """Return `reduced`, the model on the basis V, with reactions of its rigid supports; unchanged if `motions` is None.
 
     V (n_local, r) and the supports' unit motions `motions` (n_local, h) are this rank's parts; collective.
     """
@@ -259,7 +259,7 @@ def with_reactions(reduced: ReducedModel, body: FreeBody, V: Array, motions: Arr
 def _work_on_motions(reduced: ReducedModel, model: FullModel, V: Array, motions: Array) -> dict[str, Array]:
     """Work (h, r) of each of the model's matrices on h supports' motions and r basis vectors V, by the matrices' names.
 
-    If the carriers have this work on all vectors of their own matrices, that work is returned instead.
+    If the carriers of `reduced` have this work on all vectors of their own matrices, that work is returned instead.
     """
     if reduced.carriers is not None and reduced.carriers.supports:
         return dict(reduced.carriers.supports)
@@ -267,6 +267,9 @@ def _work_on_motions(reduced: ReducedModel, model: FullModel, V: Array, motions:
 
 
 def _carrier_motions(model: FullModel, motions: Array) -> Array:
-    """Values U Phi (K, h) of the motions Phi on the carriers U of all rows that are not rigid supports."""
+    """Values U Phi (K, h) of the motions Phi on the carriers U of all rows that are not rigid supports; collective.
+
+    `motions` are this rank's part (n_local, h) of Phi.
+    """
     U = released_rows(model).shared_carriers.carriers
     return np.asarray(model.comm.allreduce(U[:, model.share] @ motions))

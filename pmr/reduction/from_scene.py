@@ -94,7 +94,7 @@ def vectors_from_package(model: FullModel, choice: Reduction) -> Snapshots:
 
 
 def _are_vectors(model: FullModel, V: Array, rows: int) -> bool:
-    """Whether V is an array of finite columns with this number of `rows`, and at least one column, on every rank."""
+    """Whether V is an array (`rows`, any) of finite columns, at least one, on every rank; collective."""
     fits = V.ndim == 2 and V.shape[0] == rows and V.shape[1] > 0 and bool(np.isfinite(V).all())
     return all(model.comm.allgather(fits))
 
@@ -111,8 +111,8 @@ def _snapshots(model: FullModel, local: Array, source: str) -> Snapshots:
 def basis_of_vectors(model: FullModel, vectors: Snapshots, choice: Reduction, size: int | None) -> Basis:
     """Basis of the first `size` independent vectors (None: all), each made orthonormal to those before; collective.
 
-    If flexibility is added, rigid-body modes come first, because flexibility can't replace them.  All singular values
-    are 1: the vectors have no known weight.  An InputError is raised if there are fewer independent vectors.
+    If `choice` adds flexibility, rigid-body modes come first, because flexibility can't replace them.  All singular
+    values are 1: the vectors have no known weight.  An InputError is raised if there are fewer independent vectors.
     """
     V = np.array(vectors.S.getDenseArray())
     largest = np.max(model.comm.allgather(np.abs(V).max(axis=0, initial=0.0)), axis=0)
@@ -162,9 +162,9 @@ def take_snapshots(
 ) -> Snapshots:
     """Snapshots of the kind that the scene chooses, or made from the user's `vectors` if these are given.
 
-    They are eigenmodes with the slider held at several positions (POD), free modes with the sliders released, or
-    vectors from a file or an installed package.  An InputError is raised if the mesh can't have such snapshots, and a
-    ConvergenceError if a solver fails.
+    The snapshots are eigenmodes with the slider held at several positions (POD), free modes with the sliders released,
+    or vectors from a file or an installed package.  A `body` that is not None lends its factor to free modes.  An
+    InputError is raised if the mesh can't have such snapshots, and a ConvergenceError if a solver fails.
     """
     if vectors is not None:
         return vectors_from_array(model, vectors)
@@ -198,9 +198,9 @@ def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
 def provenance(scene: Scene, basis: Basis, number: int = 0) -> dict[str, Any]:
     """Return how the reduced model of the scene's body with the given `number` was made.
 
-    The keys are those of `Scene.provenance`, and ``basis``, ``kappa`` and ``versions``.  The recorded scene of a
-    section is that of a single body with the pads of its joints.  A basis that was passed as an array has no
-    ``reduction`` there.
+    The keys are those of `Scene.provenance`, and ``basis``, ``versions`` and ``kappa``, the share of the snapshots'
+    squared norm that is in the basis.  The recorded scene of a section is that of a single body with the pads of its
+    joints.  If the basis was passed as an array, the recorded scene lacks the table ``reduction``.
     """
     member, recorded = member_at(scene, number), scene.provenance
     if member.part.reduction.basis == ARRAY:  # the scene's own reduction does not describe this model
@@ -296,7 +296,7 @@ def may_be_stressed(scene: Scene) -> bool:
 
 
 def description(choice: Reduction, basis: Basis) -> str:
-    """The basis described in words, with the unit of the reduced coordinates."""
+    """The basis that `choice` names described in words, with the unit of the reduced coordinates."""
     if choice.is_external:
         rigid = "rigid-body modes and " if choice.flexibility else ""
         of = {"file": "from a file", ARRAY: "given as an array"}.get(choice.basis, f"of {choice.basis}")

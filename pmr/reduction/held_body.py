@@ -77,7 +77,7 @@ def held_body(scene: Scene, s: float, count: int) -> NodalBody:
 
 
 def build_at(scene: Scene, s: float) -> AssembledBody:
-    """Full model of a scene on one rank, checked so that it can be held with its sliders at s (m).
+    """Full model of a scene on one rank, for holding its sliders at s (m), which is checked to be possible.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def nodes_of(model: StructuralModel) -> Indices:
 def _springs(structure: Structure, s: float) -> sp.csr_matrix:
     """Sum of c^T c / compliance over the rows c of all supports and pads with a stiffness at s; sparse.
 
-    It is on the coordinates of the structural model.
+    The matrix (n, n) is on the coordinates of the structural model.
     """
     size = structure.model.size
     restraints = restrain(structure.pads, structure.model, sp.eye(size, format="csr"))

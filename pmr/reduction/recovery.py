@@ -95,7 +95,8 @@ class Recovery:
     def _cylinder_vectors(self, modal: ResidualFlexibility) -> Array:
         """Vectors (n_local, a) of the a cylinder modes, this rank's part.
 
-        They are combinations of responses to a force at the body's tail.
+        The vectors are combinations of responses to a force at the body's tail; `modal` is the flexibility that the
+        modes leave out.
         """
         carriers, model = self.reduced.carriers, self._model
         assert carriers is not None and carriers.answers is not None
@@ -120,14 +121,14 @@ class Recovery:
             yield self._block(states[k : k + BLOCK])
 
     def _block(self, states: BodyStates) -> Array:
-        """Full coordinates q (S, n_local), this rank's part."""
+        """Full coordinates q (S, n_local) of the body in S `states`, this rank's part."""
         q = states.p @ self.V.T
         if self._residual is not None:
             q += self._residual.apply(self._acting_loads(states)).T
         return np.asarray(q)
 
     def _acting_loads(self, states: BodyStates) -> Array:
-        """Loads B f - C(s)^T z (n_local, S) in N, this rank's part."""
+        """Loads B f - C(s)^T z (n_local, S) in N on the body in S `states`, this rank's part."""
         model_rows = self._model.rows
         pressed = sp.csr_matrix((len(states.t), model_rows.size))
         for name, z, at in zip(states.rows, states.multipliers.T, states.s.T, strict=True):
@@ -180,7 +181,7 @@ class BodyFields:
         return values.reshape(len(values), len(self.grid.points), 3)
 
     def stresses(self, q: Array, acting: BodyStates | None = None) -> Stresses:
-        """Stresses at S times, from full coordinates q (S, n_local), of which each rank gives its own part.
+        """Stresses at S times, from full coordinates q (S, n_local), of which each rank gives its own part; collective.
 
         The section forces of a beam include the loads and contact forces `acting` on it; None if nothing acts.  The
         result has None for section forces or stresses that the body does not have.
@@ -361,7 +362,7 @@ def recover(
     reduced: Mapping[str, BodyStates],
     full: Mapping[str, BodyStates],
 ) -> dict[str, RecoveredBody]:
-    """Fields and stresses of the reduced and the full models of a scene's bodies, by name; collective.
+    """Fields and stresses of the reduced and the full models of a scene's bodies `built`, by name; collective.
 
     `reduced` are the states of the reduced bodies at the `Scene.recovered_steps`, the same on every rank.  Pictures are
     recorded at some of these steps, evenly spread; their number is that of frames in the scene's recovery.  `full` are

@@ -50,7 +50,7 @@ SPANNED = 1e-13
 
 
 def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, object]) -> ReducedModel:
-    """Galerkin projection on `basis` with tables of the flexibility that it leaves out; the same on every rank.
+    """Galerkin projection on `basis` with tables of the flexibility that the basis leaves out; the same on every rank.
 
     Parameters
     ----------
@@ -95,11 +95,12 @@ def section_model(
 ) -> ReducedModel:
     """Model of a section on free modes, with its rows on carriers; collective.
 
-    The first `coordinates` modes of the basis are the model's coordinates, the others are its enrichment modes.  If
-    there are enrichment modes and the model is to be `estimable`, it has the inertia of the residual part on the
-    carriers, with which errors are estimated; this doubles the number of solves.  If a cylinder holds the section's
-    tail, the model has the responses to the cylinder's force, and the work of these responses on the `motions`
-    (n_local, h) of rigid supports (`pmr.reduction.free_body.support_motions`).
+    The result keeps `provenance`, which says how it was made.  The first `coordinates` modes of the basis are the
+    model's coordinates, the others are its enrichment modes.  If there are enrichment modes and the model is to be
+    `estimable`, it has the inertia of the residual part on the carriers, with which errors are estimated; this doubles
+    the number of solves.  If a cylinder holds the section's tail, the model has the responses to the cylinder's force,
+    and the work of these responses on the `motions` (n_local, h) of rigid supports, None if there are none
+    (`pmr.reduction.free_body.support_motions`).
 
     An InputError is raised as by `flexible_model`, and a ValueError if the basis has vectors that are not eigenmodes.
     """
@@ -126,13 +127,13 @@ def section_model(
 
 
 def _carrier_measures(model: FullModel, shared_carriers: SharedCarriers, basis: Basis) -> Array:
-    """Values U V (K, r) of a basis V on the K carriers U."""
+    """Values U V (K, r) of a basis V on the K carriers U of `shared_carriers`; collective."""
     measured = shared_carriers.carriers[:, model.share] @ np.array(basis.V.getDenseArray())
     return np.asarray(model.comm.allreduce(measured))
 
 
 def _tail_weights(shared_carriers: SharedCarriers) -> Array | None:
-    """Weights (K,) on the carriers of the row that a section's cylinder holds; None if it has no cylinder."""
+    """Weights (K,) on the carriers of the row that a section's cylinder holds; None if the section has no cylinder."""
     tail = next((row for row in shared_carriers.rows if row.name == TAIL), None)
     return None if tail is None else np.asarray(tail.weights(tail.breaks[0]).toarray()[0])
 
@@ -142,7 +143,8 @@ def _cylinder_responses(
 ) -> Array | None:
     """Responses (n_local, n) to a cylinder's force, this rank's part; None if no cylinder acts on the section.
 
-    Their number n is `RICHER` + 1.  They are zero if supports hold the body where the cylinder acts.
+    The number n of responses is `RICHER` + 1.  The responses are zero if supports hold the body where the cylinder
+    acts.
     """
     load = _tail_weights(shared_carriers)
     if load is None:
@@ -159,10 +161,10 @@ class _Span(NamedTuple):
 
 
 def _spanning_vectors(residual: ResidualFlexibility, loads: sp.csc_matrix) -> _Span:
-    """Vectors (n_local, p) that span the responses R g to loads g (n_local, L), and the responses' coefficients.
+    """Vectors (n_local, p) that span the responses R g to loads g (n_local, L), and the responses' coefficients (p, L).
 
-    If there are too many loads, the vectors are None and p is 0.  For a beam, p is at most its number of coordinates;
-    for a shell, at most L.
+    Collective.  R is the `residual` flexibility.  If there are too many loads, the vectors are None and p is 0.  For a
+    beam, p is at most its number of coordinates; for a shell, at most L.
     """
     model = residual.model
     if model.size * loads.shape[1] > MOST_ENTRIES:
@@ -187,7 +189,7 @@ def _with_matrices(
 
     `vectors` are blocks of columns (n_local, any), or None for an empty block.  `motions` (n_local, h) belong to h
     rigid supports; None if there are none.  The work has the shape (h, number of vectors).  Nothing is added for a
-    model without matrices.
+    model without matrices.  Collective.
     """
     if not model.matrices:
         return carriers
@@ -204,7 +206,7 @@ def _cylinder_values(
 ) -> CylinderResponses:
     """Values, on carriers, inputs, outputs and supports, of the responses x (n_local, n) to the cylinder's force.
 
-    `motions` are unit motions of the supports; None if there are no rigid ones.
+    `motions` (n_local, h) are unit motions of the h rigid supports; None if there are none.  Collective.
     """
     model, load = residual.model, _tail_weights(shared_carriers)
     assert load is not None  # without a load there is no x
@@ -231,7 +233,7 @@ def _with_coordinates(model: ReducedModel, coordinates: int) -> ReducedModel:
 
 
 def _project(residual: ResidualFlexibility, basis: Basis, provenance: dict[str, object]) -> ReducedModel:
-    """Galerkin projection on a basis that satisfies the fixed rows, without these rows.
+    """Galerkin projection on a basis that satisfies the fixed rows, without these rows; collective.
 
     The result keeps `provenance`.  An InputError is raised if the basis violates a fixed row.
     """
@@ -250,7 +252,7 @@ def _project(residual: ResidualFlexibility, basis: Basis, provenance: dict[str, 
 
 
 def _with_flexibility(reduced: ReducedModel, flexibility: Flexibility) -> ReducedModel:
-    """Return the model with this flexibility.
+    """Return the model `reduced` with this flexibility.
 
     Unless the basis consists of eigenmodes, the flexibility is changed by `_with_floor`.
     """
@@ -279,8 +281,8 @@ def _rows_on_path(model: FullModel) -> SharedCarriers:
 def _without_round_off(reduced: ReducedModel, residual: ResidualFlexibility, V: Array) -> ReducedModel:
     r"""Return the model with zeros for the stiffness of rigid-body modes and for couplings by round-off only.
 
-    V is the basis.  Round-off in the stiffness of a rigid-body mode acts as a positive or negative spring to ground.  A
-    coupling of the basis vectors i and j with
+    V (n_local, r) is this rank's part of the basis of the model `reduced`.  Round-off in the stiffness of a rigid-body
+    mode acts as a positive or negative spring to ground.  A coupling of the basis vectors i and j with
 
     .. math:: |V^T K V|_{ij} \le c\, \epsilon\, (|V|^T |K|\, |V|)_{ij}
 
@@ -306,9 +308,10 @@ def _without_round_off(reduced: ReducedModel, residual: ResidualFlexibility, V: 
 def _with_floor(model: ReducedModel) -> ReducedModel:
     """Return the model with `FLOOR` times C K^+ C^T added to G for rows whose flexibility falls below it somewhere.
 
-    These are the rows whose G + 1/k is smaller than `FLOOR` times C K^+ C^T anywhere on the path; if there is none, the
-    model is returned unchanged.  Not to be called for free modes: these leave something out everywhere, and on soft
-    supports C K^+ C^T is the flexibility of the supports, far more than that of bending.
+    G is the residual flexibility of a row and k its stiffness; the rows in question have a G + 1/k below `FLOOR` times
+    C K^+ C^T anywhere on the path.  If there is none, the model is returned unchanged.  Not to be called for free
+    modes: these leave something out everywhere, and on soft supports C K^+ C^T is the flexibility of the supports, far
+    more than that of bending.
 
     A basis of modes with the slider held responds by itself to a force at the held positions, and leaves nothing out
     there.  The stiffness C^T G^-1 C of such a row would drown the body's own stiffness in round-off.  With the floor,
@@ -348,6 +351,6 @@ def check_independence(model: ReducedModel, numbers: list[int] | None = None) ->
 
 
 def _checked_positions(model: ReducedModel) -> Array:
-    """Path coordinates (RANK_CHECKS,) in m, spread evenly over the domain; its ends are not among them."""
+    """Path coordinates (RANK_CHECKS,) in m, spread evenly over the domain without its ends."""
     low, high = model.domain
     return low + (high - low) * (np.arange(RANK_CHECKS) + 0.5) / RANK_CHECKS

@@ -185,7 +185,8 @@ def check_memory(model: FullModel, carriers: int, powers: int) -> None:
 def load_powers(residual: ResidualFlexibility, carriers: sp.csr_matrix, count: int) -> list[CarrierFlexibility]:
     """The first `count` of the flexibilities R, R M R, ... between carriers (K, n), inputs and outputs; collective.
 
-    R is in m/N, R M R in s^2 m/N, and so on.  Each of them takes one static solve per load.
+    R is the `residual` flexibility, in m/N; R M R is in s^2 m/N, and so on.  Each of them takes one static solve per
+    load.
     """
     model = residual.model
     check_memory(model, carriers.shape[0], count)
@@ -210,7 +211,7 @@ def load_powers(residual: ResidualFlexibility, carriers: sp.csr_matrix, count: i
 def tables(
     flexibility: CarrierFlexibility, shared_carriers: SharedCarriers, domain: tuple[float, float]
 ) -> Flexibility:
-    """Residual flexibility of rows on common carriers and breaks as tables in s, on `domain` in m."""
+    """Residual flexibility of the rows of `shared_carriers`, with common breaks, as tables in s on `domain` in m."""
     breaks = shared_carriers.rows[0].breaks if shared_carriers.rows else np.array(domain)
     return flexibility.tables(RowPolynomials.from_rows(shared_carriers.rows, breaks))
 

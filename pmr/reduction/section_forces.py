@@ -91,7 +91,10 @@ class SectionForces:
         return np.asarray(displaced @ self._strained.T - on_pieces @ self._ends.T) - self._friction_forces(acting)
 
     def _friction_forces(self, acting: BodyStates | None) -> Array | float:
-        """Normal forces (S, P) in N by friction, between a pad and the tail at which the equations let it act."""
+        """Normal forces (S, P) in N by friction, between a pad and the tail, where the equations let the friction act.
+
+        The result is 0 if `acting` is None or has no friction.
+        """
         if acting is None or acting.friction_forces is None:
             return 0.0
         before = self.x < acting.s[:, :, None] - ON_NODE * self.x.max()  # (S, m, P)
@@ -166,7 +169,7 @@ class _BeamPieces:
         """Loads (S, c), inertia included, on the c coordinates of the pieces with the displacements `displaced` (S, c).
 
         The accelerations a of the beam are (S, n); `supports` has the forces (S,) of rigid supports by name; supports
-        that do not hold this beam are left out.
+        that do not hold this beam are left out.  If `acting` is None, there are no loads and no contact forces.
         """
         forces = _state_loads(self._B, self._rows, acting, len(a))
         forces = forces - displaced @ self._springs - self.displacement(a) @ self._M

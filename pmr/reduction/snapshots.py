@@ -51,10 +51,10 @@ class Snapshots:
 
 
 def node_set(nodes: int, snapshots: int) -> Indices:
-    """Node numbers, counted from 1, at which the paper (module docstring) holds the slider; never the first node.
+    """Numbers (snapshots,) of the nodes at which the paper (module docstring) holds the slider, counted from 1.
 
-    For one snapshot it is node floor(nodes / 2); for more, they are nodes floor(2 + (nodes - 2) k / (snapshots - 1))
-    with k = 0 ... snapshots - 1.
+    Node 1 is never among them.  For one snapshot the node is floor(nodes / 2); for more, the nodes are floor(2 + (nodes
+    - 2) k / (snapshots - 1)) with k = 0 ... snapshots - 1.
     """
     if snapshots == 1:
         return np.array([nodes // 2])
@@ -137,10 +137,10 @@ def free_modes(
     """The lowest M-orthonormal modes that a load or slider can excite, rigid-body modes first; collective.
 
     There are `count` modes, followed by up to `enrichment` further modes.  `count` is at least the number of rigid-body
-    modes.  It is less than the number of excited modes, so that flexibility is left, or all coordinates of the model.
-    The number of modes that remain unused is at least that of rigid sliders and pads, because the flexibility of these
-    modes determines the forces there; so a coarse mesh may give fewer enrichment modes.  Rigid-body modes come from the
-    geometry (`pmr.reduction.free_body`), all others are M-orthogonal to them.
+    modes.  `count` is either less than the number of excited modes, so that flexibility is left, or the number of all
+    coordinates of the model.  The number of modes that remain unused is at least that of rigid sliders and pads,
+    because the flexibility of these modes determines the forces there; so a coarse mesh may give fewer enrichment
+    modes.  Rigid-body modes come from the geometry (`pmr.reduction.free_body`), all others are M-orthogonal to them.
 
     Modes that no load and no slider can excite, and that no damping couples to such modes, stay at rest for ever.
     Examples are those along the axis of a straight beam with all loads across it.  They are left out.  If axial forces
@@ -214,7 +214,7 @@ def _lowest_modes(body: FreeBody, count: int) -> _LowestModes:
 
 
 def _elastic_modes(fixed_model: FullModel, body: FreeBody, pairs: int) -> Modes:
-    """The elastic modes among the `pairs` lowest modes, of which some are rigid-body modes."""
+    """The elastic modes among the `pairs` lowest modes of `fixed_model`, of which some are rigid-body modes."""
     if is_dense(fixed_model, body.choice):
         return _remove_rigid_modes(
             fixed_model, body.Z, DenseEigenSolver(fixed_model).lowest(_any_position(fixed_model), pairs)
@@ -229,12 +229,12 @@ def _any_position(fixed_model: FullModel) -> float:
 
 
 def _remove_rigid_modes(fixed_model: FullModel, Z: Array, modes: Modes) -> Modes:
-    """Modes that remain of `modes` without the rigid-body modes Z (n_local, c) in their span, M-orthogonal to Z.
+    """Modes of `fixed_model` that remain of `modes` without the rigid-body modes Z (n_local, c), M-orthogonal to Z.
 
     Computed rigid-body modes are rigid to a few digits only, and mix with low elastic ones.  Therefore the M-orthogonal
-    complement of Z in the span of all modes is computed, and its modes follow from the frequencies of all modes.
-    A ConvergenceError is raised if the modes do not contain Z: round-off in the stiffness of a rigid motion is then
-    more than the stiffness of the lowest modes.
+    complement of Z in the span of all modes is computed, and its modes follow from the frequencies of all modes.  A
+    ConvergenceError is raised if the modes do not contain Z: round-off in the stiffness of a rigid motion is then more
+    than the stiffness of the lowest modes.
     """
     count = Z.shape[1]
     if count == 0:
@@ -255,7 +255,7 @@ def _remove_rigid_modes(fixed_model: FullModel, Z: Array, modes: Modes) -> Modes
 
 
 def _bent_modes(model: FullModel, stress: Sequence[PETSc.Mat], modes: Modes, numbers: Indices) -> Mask:
-    """Mask of the modes with these `numbers` that axial forces bend.
+    """Mask (k,) of the modes with the numbers `numbers` (k,) that axial forces bend.
 
     `stress` are the geometric stiffnesses of the axial forces.  The measure of mode k is the sum of (phi_k^T G phi_j)^2
     / omega_k^2 over the matrices G in `stress` and all modes j before the first of `numbers`.
@@ -271,7 +271,8 @@ def _bent_modes(model: FullModel, stress: Sequence[PETSc.Mat], modes: Modes, num
 def _relative_work(model: FullModel, phi: Array) -> Array:
     """Work (a, k) of loads and released rows on k modes phi (n_local, k), each over its largest work on any mode.
 
-    Each of the a rows belongs to a load or to a power of a released row; it is zero if it works on none of the modes.
+    Collective.  Each of the a rows belongs to a load or to a power of a released row; a row that works on none of the
+    modes is zero.
     """
     first = model.M.getOwnershipRange()[0]
     work = [local_csr(model.inputs).T @ phi]

@@ -95,7 +95,7 @@ class RepeatedCycles:
         return cls(rainflow_cycles(t, x), rainflow_cycles(np.tile(t, 2), np.tile(x, 2)))
 
     def damage(self, line: SNLine, factor: float = 1.0) -> Damage:
-        """Return the damage by the stresses in Pa times a `factor`.
+        """Return the damage by the stresses in Pa times a `factor`, with the S-N curve `line`.
 
         A further repetition does the damage by which two histories, one after the other, exceed one: it closes the
         cycles that the history leaves open.
@@ -105,8 +105,9 @@ class RepeatedCycles:
 
 
 def damage(t: Array, stress: Array, line: SNLine, times: float = 1.0) -> float:
-    """Return the damage, a number, by a stress (T,) in Pa at times t (T,) in s that occurs `times` times; 1 is failure.
+    """Return the damage by a stress (T,) in Pa at times t (T,) in s that occurs `times` times; 1 is failure.
 
-    Cycles with a range below a hundredth of the largest range are left out (`rainflow_cycles`).
+    `line` is the S-N curve of the material or weld.  Cycles with a range below a hundredth of the largest range are
+    left out (`rainflow_cycles`).
     """
     return RepeatedCycles.count(t, stress).damage(line).after(times)

@@ -44,7 +44,10 @@ FIBRE = np.diag([1.0, 3.0])
 
 
 def von_mises(stresses: Array, form: Array) -> Array:
-    """Return von Mises' stress (...) in Pa from stress components (..., c) in Pa; `form` (c, c) is their matrix A."""
+    """Return von Mises' stress (...) in Pa from the components `stresses` (..., c) in Pa.
+
+    Von Mises' stress is the square root of s^T A s for components s, and `form` (c, c) is the matrix A.
+    """
     return np.asarray(np.sqrt(np.maximum(np.sum((stresses @ form) * stresses, axis=-1), 0.0)))
 
 
@@ -190,9 +193,9 @@ def stress_history(
     """Return the history of the largest stress (S,) in Pa at times t (S,) in s, and its peak of all times.
 
     The largest stress occurs at the points `point` (S,), which are indices of points of `rows`.  `at_peak` is von
-    Mises' stress (P,) in Pa at all points of `rows` at the time of the peak.  If it is given, the points that share the
-    largest stress are found.  The first of them, in the order of the points, is then taken as the peak, so that
-    round-off does not decide.
+    Mises' stress (P,) in Pa at all points of `rows` at the time of the peak.  With `at_peak`, the first of all points
+    that share the largest stress is taken as the peak, so that round-off does not decide.  If `at_peak` is None, the
+    peak is at its entry of `point`.
     """
     k = int(largest.argmax())
     like = np.array([point[k]])

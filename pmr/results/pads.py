@@ -21,12 +21,12 @@ CUBE = np.array([(x, y, z) for z in (0.0, 1.0) for x, y in ((0.0, 0.0), (1.0, 0.
 
 
 def pad_corners(ring: PadRing, place: tuple[str, Face, float], body: Array, box: Box | None, cube: Array) -> Array:
-    """Return the k corners (k, 3) in m of a pad at s = 0: a plate on a face of a body.
+    """Return the k corners (k, 3) in m of a pad of `ring` at s = 0: a plate on a face of a body.
 
     `cube` (k, 3) are the corners of a unit cube, which is moved and scaled to become the pad.  `place` has the pad's
     name, its face and its position in m across the face.  `body` (2, 3) are the least and the largest coordinates of
     the body in m.  The faces bottom and top are normal to z, right and left are normal to y; all other faces are
-    slanted faces of `box`.
+    slanted faces of `box`, which is None for a body without such faces.
     """
     _, face, across = place
     size, local = np.array([ring.length, ring.width, THICK]), cube - [0.5, 0.5, 0.0]
@@ -73,7 +73,7 @@ def pads_over_time(result: RunResult) -> Boxes | None:
 def _extent(fields: Fields, box: Box | None) -> Array:
     """Return the least and the largest coordinates (2, 3) in m of an undeformed body.
 
-    A beam has the width and height of its `box`.
+    A beam has the width and height of its `box`; if that is None, it is a line.
     """
     extent = np.array([fields.points.min(axis=0), fields.points.max(axis=0)])
     if fields.kind == "line" and box is not None:

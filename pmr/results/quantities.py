@@ -195,7 +195,7 @@ class Quantity:
         return {output.name: response.column(k) for k, output in outputs if output.kind in self.kinds}
 
     def value(self, extremes: Extremes) -> Extreme:
-        """Return the extreme that is reported for the quantity."""
+        """Return that one of `extremes` which is reported for the quantity: the largest by size, most or least."""
         return {"size": extremes.largest, "most": extremes.highest, "least": extremes.lowest}[self.extreme]
 
 
@@ -206,14 +206,14 @@ def with_unit(value: float, unit: str) -> str:
 
 
 def unit_text(unit: str) -> str:
-    """Return a unit as it is printed, with exponents as superscripts; empty for a pure number."""
+    """Return the text of a unit in print, with exponents as superscripts; empty for a pure number, "1"."""
     return "" if unit == "1" else unit.replace("^2", "²").replace("^3", "³")
 
 
 def _largest_measure(numbers: Sequence[int]) -> Measure | None:
     """Return a function from the values (T, c) of all columns to the largest absolute value (T,) in columns `numbers`.
 
-    It is None if `numbers` is empty.
+    None is returned if `numbers` is empty.
     """
     chosen = list(numbers)
     return (lambda values: np.abs(values[:, chosen]).max(axis=1)) if chosen else None
@@ -222,7 +222,8 @@ def _largest_measure(numbers: Sequence[int]) -> Measure | None:
 def _force_measure(kind: str) -> Callable[[Columns, Callable[[str], bool]], Measure | None]:
     """Return the function `MeasureOf` for contacts of one kind.
 
-    Its measure is the largest absolute force of these contacts.
+    Its measure is the largest absolute force of these contacts.  The function returns None if there are no such
+    contacts.
     """
 
     def measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
@@ -259,7 +260,7 @@ def columns_by_support(columns: Columns, looks_at: Callable[[str], bool]) -> dic
 
 
 def support_names(columns: Columns, number: int) -> tuple[str, ...]:
-    """Return the two names of a support's column number `number`: its own, and its contact's, as ``base pivot x``."""
+    """Return both names of the support in column `number`: the column's own, and the contact's, as ``base pivot x``."""
     body, name = columns.bodies[number], columns.names[number]
     if name.startswith(f"{body} "):  # a contact's
         return name, name
@@ -278,10 +279,11 @@ def _cylinder_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Meas
 
 
 def _rope_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return a function from the values (T, c) of all columns to the largest force (T,) of ropes or of what pulls them.
+    """Return a function from the values (T, c) of all columns to the largest force (T,) in N on sections on ropes.
 
-    These are the forces that move the sections `columns.ropes`, which hang on ropes or are followed by others on ropes.
-    `looks_at` says whether a limit depends on the section of a name; None is returned if it depends on no section.
+    The force is the one that moves a section of `columns.ropes`, which hang on ropes or are followed by other sections
+    on ropes.  `looks_at` says whether a limit depends on the section of a name; None is returned if the limit depends
+    on no section.
     """
     return _drive_measure([columns.drives[name] for name in columns.ropes if looks_at(name)])
 
@@ -301,7 +303,8 @@ def _drive_measure(rows: Sequence[Array]) -> Measure | None:
 def _deflection_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
     """Return a function from the values (T, c) of all columns to the displacement (T,) in m of the last section's tip.
 
-    It is the length of the displacement vector; None is returned if no column is a displacement of a tip.
+    The displacement is the length of its vector, and depends on no name, so that `looks_at` is not used; None is
+    returned if no column is a displacement of a tip.
     """
     tips = columns.numbers_of_kind("tip")
     last = [k for k in tips if columns.bodies[k] == columns.bodies[tips[-1]]]
@@ -332,7 +335,10 @@ def _luffing_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measu
 
 
 def _least_measure(kind: str) -> Callable[[Columns, Callable[[str], bool]], Measure | None]:
-    """Return the function `MeasureOf` for columns of one kind; its measure is the smallest value of these columns."""
+    """Return the function `MeasureOf` for columns of one kind.
+
+    Its measure is the smallest value of these columns.  The function returns None if there are no such columns.
+    """
 
     def measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
         """Return the measure of the columns whose names `looks_at` accepts; None if there are none."""

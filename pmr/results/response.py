@@ -55,7 +55,7 @@ class Output:
     def text(self) -> str:
         """Kind and direction with a space between them, as `from_text` reads them.
 
-        Without a direction it is the kind alone.
+        Without a direction the text is the kind alone.
         """
         return f"{self.kind} {self.direction}".rstrip()
 
@@ -63,7 +63,8 @@ class Output:
     def from_text(cls, name: str, kind: str, body: str, place: float | None, unit: str) -> Output:
         """Return an output called `name` of the body `body`, at `place` in m, with the unit `unit`.
 
-        `kind` has the kind and the direction after a space, such as ``"tip z"``, or the kind alone.
+        `place` is None for an output of no place along the body.  `kind` has the kind and the direction after a space,
+        such as ``"tip z"``, or the kind alone.
         """
         what, _, direction = kind.partition(" ")
         return cls(name, what, body, place, direction, unit)
@@ -168,7 +169,7 @@ class Response:
 
     @property
     def outputs(self) -> tuple[Output, ...]:
-        """Meaning of each column: displacements, then forces, then `others`; empty if the results do not store it."""
+        """Meaning of each column: displacements, then forces, then `others`; empty if the results lack the meanings."""
         names = (*self.output_names, *self.force_names, *self.other_names)
         if not len(names) == len(self.kinds) == len(self.bodies):
             return ()
@@ -186,7 +187,7 @@ class Response:
         return max(self.force_round_off, ROUND_OFF * largest)
 
     def clear_round_off(self, force: Array) -> Array:
-        """Return the history `force` (T,) in N, or zeros (T,) if it is round-off at all times (`force_floor`)."""
+        """Return the history `force` (T,) in N, or zeros (T,) if all of the force is round-off (`force_floor`)."""
         return force if np.abs(force).max(initial=0.0) > self.force_floor else np.zeros_like(force)
 
     def of(self, kind: str, body: str | None = None, direction: str | None = None) -> Array:
@@ -217,7 +218,7 @@ class Response:
     def with_others(self, values: Array, outputs: Iterable[Output]) -> Response:
         """Return this response with k further columns `values` (T, k).
 
-        They are neither displacements nor contact forces; `outputs` are the meanings of the new columns.
+        The columns are neither displacements nor contact forces; `outputs` are the meanings of the new columns.
         """
         added = list(outputs)
         return replace(
@@ -230,7 +231,7 @@ class Response:
         )
 
     def when(self, t: float, s: float | None = None) -> str:
-        """Return the time `t` in s in words, followed by the path coordinate `s` in m if it is not None."""
+        """Return the time `t` in s in words, followed by the path coordinate `s` in m unless that is None."""
         return f"at {t:g} s" + ("" if s is None else f" (s = {s:.4g} m)")
 
     def column(self, number: int) -> Array:

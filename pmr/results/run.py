@@ -227,7 +227,7 @@ class RunResult:
     def abscissa(self) -> Array:
         """Coordinate (T,) in m over which results are drawn and listed.
 
-        It is the reach of a boom, or the path coordinate of a body alone.
+        The coordinate is the reach of a boom, or the path coordinate of a body alone.
         """
         return self.paths.values[:, 0] if self.reach is None else self.reach
 
@@ -266,7 +266,10 @@ class RunResult:
 
     @cached_property
     def frame(self) -> Frame | None:
-        """Frame of the scene; a free luffing angle is the one that was computed, with lines between steps."""
+        """Frame of the scene, with the computed angle over time in place of a free luffing angle; None without a frame.
+
+        The angle is linear between steps.
+        """
         frame, response = self.scene.frame, self.responses["reduced"]
         if frame is None or frame.luffing != "free":
             return frame
@@ -373,7 +376,7 @@ class RunResult:
 
 
 def _with_units(names: Iterable[str], units: Iterable[str]) -> list[str]:
-    """Return each name followed by its unit in brackets."""
+    """Return each of `names` followed by its unit of `units` in brackets."""
     return [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
 
 
@@ -388,7 +391,7 @@ def _fields_file(body: str) -> str:
 
 
 def _read_paths(data: Data, columns: Columns) -> Paths:
-    """Return the paths from the arrays of trajectories.npz and the names of their columns."""
+    """Return the paths from `data`, the arrays of trajectories.npz, and the names of their columns."""
     if "s" in data:
         return Paths((SLIDER,), data["s"][:, None], data["s_rate"][:, None])
     values = data["extensions"]
@@ -405,9 +408,10 @@ def _read_loads(values: Array, columns: Columns) -> Loads:
 def _frequency_arrays(frequencies: Frequencies, alone: bool) -> dict[str, NDArray[Any]]:
     """Return the arrays of frequencies for trajectories.npz; a body `alone` has other keys and units than a boom.
 
-    A body alone has ``frequencies.s`` in m, ``frequencies.reduced``, ``frequencies.full`` and
-    ``frequencies.closed_form`` in rad/s, with no columns if there are none, and ``frequencies.t`` in s if times are
-    known.  A boom has the fields of `Frequencies` in Hz after ``frequencies.``, with the names of `_RENAMED`.
+    Arrays of frequencies are (positions, modes).  A body alone has ``frequencies.s`` in m, ``frequencies.reduced``,
+    ``frequencies.full`` and ``frequencies.closed_form`` in rad/s, with no columns if there are none, and
+    ``frequencies.t`` in s if times are known.  A boom has the fields of `Frequencies` in Hz after ``frequencies.``,
+    with the names of `_RENAMED`.
     """
     if alone:
         none = np.empty((len(frequencies.along), 0))
@@ -422,7 +426,7 @@ def _frequency_arrays(frequencies: Frequencies, alone: bool) -> dict[str, NDArra
 
 
 def _read_frequencies(data: Data) -> Frequencies:
-    """Return the frequencies in Hz from the arrays of trajectories.npz."""
+    """Return the frequencies in Hz from `data`, the arrays of trajectories.npz."""
     if "frequencies.s" not in data:
         return npz.record_from_arrays(Frequencies, npz.rename_keys(data, _RENAMED), "frequencies.")
     s = data["frequencies.s"]
@@ -432,7 +436,7 @@ def _read_frequencies(data: Data) -> Frequencies:
 
 
 def _read_body(folder: Path, data: Data, name: str) -> BodyResult:
-    """Return the results of the body `name` from the arrays of trajectories.npz and the file of its fields."""
+    """Return the results of the body `name` from `data`, the arrays of trajectories.npz, and the file of its fields."""
     of, file = _array_prefix(name), folder / _fields_file(name)
     stress, along = f"{of}peak_stress.", f"{of}envelope."
     models = sorted({key.removeprefix(along).split(".")[0] for key in data if key.startswith(along)})

@@ -155,7 +155,7 @@ def summaries_by_section(summary: Summary) -> dict[str, Summary]:
 
 
 def stress_by_part(summary: Summary) -> dict[str, dict[str, Summary]]:
-    """Return the largest von Mises stress by model, and then by region of each body.
+    """Return the largest von Mises stress in `summary` by model, and then by region of each body.
 
     A body without named regions has one region, `WHOLE`.
     """

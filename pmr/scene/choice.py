@@ -44,9 +44,10 @@ class ModelChoice:
 def choose_model(member: Member, by_itself: bool = False) -> ModelChoice:
     """Return the structural model of a body, named by the scene or chosen for ``auto``, with the reasons.
 
-    With ``auto``, a mass that crosses a section is a mover, and a body with a profile is a planar beam.  Others are
-    planar beams, beams in space or shells, whichever is the smallest that suffices.  A body that could be a planar beam
-    becomes a beam in space if any other section is not planar; `by_itself` switches this off.
+    With ``auto``, a mass that moves along another section becomes the model ``mover``, and a body with a profile is a
+    planar beam.  Others are planar beams, beams in space or shells, whichever is the smallest that suffices.  A body
+    that could be a planar beam becomes a beam in space if any other section is not planar; `by_itself` switches this
+    off.
     """
     if member.part.body.model != "auto":
         return ModelChoice(member.part.body.model, ("the scene names it",))

@@ -31,10 +31,10 @@ def check_luffing(scene: Scene, frame: Frame) -> None:
 
 
 def misplaced_supports(scene: Scene) -> dict[int, float]:
-    """Return places in m from the base's tail of supports that are not where the luffing cylinder acts, by their index.
+    """Places of supports that hold the boom across, but neither at its pivot nor at the luffing cylinder's lug.
 
-    Such a support holds the base across the boom alone: z, and neither x nor ry.  It is neither at the pivot nor at the
-    cylinder's lug.  The result is empty without a cylinder, or if the cylinder holds the base by its own stiffness.
+    The result maps the index of such a support to its place in m from the base's tail.  These supports hold z, and
+    neither x nor ry.  The result is empty without a cylinder, or if the cylinder holds the base by its own stiffness.
     """
     cylinder = None if scene.frame is None else scene.frame.cylinder
     if scene.frame is None or cylinder is None or cylinder.stiffness is not None:

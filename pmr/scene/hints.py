@@ -359,9 +359,9 @@ def _load_effects(scene: Scene) -> list[str]:
 
 
 def _machine_effects(scene: Scene) -> list[str]:
-    """List the parts of the machine that the model holds rigid or leaves out.
+    """Effects of a machine that the model leaves out, such as play in hinges, each as a noun phrase of a sentence.
 
-    The list is empty for a single body without a frame.
+    The list is empty for a single body without a frame, the table that mounts a boom on a machine.
     """
     frame = scene.frame
     if frame is None and len(scene.sections) == 1:

@@ -103,10 +103,10 @@ def count_parts(omega: float, stepping: TimeStepping) -> int:
 
 
 def part_counts(omega: float, stepping: TimeStepping) -> tuple[int, ...]:
-    """Ascending numbers of parts among which a step chooses by its error: powers of two.
+    """Ascending numbers of equal parts into which a step may be divided, by its error: powers of two.
 
-    The largest number is that which contacts of the circular frequency `omega` in rad/s need.  If `stepping` has parts
-    or a schedule, only its numbers are returned.
+    The largest number is enough for contacts of the circular frequency `omega` in rad/s.  If `stepping` has a schedule
+    or a number of parts, only the numbers of that schedule, or that number, are returned.
     """
     if stepping.schedule:
         return tuple(sorted(set(stepping.schedule)))
@@ -195,9 +195,9 @@ class StepParts:
 
     @cached_property
     def numbers(self) -> Indices:
-        """Numbers (N,) of the ends of all parts, t = 0 included, on a finer grid.
+        """Numbers (N,) of the ends of all parts on a uniform time grid, 0 for t = 0 included.
 
-        Each step of that grid has the largest number of parts.
+        On that grid each step is divided into `finest` parts, so that every end of a part is a point of the grid.
         """
         return np.concatenate([[0], np.cumsum(np.repeat(self.finest // self.parts, self.parts))])
 

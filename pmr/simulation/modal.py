@@ -112,7 +112,8 @@ def modal_form(body: SlidingBody) -> ModalForm:
     """Diagonalise M and K of a reduced body, or of a full one with at most `LARGEST` coordinates.
 
     Coordinates without inertia, which are modes already, are not changed and come after all others.  Raises InputError
-    if M is not positive definite, or the body is too large.
+    if M is not positive definite, or the body is too large.  Coordinates that supports hold, and the rows of these, are
+    left out.  The damping is made modal.
     """
     if body.size > LARGEST:
         allowed = f"the body has {body.size} coordinates, up to {LARGEST} are diagonalised; reduce it first"

@@ -160,7 +160,8 @@ class Assembly:
     def contact_rows(self, x: Array, effects: bool = True) -> ContactRows:
         """Rows of the contacts with their places at x (sides,) in m, as `System.side_coordinates` returns them.
 
-        Without `effects`, H and X are empty.
+        If `effects` is false, H and X are empty: the gaps that loads cause, and those that the motion of supports
+        causes.
         """
         return self.contact_rows_over_time(x[None], effects).at_time(0)
 
@@ -344,9 +345,9 @@ class Assembly:
     def modes(self, rows: ContactRows, count: int, c: Array | Sequence[float] = ()) -> ClosedModes:
         """Lowest modes with every contact closed, omega ascending.
 
-        They are normalised to phi^T M phi = 1.  `rows` are the contacts' rows at one time.  The number f is `count`, or
-        less if there are fewer modes.  Of the stiffness of terms with amplitudes c (k,), the symmetric part counts; at
-        the buckling load and beyond, omega is 0.
+        The modes are normalised to phi^T M phi = 1.  `rows` are the contacts' rows at one time.  The number f of modes
+        is `count`, or less if the assembly has fewer.  Of the stiffness of terms with amplitudes c (k,), the symmetric
+        part counts; at the buckling load and beyond, omega is 0.
         """
         M, stiffness, Z = self.M.toarray(), self.stiffness(c).toarray(), free_motions(rows.C[rows.rigid])
         K = add_springs((stiffness + stiffness.T) / 2.0, rows) + SHIFT * M
@@ -366,8 +367,8 @@ class Assembly:
         .. math::
             \zeta_k = \phi_k^T D \phi_k / (2 \omega_k), \qquad \phi_k^T M \phi_k = 1
 
-        A ratio is NaN if there are fewer modes than its number.  This is the ratio of a logarithmic decrement or a
-        half-power width if damping is small.
+        Columns are in the order of ascending frequencies, and NaN beyond the last mode.  A small ratio is that of a
+        logarithmic decrement or a half-power width.
         """
         ratios, D = np.full((len(x), count), np.nan), self.damping()
         for of_place, at in zip(ratios, x, strict=True):

@@ -87,7 +87,7 @@ def with_cylinder_modes(model: ReducedModel) -> ReducedModel:
 def has_frame_matrices(model: ReducedModel) -> bool:
     """Whether the matrices of a moving frame and of second order are known on the attachment modes of this model.
 
-    This is also true of a model that has no such matrices.
+    The result is also true for a model that has no such matrices.
     """
     carriers = model.carriers
     if carriers is None or not carriers.matrices:
@@ -98,11 +98,12 @@ def has_frame_matrices(model: ReducedModel) -> bool:
 def _extend_frame_matrices(
     extended_model: ReducedModel, model: ReducedModel, loads: Array, combinations: Array
 ) -> ReducedModel:
-    """Return `extended_model` with matrices (with D among them) and ports on its last a coordinates, new to `model`.
+    """Return `extended_model` with matrices of a moving frame and ports on its last a coordinates, new to `model`.
 
-    These coordinates are the responses to `loads` (K + i, a) on K carriers and i inputs, plus `combinations` (k, a) of
-    the first k responses to the cylinder's force.  If the carriers know no vectors that span responses (`spanned`), the
-    `loads` are ignored.  If the carriers have no `matrices`, `extended_model` is returned unchanged.
+    The matrices include D if `model` has D on all vectors.  The new coordinates are the responses to `loads` (K + i, a)
+    on K carriers and i inputs, plus `combinations` (k, a) of the first k responses to the cylinder's force.  `loads`
+    are ignored if the carriers have no vectors that span responses to loads (`CarrierRows.spanned` is empty).  If the
+    carriers have no `matrices`, `extended_model` is returned unchanged.
     """
     carriers, modes, r, (count, a) = model.carriers, model.enrichment, model.size, combinations.shape
     assert carriers is not None
@@ -137,7 +138,11 @@ def _extend_frame_matrices(
 def _extend_reactions(
     model: ReducedModel, reactions: Reactions, answers: CylinderResponses, combinations: Array
 ) -> Reactions:
-    """Reactions of the model with `combinations` (k, a) of the cylinder's first k responses as its last coordinates."""
+    """Reactions of the model with `combinations` (k, a) of the cylinder's first k responses as its last a coordinates.
+
+    `reactions` are those of `model`, without these coordinates, and `answers` are the responses to the cylinder's
+    force.
+    """
     assert model.carriers is not None
     r, count, of_all = model.size, len(combinations), answers.supports
     if model.enrichment is not None:  # modes of the largest basis that are not coordinates of the model
@@ -247,8 +252,8 @@ def _append_vectors(model: ReducedModel, stiffness: Array, measures: Array, outp
 def _clear_cylinder_flexibility(model: ReducedModel, answers: CylinderResponses) -> ReducedModel:
     """Return the model without the residual flexibility under the cylinder's force, which is only round-off.
 
-    Its tables are those of the model, as `with_tables` follows.
-    Only to be called for a model whose coordinates contain the responses to this force.
+    The tables of the result are not changed; `with_tables` has to be called on the result.  Only to be called for a
+    model whose coordinates contain the responses `answers` to this force.
     """
     carriers, load = model.carriers, answers.load
     assert carriers is not None and carriers.flexibility is not None

@@ -130,7 +130,10 @@ class FullOrderBody(ABC):
     @property
     @abstractmethod
     def carriers(self) -> RowsOnCarriers | None:
-        """Rows on carriers, which each kind of full model makes in its own way."""
+        """Rows on carriers, which each kind of full model makes in its own way.
+
+        None for a kind of full model whose rows are on no carriers.
+        """
 
     def ensure_whole(self, source: str) -> None:
         """Do nothing: a full model has all of its joints, so there is no error to raise about `source`."""
@@ -213,7 +216,7 @@ class FullBody(FullOrderBody):
     def reactions(self) -> Reactions | None:
         """Reactions of the h rows that are fixed (`Row.is_fixed`); None if there are none.
 
-        They use the shortest motions that move one such row by 1 and no other.
+        The reactions are the work on the shortest motions that move one such row by 1 and no other.
         """
         numbers = self.rows.fixed
         if not numbers:
@@ -237,7 +240,7 @@ class FullBody(FullOrderBody):
         return self.rows.at(s, derivative)
 
     def dense_rows(self, s: Array) -> Array:
-        """Dense rows C(s) (T, m, n) at path coordinates s (T,) in m; they fit in memory for few s only."""
+        """Dense rows C(s) (T, m, n) at path coordinates s (T,) in m; the array fits in memory for few s only."""
         rows = [row.at(s).toarray() for row in self.rows.rows]
         return np.stack(rows, axis=1) if rows else np.zeros((len(s), 0, self.rows.size))
 
@@ -277,7 +280,7 @@ class Trajectory:
 def projected(body: SlidingBody, V: Array) -> ReducedModel:
     """Reduced model of a body on the columns of V (n, r), with all of the body's rows and its flexibility.
 
-    It has no carriers, no enrichment modes, no provenance and no matrices of a moving frame.
+    The result has no carriers, no enrichment modes, no provenance and no matrices of a moving frame.
     """
     M, D, K = (symmetric_part(V.T @ (A @ V)) for A in (body.M, body.D, body.K))
     clearance = body.row_clearance

@@ -39,7 +39,7 @@ class Rayleigh:
     beta: float
 
     def matrix(self, M: Array, K: Array) -> Array:
-        """Damping matrix alpha M + beta K for a mass matrix M and a stiffness matrix K of the same shape."""
+        """Damping matrix alpha M + beta K (n, n) for a mass matrix M and a stiffness matrix K, (n, n) each."""
         return self.alpha * M + self.beta * K
 
     def modal_damping(self, omega2: Array) -> Array:
@@ -84,10 +84,10 @@ STATES = AXIAL | BENDING
 
 
 def _linear_field_motions(j: int, k: int) -> Iterator[tuple[Array, str]]:
-    """Pairs of a matrix S and the name of a rigid motion u, such as ``rz``, whose product S u is the field x_k e_j.
+    """Pairs of a matrix S (3, 3) and the name of a rigid motion u, such as ``rz``: S u is the field x_k e_j.
 
-    There is one pair for the rotation about each axis c other than k.  It moves the third component b by x_k or -x_k,
-    so S is e_j e_b^T with this sign.  If there is a pair with b = j, whose S other fields have too, it comes first.
+    There is one pair for the rotation about each axis c other than k.  The rotation moves the third component b by x_k
+    or -x_k, so S is e_j e_b^T with this sign.  A pair with b = j comes first, since other fields have the same S.
     """
     for c in sorted({0, 1, 2} - {k}, key=lambda c: 3 - c - k != j):
         b = 3 - c - k

@@ -159,7 +159,7 @@ class CylinderResponses:
         return np.asarray((self.load @ U)[:, None] / modes.stiffness[:, None] ** powers)
 
     def add_modes(self, U: Array, modes: EnrichmentModes, sign: float) -> CylinderResponses:
-        """Return the responses with the `modes` added to R (`sign` 1) or removed from it (`sign` -1).
+        """Return the responses with the `modes` added to the residual flexibility (`sign` 1) or removed from it (-1).
 
         The values of the modes on the carriers are U (K, c).
         """
@@ -206,7 +206,8 @@ class CarrierRows:
     ) -> CarrierRows:
         """Rows on common carriers U, without enrichment modes; `values` are U V (K, r) for the basis V.
 
-        Row number k is stored under the text of k: "0", "1" and so on.
+        `flexibility` is the residual flexibility on the carriers, or None if nothing is known of what the basis leaves
+        out.  Row number k is stored under the text of k: "0", "1" and so on.
         """
         breaks, touched, coefficients = (
             {str(k): getattr(row, name) for k, row in enumerate(rows)} for name in ("breaks", "touched", "coefficients")
@@ -254,15 +255,12 @@ class CarrierRows:
         )
 
     def extend(self, modes: EnrichmentModes) -> CarrierRows:
-        """Return the rows with the first enrichment modes as last coordinates, which undoes `truncate`.
-
-        These modes are the given `modes`.
-        """
+        """Return the rows with the first enrichment modes, `modes`, as last coordinates, which undoes `truncate`."""
         back, enrichment = self.enrichment[:, : modes.count], self.enrichment[:, modes.count :]
         return replace(self._add_modes(back, modes, -1.0), values=np.hstack([self.values, back]), enrichment=enrichment)
 
     def _add_modes(self, U: Array, modes: EnrichmentModes, sign: float) -> CarrierRows:
-        """Return the rows with modes added to flexibility, inertia and answers (`sign` 1), or removed from them (-1).
+        """Return the rows with `modes` added to (`sign` 1) or removed from (-1) flexibility, inertia and responses.
 
         The values of the modes on the carriers are U (K, c).
         """
@@ -273,7 +271,7 @@ class CarrierRows:
         return replace(self, flexibility=flexibility, inertia=inertia, answers=answers)
 
     def contradiction(self, m: int) -> str | None:
-        """Description of what is wrong with the arrays, which should be those of m rows; None if they are sound."""
+        """Description of the first fault of the arrays, which have to be those of m rows; None if they are sound."""
         for k in map(str, range(m)):
             x, touched, b = self.breaks[k], self.touched[k], self.coefficients[k]
             if x.ndim != 1 or touched.ndim != 2 or len(touched) != len(x) - 1 or not np.all(np.diff(x) > 0.0):

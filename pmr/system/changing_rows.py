@@ -88,7 +88,7 @@ class RowDerivatives:
     curves: ContactRows  # (P, P, ...): second derivatives by two path coordinates
 
     def time_derivatives(self, rates: Array) -> list[ContactRows]:
-        """First and second derivatives of the rows with respect to time, for P paths with constant `rates` in m/s."""
+        """List the first and second derivatives of the rows by time, for P paths with constant `rates` (P,) in m/s."""
         first = (np.tensordot(rates, A, 1) for A in vars(self.slopes).values())
         second = (np.tensordot(rates, np.tensordot(rates, A, 1), 1) for A in vars(self.curves).values())
         return [ContactRows(*first), ContactRows(*second)]
@@ -157,7 +157,7 @@ class _BodyRows:
     def add(self, s: Array, rows: ContactRows, slopes: ContactRows, curves: ContactRows) -> None:
         """Add to `rows`, `slopes` and `curves`, in place, what this body contributes with the paths at s (P,) in m.
 
-        These are the rows of all contacts and their first and second derivatives.
+        `rows` are those of all contacts, `slopes` their first and `curves` their second derivatives by s.
         """
         assert self._carriers is not None
         touched, weights = self._weights(s)
@@ -192,9 +192,9 @@ class _BodyRows:
 
 
 def _pad_to_shape(values: NDArray[Number], *shape: int) -> NDArray[Number]:
-    """Pad `values` to `shape` with zeros.
+    """Pad `values` with zeros to `shape`, the shape of the result.
 
-    They are added at the start of the first axis (powers) and at the end of the last axis (carriers).
+    The zeros are added at the start of the first axis (powers) and at the end of the last axis (carriers).
     """
     first = shape[0] - values.shape[0]
     wide = np.zeros(shape, values.dtype)

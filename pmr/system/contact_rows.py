@@ -84,7 +84,7 @@ class ContactRows:
 
 
 def add_springs(K: Array, rows: ContactRows) -> Array:
-    """Return K (n, n) plus the stiffness C^T F^-1 C (n, n) of those contacts that are not rigid."""
+    """Return K (n, n) plus the stiffness C^T F^-1 C (n, n) of those contacts of `rows` that are not rigid."""
     soft = rows.select(~rows.rigid)
     return np.asarray(K + soft.C.T @ np.linalg.solve(soft.F, soft.C))
 

@@ -167,10 +167,10 @@ def friction_law(contact: Contact) -> FrictionLaw:
 
 
 def pad_at_tail(pad: Contact, outer: str, path: str) -> Contact:
-    r"""Contact of a pad at the tail of a telescope's section, with which the pad moves in the next `outer` section.
+    r"""Contact of a pad at the tail of a telescope's section, and slides in the next section, `outer`.
 
-    The inner place of `pad` is its distance d in m from the inner section's tail.  This tail is at s on the section
-    `outer`:
+    The inner place of `pad` is its distance d in m from the inner section's tail.  This tail is at the path coordinate
+    s on the section `outer`, so that the two coordinates of the contact are
 
     .. math:: x_{in} = d,\; x_{out} = s + d
 
@@ -306,8 +306,8 @@ class Friction:
     def moments(self, friction: Array, forces: Array) -> Array:
         """Moments (..., m) in N m of the pads' friction (..., n) in N on all contacts.
 
-        A moment is the friction times the pad's arm, with the sign of the pad's contact force.  It is zero on contacts
-        without friction.  `forces` (..., m) in N are those of all contacts.
+        A moment is the friction times the pad's arm, with the sign of the pad's contact force.  The moment is zero on
+        contacts without friction.  `forces` (..., m) in N are those of all contacts.
         """
         pad_moments = np.zeros(forces.shape)
         pad_moments[..., self.pads] = self.arms * np.sign(forces[..., self.pads]) * friction
@@ -343,6 +343,9 @@ class Friction:
 
 
 def friction_joints(contacts: Sequence[Contact]) -> tuple[str, ...]:
-    """Names of the sections that slide with friction, as in `Friction.joints`; empty if no contact has friction."""
+    """Names of the sections that slide with friction on `contacts`; empty if no contact has friction.
+
+    The names are those of `Friction.joints`.
+    """
     friction = Friction.from_contacts(contacts)
     return () if friction is None else friction.joints

@@ -89,7 +89,7 @@ def contacts_of(scene: Scene, bodies: Mapping[str, Body]) -> tuple[Contact, ...]
 def force_names(scene: Scene) -> Mapping[str, Sequence[str]]:
     """Names of a scene's forces, by kind (``pad``, ``cylinder`` and ``support``), without building any model.
 
-    They go from the base to the tip.  Rigid supports count too; the list of a kind without forces is empty.
+    The names go from the base to the tip.  Rigid supports count too; the list of a kind without forces is empty.
     """
     names: dict[str, list[str]] = {"pad": [], "cylinder": [], "support": []}
     for number, (name, member) in enumerate(zip(scene.names, members(scene), strict=True)):
@@ -256,9 +256,11 @@ class CombinedRings:
 
 
 def combine_rings(system: System) -> CombinedRings:
-    """Combine each ring of pads of a system of reduced bodies into the fewest contacts that hold the same motions.
+    """Combine the pads of each ring around a section of reduced bodies into the fewest contacts with the same effect.
 
-    A system on one path (`System.on_one_path`), or without rings that can be combined, is returned unchanged.
+    The result has the system with fewer contacts, and the shares from which the forces of the original contacts follow.
+    For a system on one path (`System.on_one_path`), or without rings that can be combined, it has the system unchanged
+    and no shares.
     """
     if system.on_one_path:
         return CombinedRings(system)
@@ -383,7 +385,10 @@ class _BodyRows:
         return np.hstack(parts)
 
     def combine(self, names: Sequence[str], shares: Array) -> str:
-        """Add a row, the sum of the rows with these `names` times `shares` (rows,), if it is new; return its name."""
+        """Return the name of a row that is the sum of the rows with these `names` times `shares` (rows,).
+
+        The row is added to the body unless the body has it already.
+        """
         key = (*names, shares.tobytes())
         if key not in self._rows:
             rows, name = [self._row(name) for name in names], f"{names[0]}, {len(self._rows) + 1}"

@@ -92,7 +92,8 @@ def _sum_powers(table: PPoly, interval: Indices, powers: Array, x: Array) -> Arr
 def power_contributions(table: PPoly) -> Array:
     """Coefficients (p, k, ...) of p powers on k intervals, each times its interval's length to the same power.
 
-    This is the largest contribution of each power to the values on its interval, in the unit of the values.
+    Such a product is the largest contribution of a power to the values of `table` on the interval, in the unit of the
+    values.
     """
     powers = np.arange(len(table.c) - 1, -1, -1)
     size = np.diff(table.x)[None, :] ** powers[:, None]
@@ -153,7 +154,7 @@ def select_rows(table: PPoly, numbers: slice | Sequence[int] | Indices) -> PPoly
 
 
 def _selects_all(numbers: slice | Sequence[int] | Indices, count: int) -> bool:
-    """Whether `numbers` selects all of the indices 0 to `count` - 1, in their order."""
+    """Whether `numbers`, a slice or indices (k,), select all of the indices 0 to `count` - 1, in their order."""
     return np.array_equal(np.arange(count)[numbers], np.arange(count))
 
 
@@ -182,13 +183,13 @@ def align_tables(*tables: PPoly, domain: tuple[float, float] | None = None) -> l
 
 
 def same_degree(*coefficients: Array) -> list[Array]:
-    """Arrays of coefficients (p, ...) with zeros in front, so that all have the highest degree among them."""
+    """Arrays of coefficients (p, ...) with zeros in front, so that all arrays have the highest degree of any."""
     most = max(map(len, coefficients))
     return [np.concatenate([np.zeros((most - len(c), *c.shape[1:])), c]) for c in coefficients]
 
 
 def common_breaks(tables: Sequence[PPoly], domain: tuple[float, float]) -> Array:
-    """Breaks (k + 1,) in m that cover `domain`, between which every table is a single polynomial.
+    """Breaks (k + 1,) in m that cover `domain`, between which each of `tables` is a single polynomial.
 
     A break that is closer to the preceding one than 1e-12 of the domain's length is left out.
     """
@@ -201,9 +202,10 @@ def common_breaks(tables: Sequence[PPoly], domain: tuple[float, float]) -> Array
 
 
 def refine_table(table: PPoly, breaks: Array, degree: int | None = None) -> PPoly:
-    """Return the same piecewise polynomial on finer `breaks`, exactly, and with zeros for powers up to `degree`.
+    """Return the same piecewise polynomial on finer `breaks` (k + 1,), exactly.
 
-    The breaks must contain all breaks of the table within their range.  None leaves the degree as it is.
+    The breaks must contain all breaks of the table within their range.  The result has zeros for powers up to `degree`;
+    if that is None, the degree does not change.
     """
     source = interval_around(breaks, table.x)
     c = table.c[:, source].copy()
@@ -224,13 +226,13 @@ def interval_around(fine: Array, coarse: Array) -> Indices:
 
 @lru_cache(maxsize=32)  # the pads of a ring use the same few splines at many places
 def cardinal_spline(degree: int, knot: float) -> PPoly:
-    r"""Centred cardinal B-spline b with the knot distance `knot` = H and the integral H; it is zero outside its knots.
+    r"""Centred cardinal B-spline b with the knot distance `knot` = H and the integral H, zero outside its knots.
 
     The spline of degree 3 is C2.  At points x_k with spacing H / p the values, divided by p, satisfy for any s
 
     .. math:: \sum_k b(x_k - s) = 1, \qquad \sum_k b(x_k - s)\, x_k = s, \qquad x_k = x_0 + k H / p,\; p = 1, 2, \dots
 
-    So sums of it over a lattice of points move as a rigid body does.  De Boor: A Practical Guide to Splines, rev. ed.,
+    So sums of b over a lattice of points move as a rigid body does.  De Boor: A Practical Guide to Splines, rev. ed.,
     2001, chapter IX (Marsden's identity).
     """
     knots = (np.arange(degree + 2) - (degree + 1) / 2.0) * knot
@@ -240,6 +242,6 @@ def cardinal_spline(degree: int, knot: float) -> PPoly:
 
 
 def value_or_zero(spline: PPoly, x: Array) -> Array:
-    """Values of a spline at x (any shape), which are zero outside the spline's knots."""
+    """Values of a spline at x (any shape), in the shape of x; they are zero outside the spline's knots."""
     within = (x > spline.x[0]) & (x < spline.x[-1])
     return np.where(within, spline(np.where(within, x, 0.0)), 0.0)

@@ -153,7 +153,7 @@ class ReducedModel:
 
     @property
     def cylinder_modes(self) -> int:
-        """Number of modes of the section's cylinder (`pmr.system.attachment`); they are the last coordinates."""
+        """Number of modes of the section's cylinder (`pmr.system.attachment`), the last coordinates of the model."""
         answers = None if self.carriers is None else self.carriers.answers
         return 0 if answers is None else answers.turned.shape[1]
 
@@ -207,7 +207,7 @@ class ReducedModel:
             raise InputError(source, "section", self.section.name, allowed)
 
     def without_joints(self) -> ReducedModel:
-        """Return the model without the rows of joints, so that only supports hold it.
+        """Return the model without the rows of joints, so that only supports hold the body.
 
         The model is returned unchanged if it has no joints.
         """
@@ -231,7 +231,7 @@ class ReducedModel:
     def lasting(self) -> tuple[str, ...]:
         """Names of the fixed rows that stay in a model; always empty, because the basis satisfies these rows.
 
-        They are the rows of several coordinates in `pmr.system.body.FullOrderBody.lasting`.
+        For a full model, `pmr.system.body.FullOrderBody.lasting` has the fixed rows of several coordinates.
         """
         return ()
 

@@ -146,7 +146,7 @@ class Row:
     def held_coordinate(self) -> int | None:
         """Number of the coordinate that the row holds at zero.
 
-        It is None if the row is not fixed (`is_fixed`) or has any other entry than a single 1.
+        None if the row is not fixed (`is_fixed`) or has any other entry than a single 1.
         """
         if not self.is_fixed:
             return None
@@ -155,7 +155,10 @@ class Row:
 
     @property
     def is_fixed(self) -> bool:
-        """Whether the row is rigid, holds both ways and does not depend on s; a basis may satisfy it exactly."""
+        """Whether the row is rigid, holds both ways and does not depend on s.
+
+        A basis may satisfy such a row exactly.
+        """
         return self.compliance == 0.0 and self.clearance is None and not self.moves
 
     def project(self, V: Array, first: int = 0) -> PPoly:
@@ -168,9 +171,9 @@ class Row:
         return PPoly(np.einsum("pkd,kdr->pkr", self.coefficients, measured[self.touched]), self.breaks)
 
     def refine(self, breaks: Array) -> Row:
-        """Return this row, exactly, as polynomials on the intervals between `breaks`, which become its range.
+        """Return this row, exactly, as polynomials on the intervals between `breaks` (k + 1,) in m.
 
-        All breaks of the row that lie in the new range must be among them.
+        The breaks become the row's range.  All breaks of the row that lie in the new range must be among them.
         """
         if np.array_equal(breaks, self.breaks):
             return self
@@ -203,9 +206,10 @@ class IntervalColumns(NamedTuple):
 
 
 def columns_by_interval(touching: Indices, n: int, k: int) -> IntervalColumns:
-    """Columns out of n that each of k intervals touches, from the codes `touching`: ``interval * n + column``.
+    """Columns out of n that each of k intervals touches, from the codes `touching` (any,): ``interval * n + column``.
 
-    The codes may be in any order.  An interval with fewer than w columns repeats its last one.
+    The codes may be in any order.  If w is the largest number of columns of an interval, intervals with fewer columns
+    repeat their last one.
     """
     different = np.unique(touching)
     interval, width = different // n, np.bincount(different // n, minlength=k)
@@ -310,19 +314,22 @@ class SharedCarriers:
         return replace(self.rows[number], name=name)
 
     def refine(self, breaks: Array) -> SharedCarriers:
-        """Return all rows on common `breaks`, exactly; these must contain all breaks of each row within their range."""
+        """Return all rows on common `breaks` (k + 1,) in m, exactly.
+
+        The breaks must contain all breaks of each row within their range.
+        """
         return replace(self, rows=tuple(row.refine(breaks) for row in self.rows))
 
     def align_breaks(self, domain: tuple[float, float]) -> SharedCarriers:
-        """Return all rows on the union of their breaks within `domain` (m), as a single table of all rows needs it."""
+        """Return all rows on the union of their breaks within `domain` (m), which a common table of all rows needs."""
         return self.refine(common_breaks([row._polynomial for row in self.rows], domain))
 
 
 def _shared_carriers(rows: Sequence[Row], size: int) -> SharedCarriers:
-    """Rows on common carriers in `size` coordinates; each carrier is stored once.
+    """Return `rows` on common carriers in `size` coordinates; each carrier is stored once.
 
-    If the number of coordinates that they touch is less than half the number of carriers, these coordinates are the
-    carriers.
+    If the number of coordinates that the carriers touch is less than half the number of carriers, these coordinates
+    themselves become the carriers.
     """
     numbers: dict[bytes, int] = {}
     new, touched = [sp.csr_matrix((0, size))], []
@@ -345,7 +352,7 @@ def _shared_carriers(rows: Sequence[Row], size: int) -> SharedCarriers:
 def _on_single_coordinates(rows: Sequence[Row], coordinates: Indices) -> SharedCarriers:
     """Rows on single coordinates, from rows on common carriers.
 
-    `coordinates` are the ascending numbers of the coordinates in all common carriers.
+    `coordinates` (k,) are the ascending numbers of all coordinates that the common carriers touch.
     """
     U, count = rows[0].carriers[:, coordinates], len(coordinates)
     single = sp.csr_matrix((np.ones(count), coordinates, np.arange(count + 1)), (count, rows[0].carriers.shape[1]))

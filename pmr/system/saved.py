@@ -154,7 +154,10 @@ def read(path: Path) -> StoredSystem | ReducedModel:
 
 
 def _read_term(header: _TermHeader, data: Mapping[str, NDArray[np.generic]], prefix: str) -> Term:
-    """Term with the name and bodies in `header`, and with matrices from `data`, whose names begin with `prefix`."""
+    """Term with the name and bodies in `header`, and with matrices from arrays of a file.
+
+    The matrices are those arrays of `data` whose names begin with `prefix`.
+    """
     matrices = {key: np.asarray(data[prefix + key], float) for key in ("stiffness", "damping") if prefix + key in data}
     on = {name: f"{prefix}supports.{body}" for body, name in enumerate(header.bodies)}
     supports = {name: np.asarray(data[key], float) for name, key in on.items() if key in data}
@@ -187,7 +190,10 @@ def _contradiction(header: _Header, models: list[ReducedModel], on_modes: list[R
 
 
 def _mismatch(model: ReducedModel, on_modes: ReducedModel) -> str | None:
-    """Why `on_modes` can't be `model` without cylinder modes and modes without inertia, in words; None if it can."""
+    """Reason, in words, for which `on_modes` can't be `model` without cylinder modes and modes without inertia.
+
+    None if `on_modes` can be that model.
+    """
     for names in ("row_names", "input_names", "output_names"):
         if getattr(model, names) != getattr(on_modes, names):
             return f"{names} {getattr(on_modes, names)} are not those of its body"

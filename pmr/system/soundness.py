@@ -93,10 +93,10 @@ def pivoted_cholesky(A: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def describe_asymmetry(matrices: Mapping[str, NDArray[np.float64]]) -> str | None:
-    """Description of the first of `matrices` that is not symmetric or has a negative eigenvalue; None if all are sound.
+    """Description of the first of `matrices`, (n, n) each, that is not symmetric or has a negative eigenvalue.
 
-    The matrix called M must not be singular either.  Deviations up to `SYMMETRIC` of the largest entry count as
-    round-off.
+    None if all are sound.  The matrix called M must not be singular either.  Deviations up to `SYMMETRIC` of the
+    largest entry count as round-off.
     """
     for name, matrix in matrices.items():
         size = np.abs(matrix).max(initial=0.0)
@@ -169,7 +169,7 @@ class Dependence:
 def dependence_of_rows(C: Array, names: Sequence[str]) -> Dependence:
     """Dependence of rows C (m, r), measured by their smallest singular value after each is scaled to unit length.
 
-    If some rows are zero, the measure is 0 and only these rows are named.
+    `names` are the names of the rows.  If some rows are zero, the measure is 0 and only these rows are named.
     """
     size = np.linalg.norm(C, axis=1)
     if not size.all():
@@ -182,8 +182,8 @@ def dependence_of_rows(C: Array, names: Sequence[str]) -> Dependence:
 def dependence_of_flexibility(F: Array, names: Sequence[str]) -> Dependence:
     """Dependence of rows, measured by the lowest eigenvalue of their symmetric flexibility F (m, m).
 
-    F is scaled to a unit diagonal before.  If diagonal entries are not positive, the measure is 0 and only the rows of
-    these entries are named.
+    `names` are the names of the rows.  F is scaled to a unit diagonal before.  If diagonal entries are not positive,
+    the measure is 0 and only the rows of these entries are named.
     """
     diagonal = np.diagonal(F)
     if not np.all(diagonal > 0.0):
@@ -194,6 +194,6 @@ def dependence_of_flexibility(F: Array, names: Sequence[str]) -> Dependence:
 
 
 def _involved_names(shares: Array, names: Sequence[str]) -> tuple[str, ...]:
-    """Names of the rows whose share in `shares` (m,) is at least `TAKES_PART` of the largest share."""
+    """Those of `names` whose row has a share in `shares` (m,) of at least `TAKES_PART` of the largest share."""
     large = np.abs(shares) >= TAKES_PART * np.abs(shares).max()
     return tuple(name for name, takes_part in zip(names, large, strict=True) if takes_part)

@@ -137,9 +137,9 @@ class BodyStates:
 def friction_on_body(system: BodySystem[Body], name: str, forces: Array, friction: Array | None) -> dict[str, Array]:
     """Moments (S, rows) in N m and forces along the boom (S, rows) in N of friction on the rows of a body.
 
-    They are the `friction_moments` and `friction_forces` of the `BodyStates` of the body called `name`, by these names.
-    `forces` (S, m) in N are those of all contacts, `friction` (S, n) in N that of all pads.  The result is empty if
-    there is no friction.
+    The keys are ``friction_moments`` and ``friction_forces``, as in the `BodyStates` of the body called `name`.
+    `forces` (S, m) in N are those of all contacts, `friction` (S, n) in N that of all pads.  The result is empty if no
+    contact has friction or `friction` is None.
     """
     rubbing = Friction.from_contacts(system.contacts)
     if rubbing is None or friction is None:
@@ -153,7 +153,7 @@ def friction_on_body(system: BodySystem[Body], name: str, forces: Array, frictio
 
 
 def states_of(system: System, trajectory: SystemTrajectory, steps: Indices) -> dict[str, BodyStates]:
-    """States of the bodies at the steps of a trajectory with the numbers `steps`, by the bodies' names."""
+    """States of the bodies at the steps of a trajectory with the numbers `steps` (S,), by the bodies' names."""
     states, at_steps = {}, trajectory.select(steps)
     for name, columns in system.load_columns.items():
         motion = at_steps.bodies[name]

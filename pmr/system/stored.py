@@ -28,7 +28,7 @@ _SIGNS = {"triangle": 1.0, "antitriangle": -1.0}
 
 
 def pack(model: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
-    """Arrays of a `pmr.system.reduced_model.ReducedModel` to be stored, by the field's name after `prefix`.
+    """Arrays (any shape) of a `pmr.system.reduced_model.ReducedModel` to be stored, by `prefix` and the field's name.
 
     Triangles and tables are shortened as the module's docstring says.
     """
@@ -48,7 +48,7 @@ def pack(model: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
 
 
 def unpack(data: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str, NDArray[Any]]:
-    """Arrays of a model in full, by the field's name, from those arrays of a file whose names begin with `prefix`.
+    """Arrays (any shape) of a model in full, by the field's name, from those of a file that begin with `prefix`.
 
     `data` are all arrays of the file.  The arrays are as `pmr.files.npz.record_from_arrays` reads them, and its errors
     are raised.  A ValueError is raised if tables are missing and carriers are not sound, or if a triangle has a wrong
@@ -76,15 +76,15 @@ def unpack(data: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str, NDAr
 
 
 def _describe_fault(carriers: CarrierRows) -> str | None:
-    """Description of what is wrong with the carriers; None if tables can be computed from them."""
+    """Description of the carriers' first fault; None if tables can be computed from the carriers."""
     return describe_misfit(carriers, {}, TRIANGLES) or carriers.contradiction(len(carriers.breaks))
 
 
 def _path_tables(carriers: CarrierRows, arrays: Mapping[str, NDArray[Any]]) -> dict[str, PPoly]:
     """Tables that follow from values on the carriers, by their names in the file.
 
-    They are on the breaks of the rows in `arrays`; tables that have other breaks in `arrays` are left out.  The result
-    is empty if the carriers or `arrays` have no breaks.
+    The tables have the breaks of the rows in `arrays`; tables that have other breaks in `arrays` are left out.  The
+    result is empty if the carriers or `arrays` have no breaks.
     """
     breaks = arrays.get("rows.breaks")
     if not carriers.breaks or breaks is None:
@@ -99,7 +99,10 @@ def _path_tables(carriers: CarrierRows, arrays: Mapping[str, NDArray[Any]]) -> d
 
 
 def _triangle_kind(A: Array) -> str | None:
-    """``triangle`` if A is symmetric, ``antitriangle`` if A is antisymmetric; None for other and for small matrices."""
+    """``triangle`` if A (n, n) is symmetric, ``antitriangle`` if A is antisymmetric.
+
+    None for other arrays and for matrices with fewer than `LEAST` rows.
+    """
     if A.ndim != 2 or A.shape[0] != A.shape[1] or len(A) < LEAST:
         return None
     return next((kind for kind, sign in _SIGNS.items() if np.array_equal(A, sign * A.T)), None)

@@ -124,7 +124,7 @@ class BodySystem(Generic[AnyBody]):
 
     @cached_property
     def sides(self) -> tuple[Side, ...]:
-        """Sides of all contacts in their order: for each contact the inner side, then the outer side if it has one."""
+        """Sides of all contacts in their order: for each contact the inner side, then an outer side on a body."""
         sides = []
         for k, contact in enumerate(self.contacts):
             sides.append(Side(k, contact.inner, contact.direction))
@@ -194,7 +194,7 @@ class BodySystem(Generic[AnyBody]):
     def rope_coordinates(self, x: Array) -> Array:
         """Path coordinates (..., Q) in m of the Q paths that lengthen ropes, in the order of `compliance.paths`.
 
-        They follow from the coordinates x (..., sides) in m of all places on their bodies.
+        The path coordinates follow from the coordinates x (..., sides) in m of all places on their bodies.
         """
         lengths = []
         for path in self.compliance.paths:
@@ -349,7 +349,7 @@ class System(BodySystem[SlidingBody]):
 
     @property
     def modal(self) -> dict[str, ReducedModel]:
-        """Reduced bodies by their names: the model in `on_modes` for bodies that it has, else the model in `reduced`.
+        """Reduced bodies by their names: the model in `on_modes`, or that in `reduced` where `on_modes` has none.
 
         The models in `on_modes` have neither cylinder modes nor modes without inertia.  An InputError is raised if a
         body is not reduced.
@@ -357,16 +357,16 @@ class System(BodySystem[SlidingBody]):
         return self.reduced | dict(self.on_modes)
 
     def ensure_constant(self, source: str) -> System:
-        """Return the system; raise an InputError if it has terms that vary in time, friction, or a hoist.
+        """Return the system; raise an InputError if the system has terms that vary in time, friction, or a hoist.
 
-        `source` is what can't handle them, for the message.
+        `source` is what can't handle them, such as a file's name; the message begins with it.
         """
         return self.ensure_without_terms(source).ensure_frictionless(source).ensure_without_hoist(source)
 
     def ensure_without_hoist(self, source: str) -> System:
-        """Return the system; raise an InputError about `source` if it has a hoist.
+        """Return the system; raise an InputError about `source` if the system has a hoist.
 
-        `source` is what can't follow a payload that swings.
+        `source` is what can't follow a payload that swings, such as a file's name; the message begins with it.
         """
         if self.hoist:
             allowed = (
@@ -397,7 +397,7 @@ class System(BodySystem[SlidingBody]):
         return self
 
     def ensure_without_terms(self, source: str) -> System:
-        """Return the system if it has no terms that vary in time, and raise an InputError about `source` if it has.
+        """Return the system; raise an InputError about `source` if the system has terms that vary in time.
 
         `source` is what can't handle such terms.
         """

@@ -61,7 +61,7 @@ class Term:
 
     @property
     def arrays(self) -> dict[str, Array]:
-        """Matrices of the term on reduced bodies as dense arrays, by the names of their fields."""
+        """Matrices (n, n) of the term on n coordinates of its reduced bodies, as dense arrays, by the fields' names."""
         return {key: np.asarray(A.toarray() if sp.issparse(A) else A) for key, A in self.matrices.items()}
 
     def check(self, size: int) -> None:
@@ -100,10 +100,10 @@ class Term:
 
 
 def add_terms(A: sp.csr_matrix, terms: Sequence[Term], key: str, c: Sequence[float] | Array) -> sp.csr_matrix:
-    """Sparse matrix A + sum_k c_k A_k, where A_k is the field `key` of term k: its ``stiffness`` or ``damping``.
+    """Sparse matrix A + sum_k c_k A_k, with the field `key` of term k of `terms`: ``stiffness`` or ``damping``.
 
-    Terms without that matrix add nothing.  If the amplitudes c are empty or zero, A itself is returned.  All matrices
-    are summed in one step: SciPy's overhead for each sum takes longer than the sum.
+    Terms without that matrix add nothing.  A and A_k are (n, n).  If the amplitudes c (k,) are empty or zero, A itself
+    is returned.  All matrices are summed in one step: SciPy's overhead for each sum takes longer than the sum.
     """
     each = [(c_k, getattr(term, key)) for term, c_k in zip(terms, c, strict=len(c) > 0)]
     parts = [(1.0, A.tocoo()), *((c_k, part.tocoo()) for c_k, part in each if part is not None and c_k != 0.0)]
@@ -127,9 +127,10 @@ def term_error(term: str, key: str, value: object, allowed: str) -> InputError:
 def terms_of(
     scene: Scene, bodies: Mapping[str, SlidingBody], which: Iterable[FrameTerm] | None = None
 ) -> tuple[Term, ...]:
-    """Terms of a scene on models of its bodies: those in `which`, or all that a frame of second order needs.
+    """Terms of a scene on models of its bodies, those in `which`.
 
-    `bodies` maps names to models.  A scene whose frame does not move, or is of first order, has no terms.
+    If `which` is None, the terms are all those that a moving frame and second order need; a scene whose frame does not
+    move, or is of first order, has none.  `bodies` maps names to models.
     """
     return tuple(_build_term(scene, term, bodies) for term in (frame_terms(scene) if which is None else which))
 
@@ -137,10 +138,10 @@ def terms_of(
 def _build_term(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Term:
     """Build the term of the equations for one frame term, with its work on the motions of rigid supports.
 
-    `bodies` are all bodies by name.  Terms of cylinders join two sections.  They have the stiffness m D^T D: D (d, n)
-    gives the lateral distances between the two tails, m is the mass or first moment that the cylinder carries, or 1 for
-    a cylinder's load.  All other terms have the term's matrix on one body: a rotation as damping, the others as
-    stiffness; it is zero if the body lacks it.
+    `bodies` are all bodies by name.  Terms of cylinders join two sections.  Such a term has the stiffness m D^T D: D
+    (d, n) gives the lateral distances between the two tails, m is the mass or first moment that the cylinder carries,
+    or 1 for a cylinder's load.  All other terms have the term's matrix on one body: a rotation as damping, the others
+    as stiffness; the matrix is zero if the body lacks it.
     """
     if term.kind in ("cylinder", "cylinder load"):
         apart = sp.csr_matrix(_distance_rows(scene, term, bodies))
@@ -159,7 +160,7 @@ def _build_term(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]
 
 
 def _clear_without_inertia(body: SlidingBody, matrix: sp.csr_matrix | Array) -> sp.csr_matrix | Array:
-    """Matrix (n, n) with the rows and columns set to zero for the coordinates of the body without inertia."""
+    """Return `matrix` (n, n) with zeros in the rows and columns of the body's coordinates without inertia."""
     if not len(body.quasi_static):
         return matrix
     on_inertia = np.array(matrix if isinstance(matrix, np.ndarray) else matrix.toarray())
@@ -170,7 +171,8 @@ def _clear_without_inertia(body: SlidingBody, matrix: sp.csr_matrix | Array) -> 
 def _distance_change(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody], name: str) -> Array:
     """Changes (d, h) of the d distances of `_distance_rows` by unit motions of the h rigid supports of one body.
 
-    `bodies` are all bodies, and `name` is that of the one body. h is 0 if the supports' motions are not known.
+    `term` joins two sections, whose bodies `bodies` has by name; `name` is that of one of these bodies.  h is 0 if the
+    supports' motions are not known.
     """
     reactions, sign = bodies[name].reactions, 1.0 if name == term.bodies[0] else -1.0
     rows = tail_outputs(member_at(scene, term.number))
@@ -181,9 +183,11 @@ def _distance_change(scene: Scene, term: FrameTerm, bodies: Mapping[str, Sliding
 
 
 def _distance_rows(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Array:
-    """Rows (d, n) of the d lateral distances between the tails of two sections, on the coordinates of both, stacked.
+    """Rows (d, n) of the lateral distances between the tails of the two sections that `term` joins.
 
-    `bodies` are all bodies by name.
+    The d distances are those along the lateral directions of the model, the first section's displacement minus the
+    second's.  The n coordinates are those of the first section, then those of the second.  A tail that is clamped adds
+    zeros.  `bodies` maps the names of all bodies to their models.
     """
     distance_rows = []
     for row in tail_outputs(member_at(scene, term.number)):
@@ -199,9 +203,9 @@ def _distance_rows(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBo
 def carried_inertia(body: SlidingBody, field: str) -> float:
     """Inertia of a section, with what is attached to it, against an acceleration along the boom.
 
-    For `field` "x" it is the mass in kg, for others the first moment in kg m about the section's tail: e_x^T M a with
-    the acceleration field a that `field` names (`pmr.system.body_matrices.LINEAR`).  It is right if the whole body is
-    free to move.
+    For `field` "x" the result is the mass in kg, for other fields the first moment in kg m about the section's tail:
+    e_x^T M a with the acceleration field a that `field` names (`pmr.system.body_matrices.LINEAR`).  The result is right
+    if the whole body is free to move.
     """
     along, over = (np.asarray(body.B)[:, body.input_names.index(INERTIA + name)] for name in ("x", field))
     return float(along @ spla.spsolve(sp.csc_matrix(body.M), over))

@@ -57,7 +57,7 @@ def truncate(model: ReducedModel, r: int) -> ReducedModel:
 
 
 def extend(model: ReducedModel, count: int | None = None) -> ReducedModel:
-    """Return the model with its first `count` enrichment modes (None: all) as last coordinates; it undoes `truncate`.
+    """Return the model with its first `count` enrichment modes (None: all) as last coordinates, undoing `truncate`.
 
     A ValueError is raised if the model has fewer enrichment modes or none at all, or if `count` is less than 1.
     """
@@ -65,7 +65,11 @@ def extend(model: ReducedModel, count: int | None = None) -> ReducedModel:
 
 
 def extend_carriers(model: ReducedModel, count: int | None = None) -> ReducedModel:
-    """Return the model that `extend` returns with tables that lack the last coordinates, as `with_tables` follows."""
+    """Return the model of `extend` with tables that still lack the new coordinates; `with_tables` has to follow.
+
+    `count` is the number of enrichment modes that become coordinates, None for all.  Raises a ValueError as `extend`
+    does.
+    """
     available = 0 if model.enrichment is None else model.enrichment.count
     count = available if count is None else count
     if model.enrichment is None or model.carriers is None or not 0 < count <= available:
@@ -109,14 +113,14 @@ def is_modal(model: ReducedModel) -> bool:
 
 
 def _is_diagonal(A: Array) -> bool:
-    """Whether off-diagonal entries of A are small relative to the diagonal ones (`MODAL`)."""
+    """Whether off-diagonal entries of A (n, n) are small relative to the diagonal ones (`MODAL`)."""
     scale = np.sqrt(np.abs(np.outer(np.diagonal(A), np.diagonal(A))))
     coupling = np.abs(A - np.diag(np.diagonal(A)))
     return bool(np.all(coupling <= MODAL * scale + _round_off(A)))
 
 
 def _round_off(A: Array) -> float:
-    """Absolute round-off to expect in entries of A."""
+    """Absolute round-off to expect in entries of A (any shape), in the unit of A."""
     return 1e-9 * float(np.abs(A).max(initial=0.0))
 
 
@@ -127,7 +131,10 @@ def _extend_matrix(A: Array, on_all_modes: Array | None, count: int) -> Array:
 
 
 def _extend_port(model: ReducedModel, name: str, count: int) -> Array:
-    """Port (r + count,) called `name` on `count` more modes; if its values on these are not known, they are zero."""
+    """Port (r + count,) called `name` on the r coordinates and `count` more modes.
+
+    If the carriers do not have the port's values on the modes, these values are zero.
+    """
     port_of_carriers = None if model.carriers is None else model.carriers.ports.get(name)
     beyond = np.zeros(count) if port_of_carriers is None else port_of_carriers[model.size : model.size + count]
     return np.append(model.ports[name], beyond)
@@ -141,7 +148,10 @@ def _block_diagonal(A: Array, diagonal: Array) -> Array:
 
 
 def _chain_modes(first: EnrichmentModes, second: EnrichmentModes) -> EnrichmentModes:
-    """Enrichment modes of `first`, followed by those of `second`."""
+    """Enrichment modes of `first`, followed by those of `second`, with the `matrices` of `second`.
+
+    The `matrices` of `second` are those on the coordinates of the model and on the modes of both.
+    """
     return EnrichmentModes(
         stiffness=np.concatenate([first.stiffness, second.stiffness]),
         damping=np.concatenate([first.damping, second.damping]),

@@ -109,7 +109,8 @@ class Equations:
     ) -> dict[str, InitialState]:
         """Consistent initial state of each body on the coordinates that supports leave free.
 
-        `s` and `rates` are the path coordinates and their rates at the start, by name.  Errors as `consistent_start`.
+        `s` and `rates` are the path coordinates and their rates at the start, in m and m/s, by name.  `initial` are the
+        states asked for, by body.  Errors are raised as by `consistent_start`.
         """
         free = self.assembly.free_coordinates
         states = consistent_start(self.assembly, self.side_positions_on(s)[0], self.system.side_rates(rates), initial)
@@ -267,9 +268,10 @@ class Inputs(ABC):
         return self.state(t)[2]
 
     def function_of_time(self, evaluate: PositionFunction) -> Callable[[float], Array]:
-        """Function of t in s that returns `evaluate` at the side positions of this time.
+        """Function of t in s that returns the value of `evaluate` with the contacts' places at t, the side positions.
 
-        It is computed once for each position.
+        The value is computed once for each position.  `evaluate` is called with side positions (1, sides) in m, and the
+        first entry of its result is returned.
         """
         number, stored = -1, np.empty(0)
 

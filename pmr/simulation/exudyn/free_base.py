@@ -110,9 +110,10 @@ class ExtendingBoom:
         ]
 
     def forces_and_stiffness(self, s: Array, q: Array, f: Array) -> ForcesAndStiffness:
-        """Forces and stiffness (n + S, n + S) on n coordinates and S extensions, at s (S,) in m and q (n,).
+        """Restoring forces (n + S,) and stiffness (n + S, n + S) on n coordinates and S extensions.
 
-        The forces (n + S,) are those under loads f (i,).
+        The forces stand on the left-hand side of the equations of motion, beside the inertia.  They are those at the
+        extensions s (S,) in m and the coordinates q (n,), under the loads f (i,) in N of the inputs.
         """
         n, S, numbers = len(q), len(s), self._numbers
         near = self._along.evaluate(s)

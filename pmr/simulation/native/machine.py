@@ -112,9 +112,10 @@ def modes_in_bodies(form: SystemForm, size: int) -> Array:
 
 
 def _path_rates(scene: Scene, frame: MovingFrame, t: Array) -> Array:
-    """Rates (T, n) of the n drivers at times t (T,); 0 for a driver that is no path.
+    """Rates (T, n) of the frame's n drivers at times t (T,) in s, in m/s or rad/s.
 
-    At a kink of a path it is the mean of the rates before and after.
+    The columns are in the order of `frame.drivers`.  The rate of a path at a kink is the mean of the rates before and
+    after.  A driver that is neither a path nor the angle of a luffing cylinder that holds the boom has the rate 0.
     """
     rates = np.zeros((len(t), len(frame.drivers)))
     before = np.maximum(np.nextafter(t, -np.inf), 0.0)

@@ -55,7 +55,8 @@ def observe(
     system : FullSystem
         System with a positive definite M; `FullSystem.of` makes one of a single model.
     excitation : Excitation
-        The system's paths, by name, a load for each ``body.input``, and an amplitude for each term.
+        The system's paths by name, a load for each ``body.input``, and an amplitude for each term, a stiffness or
+        damping that varies in time.
     states : sequence of float, s
         Times at which whole states are recorded, at the nearest step.
     initial : mapping of str to InitialState, optional
@@ -64,15 +65,16 @@ def observe(
     progress : callable, optional
         As for `pmr.simulation.SystemSimulator`.
     checkpoint : Checkpoint, optional
-        If its file exists, the simulation resumes from it, with the parts of steps with which it began.  On one rank
-        the result is the same to the last digit as without interruption; on several ranks it differs by round-off,
+        If its file exists, the simulation resumes from it and divides its steps into the same parts.  On one rank the
+        result is the same to the last digit as without interruption; on several ranks it differs by round-off,
         since MUMPS adds up messages in the order of their arrival.
 
     Raises
     ------
     InputError
         If a path leaves the range of a row, a load is missing, the initial position violates a row, rigid rows move
-        with rho_inf = 1, a rigid row only pushes, or the checkpoint belongs to another simulation.
+        and the time integration damps nothing (rho_inf = 1), a rigid row only pushes, or the checkpoint belongs to
+        another simulation.
     SimulationError
         If a step fails; with step, time, path coordinates and, where rows depend on each other, their names.  Also if
         the motion grows without bound.

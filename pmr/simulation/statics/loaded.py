@@ -280,7 +280,11 @@ class Form:
 
     @cached_property
     def condensed(self) -> Condensed:
-        """Matrices on the motions that rigid closed contacts leave free; K includes the other closed contacts."""
+        """Mass, stiffness and geometric stiffness on those motions that rigid closed contacts permit.
+
+        The motions are those of the structure and of the load's position along its d directions.  The stiffness
+        includes the compliant closed contacts and the geometric stiffness of the fixed loads.
+        """
         e, closed = self.equations, self.closed
         T, H, E = e.load_inputs, e.rows.H, e.load_flexibility
         n, d = T.shape
