@@ -93,7 +93,7 @@ class Beam3D(Beam):
 
     @cached_property
     def planes(self) -> list[Bending]:
-        """Bending along both principal axes of the sections, with shear if the body has it and its areas are known."""
+        """Bending along both principal axes of the sections, with shear if the body has it and areas are known."""
         E, G = self.body.material.young, self.body.material.shear_modulus
         areas, I = self.sections.shear_areas if self.body.shear else None, self.sections.second_moments.T
         if areas is None:

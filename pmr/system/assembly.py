@@ -160,8 +160,8 @@ class Assembly:
     def contact_rows(self, x: Array, effects: bool = True) -> ContactRows:
         """Rows of the contacts with their places at x (sides,) in m, as `System.side_coordinates` returns them.
 
-        If `effects` is false, H and X are empty: the gaps that loads cause, and those that the motion of supports
-        causes.
+        If `effects` is false, H and X are empty: effects of inputs on contacts, and of contacts on outputs, by the
+        residual flexibility.
         """
         return self.contact_rows_over_time(x[None], effects).at_time(0)
 

@@ -194,6 +194,6 @@ def dependence_of_flexibility(F: Array, names: Sequence[str]) -> Dependence:
 
 
 def _involved_names(shares: Array, names: Sequence[str]) -> tuple[str, ...]:
-    """Those of `names` whose row has a share in `shares` (m,) of at least `TAKES_PART` of the largest share."""
+    """Names out of `names` (m) of the rows whose share in `shares` (m,) is at least `TAKES_PART` of the largest."""
     large = np.abs(shares) >= TAKES_PART * np.abs(shares).max()
     return tuple(name for name, takes_part in zip(names, large, strict=True) if takes_part)
