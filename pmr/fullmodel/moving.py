@@ -160,10 +160,33 @@ class FrameAssembler:
         return Assembler(self._model, self._model.domain(self._comm))
 
     def inertia(self, S: Array) -> PETSc.Mat:
-        """Matrix A_S (n, n) of the model without point masses, for a tensor S (3, 3); collective."""
-        tensor, form = self._inertia_form
-        tensor.value = S
-        return self._assembler.assemble_form(form, zeros=False)
+        """Matrix A_S (n, n) of the model without point masses, for a tensor S (3, 3) that is not zero; collective.
+
+        It is the sum of S_jk A_jk, where A_jk belongs to the tensor with the single entry 1 in row j and column k, and
+        is the transpose of A_kj.  Each A_jk with j <= k is assembled at most once.
+        """
+        parts = []
+        for j, k in np.argwhere(S).tolist():
+            A = self._single_inertia(min(j, k), max(j, k))
+            parts.append(A.copy() if j <= k else A.transpose(PETSc.Mat()))
+            parts[-1].scale(S[j, k])
+        for part in parts[1:]:
+            parts[0].axpy(1.0, part, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        free_objects(*parts[1:])
+        return parts[0]
+
+    def _single_inertia(self, j: int, k: int) -> PETSc.Mat:
+        """Matrix A_jk (n, n) of `inertia`; collective."""
+        if (j, k) not in self._single_inertias:
+            tensor, form = self._inertia_form
+            tensor.value = np.outer(np.eye(3)[j], np.eye(3)[k])
+            self._single_inertias[j, k] = self._assembler.assemble_form(form, zeros=False)
+        return self._single_inertias[j, k]
+
+    @cached_property
+    def _single_inertias(self) -> dict[tuple[int, int], PETSc.Mat]:
+        """Matrices A_jk (n, n) that were assembled so far, by j and k; empty at first."""
+        return {}
 
     @cached_property
     def _inertia_form(self) -> tuple[Expr, ...]:
@@ -180,6 +203,8 @@ class FrameAssembler:
         all entries.
         """
         S, motion = acceleration_field(name, self._model)
+        if not S.any():
+            return np.zeros(self._model.size)
         if (key := S.tobytes()) not in self._rigid_loads:  # several inputs have the same tensor
             A = self.inertia(S)
             forces = times(A, self._model.rigid_motions()[slice(*A.getOwnershipRange())])
@@ -238,8 +263,10 @@ class FrameAssembler:
         free_objects(K)
         return solver
 
-    def free_factor(self) -> None:
-        """Free the memory of the static solver if one was made; collective."""
+    def free_memory(self) -> None:
+        """Free the memory of the static solver if one was made, and of matrices; collective."""
+        free_objects(*self._single_inertias.values())
+        self._single_inertias.clear()
         if "_clamped_solver" in self.__dict__:
             self._clamped_solver.destroy()
             del self._clamped_solver

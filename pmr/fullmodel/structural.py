@@ -98,7 +98,7 @@ def _frame_matrices(names: Sequence[str], coupling: Coupling, moving: FrameAssem
             matrices[name] = matrix
         else:
             free_objects(matrix)
-    moving.free_factor()
+    moving.free_memory()
     return matrices
 
 

@@ -98,6 +98,7 @@ class SectionPiece:
         box = part.body.box
         if box is None or not has_even_walls(part):
             raise InputError("scene", "body.box", None, "walls that stay the same along the section are allowed")
+        self._code = environment.computing_digest()
         self.section, self.length = box, min(box.length, length + PIECE * max(box.width, box.height))
         piece = box.model_copy(update={"length": self.length})
         self.bodies = [
@@ -139,7 +140,7 @@ class SectionPiece:
 
         result = []
         for number, body in enumerate(self.bodies):
-            request = repr((body, ring, environment.computing_digest()))
+            request = repr((body, ring, self._code))
             arrays = npz.stored_or_computed("wall-stress", request, partial(compute, number))
             result.append(npz.record_from_arrays(RingStress, arrays, ""))
         return result

@@ -14,6 +14,7 @@ from surfaces import mapped
 from pmr import InputError, System
 from pmr.fem.compat import MPI
 from pmr.fullmodel.model import FullModel, FullSystem
+from pmr.fullmodel.moving import FrameAssembler
 from pmr.fullmodel.pads import Pads, Support
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Inertia, Structure
@@ -277,6 +278,16 @@ def strip(width: float, length: float, along: int) -> Shell:
     mesh = mapped((along, 1), lambda u, v: np.stack([length * u, width * (v - 0.5), 0 * u], axis=1))
     mesh = dataclasses.replace(mesh, groups={**mesh.groups, "tail": mesh.groups["u0"], "tip": mesh.groups["u1"]})
     return Shell(ShellBody(plate=Plate(thickness=5e-3, material=Material(poisson=0.0))), mesh)
+
+
+def test_the_inertia_of_a_tensor_is_that_of_its_form() -> None:
+    """A tensor of nine different entries is assembled at once, beside the sum over single entries and transposes."""
+    moving, S = FrameAssembler(strip(0.2, 1.0, 2), (), MPI.COMM_WORLD), np.arange(1.0, 10.0).reshape(3, 3)
+    tensor, form = moving._inertia_form
+    tensor.value = S
+    at_once, summed = gathered(moving._assembler.assemble_form(form)), gathered(moving.inertia(S))
+    np.testing.assert_allclose(summed, at_once, rtol=0.0, atol=1e-14 * np.abs(at_once).max())
+    assert np.abs(at_once - at_once.T).max() > 0.1 * np.abs(at_once).max()
 
 
 @pytest.mark.slow
