@@ -207,17 +207,6 @@ class Block:
     columns: int = 3
     software: Sequence[str] = ()
 
-    @property
-    def rows(self) -> list[list[Drawing]]:
-        """The drawings in rows: two of half a page's width that follow each other, or one."""
-        rows = list[list[Drawing]]()
-        for drawing in self.drawings:
-            if drawing.half and rows and len(rows[-1]) == 1 and rows[-1][0].half:
-                rows[-1].append(drawing)
-            else:
-                rows.append([drawing])
-        return rows
-
 
 @dataclass(frozen=True)
 class Notices:

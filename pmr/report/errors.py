@@ -191,13 +191,7 @@ def _format_error(error: float) -> str:
 
 def _format_norm(unit: str, value: float) -> str:
     """Format the norm `value` of a difference with its unit; ``1`` is the unit of a pure number."""
-    if unit == "m":
-        return format_length(value, 3)
-    return (
-        format_quantity(value, unit)
-        if unit in ("N", "Pa")
-        else f"{significant(value)}{SPACE}{unit}".removesuffix(f"{SPACE}1")
-    )
+    return format_length(value) if unit == "m" else format_quantity(value, unit)
 
 
 def _comparison_row(comparison: str, place: str, error: float, other: float, decimals: int) -> Row:

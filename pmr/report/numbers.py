@@ -34,6 +34,9 @@ FIXED = {
     "strain": Unit(1e-6, "µm/m"),
     "mm": Unit(1.0, "mm"),
     "kg": Unit(1.0, "kg"),
+    "Hz": Unit(1.0, "Hz"),
+    "%": Unit(0.01, "%"),
+    "–": Unit(1.0, ""),
     "1": Unit(1.0, ""),
 }
 
@@ -119,7 +122,7 @@ def format_quantity(value: float, base: str, digits: int = 3) -> str:
     """Format a value, given in the unit `base`, with the prefix that suits it and `digits` digits, as ``47.9 mm``."""
     unit = unit_for(value, base)
     gap = "" if unit.name == "°" else SPACE
-    return f"{significant(value / unit.size, digits)}{gap}{unit.name}"
+    return f"{significant(value / unit.size, digits)}{gap}{unit.name}".rstrip(SPACE)
 
 
 def format_length(value: float, digits: int = 3) -> str:
@@ -138,13 +141,9 @@ def format_in_unit(value: float, unit: str) -> str:
     Fractions (unit ``%``) are printed in per cent, values in Hz and kg without prefix, plain numbers (unit ``–``)
     without unit.
     """
-    if unit == "%":
-        return format_percent(value)
-    if unit == "m":
-        return format_length(value)
-    if unit in ("Hz", "kg"):
-        return f"{significant(value, 4)}{SPACE}{unit}"
-    return significant(value, 4).replace(SPACE, "") if unit == "–" else format_quantity(value, unit)
+    if unit in ("m", "%"):
+        return format_length(value) if unit == "m" else format_percent(value)
+    return format_quantity(value, unit, 4 if unit in ("Hz", "kg", "–") else 3)
 
 
 def round_number(largest: float) -> float:

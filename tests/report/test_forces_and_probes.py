@@ -94,7 +94,7 @@ def test_a_pad_that_never_touches_has_no_panel_and_no_row(probed: RunResult, mon
     assert block.text == "No force at any time on upper, aside."
     panels.clear()
     block = contact_block(idle(probed, lower=0.0), "case-1")
-    assert block is not None and (block.rows, block.grids, panels) == ([], (), [])
+    assert block is not None and (list(block.drawings), block.grids, panels) == ([], (), [])
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -165,7 +165,7 @@ def test_extremes_are_in_a_table_and_round_off_is_not(make_space: MakeSpace) -> 
     plain = make_space()
     assert section_force_block(plain, "run") is None
     block = section_force_block(with_envelope(plain), "run")
-    assert block is not None and len(block.rows) == 1
+    assert block is not None and len(block.drawings) == 1
     (row,) = block.grids[0].rows
     assert row[0] == "bending moment y"
     assert row[1:] == (f"−2.00{SPACE}kN m at 0.5{SPACE}s, 0{SPACE}m", f"158{SPACE}kN m at 0.5{SPACE}s, 0{SPACE}m")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pmr.report.blocks import Block, Chapter, Drawing, Grid, KeyNumber
 from pmr.report.figures.canvas import WIDE, add_legend, curve_style, drawing, log_axis, log_x, make_axes, make_panels
-from pmr.report.numbers import SPACE, Unit, unit_for
+from pmr.report.numbers import SPACE, unit_for
 from pmr.report.prose import prose
 from pmr.report.studies import tables
 from pmr.report.studies.finished import FinishedStudy
@@ -319,9 +319,9 @@ def _curves(done: Sequence[RunRecord], parameter: str) -> list[tuple[dict[str, A
 def _curve_points(group: Sequence[RunRecord], name: str, places: Mapping[str, float]) -> NDArray[np.float64]:
     """Coordinates x and y of the n points of a curve (2, n), in increasing order of x, from a `group` of runs.
 
-    `places` maps the key of each run to its x; y is the value called `name` in the unit of its quantity.
+    `places` maps the key of each run to its x; y is the value called `name`.
     """
-    points = sorted((places[run.key], value_of(run, name) / quantity_of(name).size) for run in runs_with(group, name))
+    points = sorted((places[run.key], value_of(run, name)) for run in runs_with(group, name))
     return np.array(points).reshape(-1, 2).T
 
 
@@ -332,7 +332,7 @@ def _value_axis(ax: Axes, name: str) -> None:
     """
     what, values = quantity_of(name), np.concatenate([curve.get_ydata() for curve in ax.lines])
     largest, positive = float(np.abs(values).max()), values[values > 0.0]
-    unit = unit_for(largest, what.unit) if what.unit != "%" else Unit(1.0, "%")
+    unit = unit_for(largest, what.unit)
     for curve in ax.lines:
         curve.set_ydata(np.asarray(curve.get_ydata()) / unit.size)
     spread = float(positive.max() / positive.min()) if len(positive) else 1.0

@@ -10,7 +10,7 @@ from typing import get_args
 from pydantic import BaseModel
 
 from pmr.report.blocks import Block, Grid
-from pmr.report.numbers import SPACE, Unit, format_in_unit, format_input, significant, unit_for
+from pmr.report.numbers import SPACE, format_in_unit, format_input, significant, unit_for
 from pmr.results.quantities import unit_text
 from pmr.scene.joints import BoomSection
 from pmr.scene.keys import quantity_of as quantity_in
@@ -33,11 +33,6 @@ class ValueLabel:
     label: str
     unit: str = "–"
     missing: bool = False  # whether 1 minus the value is printed in place of the value
-
-    @property
-    def size(self) -> float:
-        """Value that one unit on the axis of a figure stands for: 0.01 for per cent, else 1."""
-        return 0.01 if self.unit == "%" else 1.0
 
     def cell(self, value: Scalar) -> str:
         """Format a value for a table; None is printed as a dash."""
@@ -258,7 +253,7 @@ def _value_grid(runs: Sequence[RunRecord], pattern: re.Pattern[str], base: str) 
     names = {_ENDS.sub(r"\2", key): None for key in keys if pattern.fullmatch(_ENDS.sub(r"\2", key))}
     sizes = {name: max((abs(value) for run in runs for value in _span(run, name)), default=0.0) for name in names}
     largest, rows = max(sizes.values(), default=0.0), list[tuple[str, ...]]()
-    unit = Unit(1.0, base) if base == "Hz" else unit_for(largest, base)
+    unit = unit_for(largest, base)
     for name in (name for name in names if sizes[name] > NOTHING * largest):
         spans = (f"{SPACE}…{SPACE}".join(_format_value(v, unit.size) for v in _span(run, name)) for run in runs)
         found = pattern.fullmatch(name)
