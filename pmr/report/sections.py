@@ -161,12 +161,8 @@ def tip_drawings(result: RunResult, prefix: str) -> TipDrawings:
             continue
         anchor, called = f"{prefix}-tip-{direction}", direction_words(result, direction)
         caption, label = f"Displacement of {of}, {called}", f"{of.removeprefix('the ').capitalize()} {direction}"
-        drawings.append(histories.drawn_history(anchor, result, what, caption, label, "m"))
-        if result.tip_error is not None:
-            inside = ", with the difference to the full model in it" if "full" in result.responses else ""
-            caption, wide = f"Estimated error of {of}, {called}{inside}.", result.tip_error[:, number]
-            band = drawing(f"{prefix}-band-{direction}", histories.estimate_band, caption, result, what, wide)
-            drawings.append(band)
+        error = None if result.tip_error is None else result.tip_error[:, number]
+        drawings.append(histories.drawn_history(anchor, result, what, caption, label, "m", error))
     return TipDrawings(drawings, still)
 
 

@@ -24,7 +24,7 @@ from pmr.report.figures.canvas import (
     style,
     svg,
 )
-from pmr.report.figures.histories import Span, drawn_history, estimate_band, sliding_spans
+from pmr.report.figures.histories import Span, Timeline, drawn_history, history_figure, sliding_spans
 from pmr.results import FrequencyMap, Paths
 
 LABELS = {
@@ -167,12 +167,17 @@ def test_frequencies_over_decades_are_labelled_in_hertz() -> None:
 def test_the_band_of_the_estimate_holds_what_is_drawn(make_result) -> None:
     result = make_result()
     wide = np.full(len(result.abscissa), 2e-3)
-    figure = estimate_band(result, lambda response: response.tip, wide)
-    (filled,) = [one for one in figure.axes[0].collections if len(one.get_paths()[0].vertices) > 4]
+    time = Timeline(result)
+    figure = history_figure(time, time.signals(lambda response: response.tip), "Tip", "m", wide)
+    (filled,) = [one for one in figure.axes[1].collections if len(one.get_paths()[0].vertices) > 4]
     off = 1e3 * np.abs(result.responses["reduced"].tip - result.responses["full"].tip).max()
     edges = filled.get_paths()[0].vertices[:, 1]
     assert edges.max() == -edges.min() == pytest.approx(2.0)
-    assert max(np.abs(line.get_ydata()).max() for line in figure.axes[0].lines) == pytest.approx(off)
+    drawn = {line.get_label(): np.abs(line.get_ydata()).max() for line in figure.axes[1].lines}
+    assert drawn["reduced"] == pytest.approx(off)
+    alone = Timeline(make_result(responses=("reduced",)))
+    figure = history_figure(alone, alone.signals(lambda response: response.tip), "Tip", "m", wide)
+    assert [ax.get_ylabel() for ax in figure.axes] == ["Tip in mm", "Error in mm"]
 
 
 @pytest.mark.parametrize(("inches", "size"), [(WIDE, "legend.fontsize"), (HALF, "xtick.labelsize")])

@@ -157,8 +157,9 @@ def drawn_history(
     description: str,
     label: str,
     base: str,
+    error: Array | None = None,
 ) -> Drawing:
-    """Draw a quantity over time for every simulator, and its difference to the reference.
+    """Draw a quantity over time for every simulator, its difference to the reference, and its estimated error.
 
     Parameters
     ----------
@@ -168,11 +169,14 @@ def drawn_history(
         Reads the quantity (T,), in the unit `base` without prefix, from a response.
     description, label : str
         Beginning of the caption, and label of the axis.
+    error : (T,) array, optional
+        Estimated error in the unit `base`.
     """
     time = Timeline(result)
     signals = time.signals(quantity)
-    caption = f"{description}{time.difference_clause(signals)}."
-    return drawing(name, history_figure, caption, time, signals, label, base)
+    difference, below = time.difference_clause(signals), "and" if time.differences(signals) else "below,"
+    band = "" if error is None else f"; {below} the estimated error as a band"
+    return drawing(name, history_figure, f"{description}{difference}{band}.", time, signals, label, base, error)
 
 
 def _widen_limits(ax: Axes, panel: Mapping[str, Array], size: float) -> None:
@@ -186,20 +190,30 @@ def _widen_limits(ax: Axes, panel: Mapping[str, Array], size: float) -> None:
         ax.set_ylim((low + high - least) / 2.0 / size, (low + high + least) / 2.0 / size)
 
 
-def history_figure(time: Timeline, signals: Mapping[str, Array], label: str, base: str) -> Figure:
+def history_figure(
+    time: Timeline, signals: Mapping[str, Array], label: str, base: str, error: Array | None = None
+) -> Figure:
     """Draw signals (T,) over time, and below them their differences to the reference, unless these are all 0.
 
-    `label` and `base` are the quantity and its unit without prefix.
+    `label` and `base` are the quantity and its unit without prefix.  An estimated `error` (T,) is drawn as a band about
+    0 together with the differences.
     """
     panels, differences = [(label, signals)], time.differences(signals)
-    panels += [("Difference", differences)] if largest_of(differences) > 0.0 else []
+    if largest_of(differences) > 0.0 or error is not None:
+        panels.append(("Difference" if differences else "Error", differences))
     gaps = {"height_ratios": (1.35, 1.0)[: len(panels)], "hspace": 0.12}
     figure, axes = make_sheet(WIDE, 2.75 if len(panels) > 1 else 1.9, len(panels), gridspec_kw=gaps)
     for ax, (name, panel) in zip(axes[:, 0], panels, strict=True):
-        unit = unit_for(largest_of(panel), base)
+        band = error if panel is differences else None
+        unit = unit_for(max(largest_of(panel), 0.0 if band is None else float(band.max())), base)
         time.trace(ax, panel, unit.size)
         time.frame(ax, f"{name} in {unit.name}", last=ax is axes[-1, 0])
-        _widen_limits(ax, panel, unit.size)
+        if band is not None:
+            shown = extreme_indices(band, bins_of(ax))
+            edge, look = band[shown] / unit.size, {"color": BAND, "linewidth": 0.0, "zorder": 1.0}
+            ax.fill_between(time.t[shown], -edge, edge, label="estimated error", **look)
+        else:
+            _widen_limits(ax, panel, unit.size)
     return add_legend(figure)
 
 
@@ -217,23 +231,6 @@ def panel_figure(result: RunResult, panels: Mapping[str, ResponseFunction], base
         time.trace(ax, panel, unit.size, weight)
         time.frame(ax, "" if k % columns else f"{quantity} in {unit.name}", last=k >= len(panels) - columns)
         ax.set_title(name, loc="left", pad=2.0)
-    return add_legend(figure)
-
-
-def estimate_band(result: RunResult, quantity: ResponseFunction, error_bound: Array) -> Figure:
-    """Draw an estimated error `error_bound` (T,) in m of a tip displacement as a band about 0.
-
-    The difference between the reduced and the full model is drawn within the band, if the full model was simulated.
-    """
-    time = Timeline(result)
-    off = {name: values for name, values in time.differences(time.signals(quantity)).items() if name == "reduced"}
-    unit = unit_for(max(float(error_bound.max()), largest_of(off)), "m")
-    figure, ax = make_axes(WIDE, 1.7, "", "")
-    shown = extreme_indices(error_bound, bins_of(ax))
-    edge = error_bound[shown] / unit.size
-    time.trace(ax, off, unit.size)
-    time.frame(ax, f"Difference in {unit.name}")
-    ax.fill_between(time.t[shown], -edge, edge, color=BAND, linewidth=0.0, zorder=1.0, label="estimate")
     return add_legend(figure)
 
 
