@@ -128,12 +128,23 @@ def _load_text(load: AppliedLoad) -> str:
 
     A load that is never positive is described as a positive load along the opposite axis.
     """
-    where, _, axis = load.where.rpartition(" along ")
-    if not np.any(load.values):
-        return f"0 at all times, {load.where}"
-    if load.values.min(initial=0.0) < 0.0 and load.values.max(initial=0.0) <= 0.0:
-        return f"{_format_load(-load.values, load.unit)} {where} along {MINUS}{axis}"
-    return f"{_format_load(load.values, load.unit)} {load.where}"
+    source, values = load.source, load.values
+    axis = f"{source.direction} of the ground" if source.axes == "ground" else load.direction
+    where = _place_words(source.on)
+    if source.acts != "force":
+        where = f"{source.acts} on the whole body,"
+    elif source.point is not None:
+        where += f" at {', '.join(f'{x:g}' for x in source.point)} m"
+    if not np.any(values):
+        return f"0 at all times, {where} along {axis}"
+    if values.min(initial=0.0) < 0.0 and values.max(initial=0.0) <= 0.0:
+        values, axis = -values, f"{MINUS}{axis}"
+    return f"{_format_load(values, source.unit)} {where} along {axis}"
+
+
+def _place_words(on: str | float) -> str:
+    """Words for the place `on` a body: the name of a part, or the distance in m along the body's axis."""
+    return f"on {on}" if isinstance(on, str) else f"at {format_input(on, 'm')}"
 
 
 def _format_load(values: Array, unit: str) -> str:
@@ -184,8 +195,8 @@ def _mass_rows(result: RunResult) -> Rows:
     """Yield a row for each point mass, and a row with the total mass of the bodies with everything attached to them."""
     for name, part in result.scene.bodies.items():
         for mass in part.masses:
-            where = f"on {mass.on}" if isinstance(mass.on, str) else f"at {format_input(mass.on, 'm')}"
-            yield qualified_name(name, mass.name), f"{format_input(mass.mass, 'kg')} {where}{_offset(part, mass)}"
+            where = f"{_place_words(mass.on)}{_offset(part, mass)}"
+            yield qualified_name(name, mass.name), f"{format_input(mass.mass, 'kg')} {where}"
     if masses := result.summary.get("masses"):
         attached = ", ".join(mass.name for part in result.scene.bodies.values() for mass in part.masses)
         of = f" with {attached}" if attached else ""

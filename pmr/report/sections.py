@@ -110,7 +110,7 @@ def input_block(result: RunResult, prefix: str) -> Block | None:
         draw("position", "Extension of each section", lines, "m", "Extension", [colours[name] for name in lines])
     by_unit = dict[str, dict[str, Array]]()
     for load in acting_loads(result):
-        by_unit.setdefault(load.unit, {})[qualified_name(load.body, load.name)] = load.values
+        by_unit.setdefault(load.source.unit, {})[qualified_name(load.body, load.name)] = load.values
     for number, (unit, lines) in enumerate(by_unit.items()):
         draw(f"loads-{number}", "Loads", lines, unit, UNIT_QUANTITIES[unit].capitalize())
     if changing := subject.changing_angles(result):

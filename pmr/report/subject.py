@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pmr.files.arrays import Array, Summary
-from pmr.report.numbers import SPACE, format_input, format_percent, format_quantity
+from pmr.report.numbers import SPACE, format_percent, format_quantity
 from pmr.results import BodyResult, RunResult
 from pmr.results.quantities import wall_stress
-from pmr.scene.built import PadRing
+from pmr.scene.built import Load, PadRing
 from pmr.scene.choice import input_directions
 from pmr.scene.joints import JointPads
 from pmr.scene.keys import ALONE, LUFFING_CYLINDER, input_name, qualified_name
@@ -24,8 +24,6 @@ from pmr.scene.model_traits import model_traits
 from pmr.scene.scene import BoomSection
 from pmr.scene.signals import SignalBase
 
-#: Text in the name of a load between the component of a force and the axis of the whole force.
-GROUND = ", of a force"
 #: Words for the directions across the axis.
 _ACROSS = {"y": "lateral, y", "z": "vertical, z"}
 
@@ -34,20 +32,16 @@ _ACROSS = {"y": "lateral, y", "z": "vertical, z"}
 class AppliedLoad:
     """Load on a body, or a component of a load along an axis of the body.
 
-    `position` is the distance of the load along the body's axis in m, and `where` is its position in words.
-    `direction` is ``along``, ``aside`` or ``up`` for a force along x, y or z of the body, ``turn`` for a moment, and
-    ``whole`` for wind or a difference of temperature, which act on the whole body.
+    `direction` is ``x``, ``y``, ``z``, ``rx``, ``ry`` or ``rz`` of the body's axes, `position` the distance along the
+    body in m, and `source` the load in the scene, whose unit the values have.
     """
 
     name: str
     body: str
     direction: str
     position: float
-    where: str
-    signal: SignalBase
     values: Array  # (T,): N, N m, K, or N/m of wind
-    axis_of: str = ""  # for a component, the name in the scene of the whole load
-    unit: str = "N"  # of the whole load: N, N m, K or Pa
+    source: Load
 
 
 def no_play_clause(result: RunResult) -> str:
@@ -187,38 +181,22 @@ def input_loads(result: RunResult) -> list[AppliedLoad]:
     acting, names = list[AppliedLoad](), result.loads.names
     for member, (body, section) in zip(members(result.scene), result.scene.bodies.items(), strict=True):
         end = reach(result) if body == ALONE else section.length
-        inputs = [(load, *part) for load in section.loads for part in input_directions(member, load).items()]
-        for load, name, direction in inputs:
-            if (full_name := input_name(body, name)) in names:
-                values = result.loads.values[:, names.index(full_name)]
-            else:
-                continue
-            where = f"{place_words(load.on)} along {direction}"
-            if load.point is not None:
-                where = f"{where} at {', '.join(f'{x:g}' for x in load.point)} m"
-            if load.axes == "ground":
-                where = f"{where}{GROUND} along {load.direction} of the ground"
-            kind = {"x": "along", "y": "aside", "z": "up"}.get(direction, "turn")
-            if load.acts != "force":
-                kind, where = "whole", f"{load.acts} on the whole body, along {direction}"
-            at = end if isinstance(load.on, str) else load.on
-            acting.append(AppliedLoad(name, body, kind, at, where, load.signal, values, load.name, load.unit))
+        for load in section.loads:
+            for name, direction in input_directions(member, load).items():
+                if (full_name := input_name(body, name)) in names:
+                    values = result.loads.values[:, names.index(full_name)]
+                    at = end if isinstance(load.on, str) else load.on
+                    acting.append(AppliedLoad(name, body, direction, at, values, load))
     return acting
-
-
-def place_words(on: str | float) -> str:
-    """Words for the place `on` a body: the name of a part, or the distance in m along the body's axis."""
-    return f"on {on}" if isinstance(on, str) else f"at {format_input(on, 'm')}"
 
 
 def scene_loads(result: RunResult) -> list[AppliedLoad]:
     """Loads as the scene defines them: a force along an axis of the ground is one load along that axis."""
     by_load, t = dict[tuple[str, str], AppliedLoad](), result.responses["reduced"].t
     for load in input_loads(result):
-        if load.axis_of != load.name:
-            where = load.where.partition(" along ")[0] + load.where.partition(GROUND)[2]
-            load = replace(load, name=load.axis_of, where=where, values=load.signal.value(t))
-        by_load.setdefault((load.body, load.axis_of), load)
+        if load.name != load.source.name:
+            load = replace(load, name=load.source.name, values=load.source.signal.value(t))
+        by_load.setdefault((load.body, load.name), load)
     return list(by_load.values())
 
 

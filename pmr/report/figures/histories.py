@@ -174,8 +174,8 @@ def drawn_history(
     """
     time = Timeline(result)
     signals = time.signals(quantity)
-    difference, below = time.difference_clause(signals), "and" if time.differences(signals) else "below,"
-    band = "" if error is None else f"; {below} the estimated error as a band"
+    difference = time.difference_clause(signals)
+    band = "" if error is None else f"; {'and' if difference else 'below,'} the estimated error as a band"
     return drawing(name, history_figure, f"{description}{difference}{band}.", time, signals, label, base, error)
 
 

@@ -187,10 +187,10 @@ def _draw_loads(ax: Axes, result: RunResult, axes: Mapping[str, tuple[Array, Arr
     inch = float(np.ptp(ax.get_xlim())) / (HALF - LEFT - RIGHT)
     forces, names = dict[tuple[str, str, float, bool], Array](), dict[tuple[float, ...], list[str]]()
     for load in input_loads(result):  # a force along an axis of the ground has two parts
-        if load.body in axes and load.direction in ("along", "up") and np.any(load.values):
-            key = (load.body, load.axis_of, load.position, load.name != load.axis_of)
+        if load.body in axes and load.source.acts == "force" and load.direction in ("x", "z") and np.any(load.values):
+            key = (load.body, load.source.name, load.position, load.name != load.source.name)
             force = forces.setdefault(key, np.zeros((len(load.values), 2)))
-            force[:, ("along", "up").index(load.direction)] = load.values
+            force[:, ("x", "z").index(load.direction)] = load.values
     for (body, name, position, is_of_ground), force in forces.items():
         x, places = axes[body]
         at = np.array([np.interp(position, x, places[:, k]) for k in (0, 1)])
