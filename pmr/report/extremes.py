@@ -94,7 +94,7 @@ def _extreme_cells(extremes: Extremes, unit: Unit, negligible: float, placed: bo
     """
     for extreme in (extremes.lowest, extremes.highest):
         place = f", {format_input(round(extreme.s, 2), 'm')}" if placed else ""
-        value = f"{significant(extreme.value / unit.size)}{SPACE}{unit.name}".rstrip(SPACE)
+        value = unit.after(significant(extreme.value / unit.size))
         yield f"{value} at {format_time(extreme.t)}{place}" if abs(extreme.value) > negligible else "0"
 
 

@@ -25,12 +25,20 @@ class Unit:
     size: float
     name: str
 
+    def after(self, text: str) -> str:
+        """Return a number, as `text`, with the unit after it."""
+        gap = "" if self.name.startswith("°") else SPACE
+        return f"{text}{gap}{self.name}".rstrip(SPACE)
+
 
 #: Units without prefixes in which quantities are printed, by their own units; ``strain`` is that of a strain.
 FIXED = {
     "m^3": Unit(1e-3, "l"),
     "m^3/s": Unit(1e-3 / 60.0, "l/min"),
     "rad": Unit(pi / 180.0, "°"),
+    "rad/s": Unit(pi / 180.0, "°/s"),
+    "degrees": Unit(1.0, "°"),
+    "degrees/s": Unit(1.0, "°/s"),
     "strain": Unit(1e-6, "µm/m"),
     "mm": Unit(1.0, "mm"),
     "kg": Unit(1.0, "kg"),
@@ -41,14 +49,21 @@ FIXED = {
 }
 
 
+#: Units of stiffnesses from a million on.
+MILLIONS = {"N/m": Unit(1e6, "kN/mm"), "N m/rad": Unit(1e6, "MN m/rad")}
+
+
 def unit_for(largest: float, base: str) -> Unit:
     """Return the unit with the prefix by which the value `largest`, given in the unit `base`, is printed as 1 to 1000.
 
     Lengths in m and times in s get no prefix above 1, such as k.  Quotients such as N/m, and products other than N m,
-    get no prefix at all; nor does any unit if `largest` is 0 or not finite.  Those of `FIXED` have one unit each.
+    get no prefix at all; nor does any unit if `largest` is 0 or not finite.  Those of `FIXED` have one unit each, and
+    those of `MILLIONS` another one from 1e6 on.
     """
     if base in FIXED:
         return FIXED[base]
+    if base in MILLIONS and 1e6 <= abs(largest) < float("inf"):
+        return MILLIONS[base]
     if largest == 0.0 or not isfinite(largest) or not (base.isalpha() or base == "N m"):
         return Unit(1.0, base)
     sizes = [size for size in _PREFIXES if size <= 1.0 or base not in ("m", "s")]
@@ -121,8 +136,7 @@ def format_percent(fraction: float, digits: int = 3) -> str:
 def format_quantity(value: float, base: str, digits: int = 3) -> str:
     """Format a value, given in the unit `base`, with the prefix that suits it and `digits` digits, as ``47.9 mm``."""
     unit = unit_for(value, base)
-    gap = "" if unit.name == "°" else SPACE
-    return f"{significant(value / unit.size, digits)}{gap}{unit.name}".rstrip(SPACE)
+    return unit.after(significant(value / unit.size, digits))
 
 
 def format_length(value: float, digits: int = 3) -> str:

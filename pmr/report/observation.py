@@ -103,8 +103,7 @@ def _with_band(last: Mapping[str, float], unit: str) -> str:
     """
     mean, half = last["mean"], WIDTH * last["deviation"]
     shown = unit_for(max(abs(mean), half), unit)
-    text = f"{significant(mean / shown.size)} ± {significant(half / shown.size, 2)}"
-    return f"{text}{SPACE}{shown.name}".rstrip()
+    return shown.after(f"{significant(mean / shown.size)} ± {significant(half / shown.size, 2)}")
 
 
 def _estimate_caption(name: str, figures: Summary) -> str:

@@ -14,7 +14,7 @@ from pydantic import BaseModel
 
 from pmr.files.arrays import Summary
 from pmr.report.blocks import Table
-from pmr.report.numbers import SPACE, format_input, format_quantity, unit_for
+from pmr.report.numbers import MILLIONS, SPACE, Unit, format_input, format_quantity, unit_for
 from pmr.report.subject import reduced_size
 from pmr.results import RunResult
 from pmr.results.quantities import unit_text
@@ -32,11 +32,8 @@ MOST_VALUES = 6
 SIGNAL_UNITS = {"time": "s", "times": "s", "frequency": "Hz", "frequencies": "Hz", "phase": "rad", "degree": ""}
 #: Units of the signals of forces and moments on a machine, which the scene does not declare.
 UNITS = {"force": "N", "moment": "N m"}
-#: Units that get a prefix, and stiffnesses in N/m or N m/rad by their units in millions.
-PREFIXED = ("m", "s", "N", "N m", "Pa")
-MILLIONS = {"N/m": "kN/mm", "N m/rad": "MN m/rad"}
-#: Units of angles and their rates that are shown in degrees, whatever the scene's unit.
-DEGREES = {"rad": "degrees", "rad/s": "degrees/s"}
+#: Units that are shown with a prefix, stiffnesses in millions, and angles and their rates in degrees.
+SCALED = ("m", "s", "N", "N m", "Pa", *MILLIONS, "rad", "rad/s", "degrees", "degrees/s")
 #: Words for keys that are symbols or names of persons.
 WORDS = {"young": "Young's modulus", "poisson": "Poisson's ratio", "rho_inf": "ρ∞ of generalised-α"}
 #: Keys that are shown even if their values are the defaults.
@@ -167,24 +164,12 @@ def describe_plain(value: object, unit: str = "") -> str:
 
 def _format_numbers(values: Sequence[float], unit: str) -> str:
     """Format the numbers `values` with one unit for all; more than `MOST_VALUES` become their number and range."""
-    if unit in DEGREES:
-        values, unit = [float(np.rad2deg(value)) for value in values], DEGREES[unit]
-    largest, size = max(map(abs, values)), 1.0
-    if unit in MILLIONS and largest >= 1e6:
-        size, unit = 1e6, MILLIONS[unit]
-    elif unit in PREFIXED:
-        prefixed = unit_for(largest, unit)
-        size, unit = prefixed.size, prefixed.name
-    texts = [format_input(float(f"{value / size:.7g}")) for value in values]
+    scaled = unit_for(max(map(abs, values)), unit) if unit in SCALED else Unit(1.0, unit)
+    texts = [format_input(float(f"{value / scaled.size:.7g}")) for value in values]
+    text = texts[0] if len(texts) == 1 else f"({', '.join(texts)})"
     if len(values) > MOST_VALUES:
-        ends = (format_input(float(f"{end(values) / size:.7g}")) for end in (min, max))
-        text = f"({len(values)} values, {' to '.join(ends)})"
-    else:
-        text = texts[0] if len(texts) == 1 else f"({', '.join(texts)})"
-    unit = unit_text(unit).replace(" ", SPACE)
-    return (
-        f"{text}{unit.replace('degrees', '°')}" if unit.startswith("degrees") else f"{text}{SPACE}{unit}".rstrip(SPACE)
-    )
+        text = f"({len(values)} values, {texts[int(np.argmin(values))]} to {texts[int(np.argmax(values))]})"
+    return Unit(1.0, unit_text(scaled.name).replace(" ", SPACE)).after(text)
 
 
 def _telling_values(

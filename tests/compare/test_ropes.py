@@ -167,7 +167,7 @@ def test_the_summary_says_how_long_and_stiff_a_rope_is(simulated) -> None:
     assert said[2]["length"] == 6.0 and said[2]["stiffness"] == 2e6 and "length" not in said[1]
     names = [force.name for force in reported.rope_forces({"ropes": said})]
     assert names[:2] == ["cylinder of first", "rope of second"]
-    assert names[2] == "rope of fly, 6.00\u00a0m long, EA/l 2.00\u00a0\u00b7\u00a010\u2076\u00a0N/m"
+    assert names[2] == "rope of fly, 6.00\u00a0m long, EA/l 2.00\u00a0kN/mm"
 
 
 WINCH = {"EA": 1e6, "strands": 2, "length": 5.0, "lengthens": -1.0}
