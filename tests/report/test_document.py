@@ -13,11 +13,12 @@ from xml.etree import ElementTree
 
 import pytest
 
-from pmr import RunResult
+from pmr import RunResult, report
 from pmr.report import document, errors, sentences
 from pmr.report.blocks import END_OF_SCREEN, SCREEN
 from pmr.report.document import render_runs as render
 from pmr.report.document import with_date, write_report
+from pmr.report.prose import prose
 from pmr.report.sections import chapter as case
 
 
@@ -307,3 +308,19 @@ def test_weasyprint_is_loaded_without_a_process_that_looks_for_libraries() -> No
     )
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert ended.stdout == "HTML\n", ended.stderr
+
+
+def test_each_text_of_the_template_of_prose_is_used_and_stands_on_one_line() -> None:
+    """A macro that nothing calls would be translated and mended for nobody."""
+    folder = Path(report.__file__).parent
+    calls = set(re.findall(r'prose\(\s*"(\w+)"', "".join(file.read_text() for file in folder.rglob("*.py"))))
+    assert calls == set(re.findall(r"{% macro (\w+)", (folder / "templates" / "prose.txt").read_text()))
+    text = prose("frequencies", is_stressed=False, stays=False, part="slider", has_level_stretches=True)
+    assert text == (
+        "Lowest eigenfrequencies while the slider rests. Level stretches belong to vibration along the axis."
+    )
+    slack = [{"start": 0.5, "end": 1.25, "snatch": 2e3}]
+    assert prose("hoist", factor=1.5, weight=1e3, slack=slack) == (
+        "The rope's largest force is 1.50 times that of the weight, 1.00\u00a0kN. It is slack from 0.5\u00a0s to "
+        "1.25\u00a0s, then it pulls with up to 2.00\u00a0kN."
+    )
