@@ -218,7 +218,9 @@ def frequency_error(f: Array, reference: Array) -> float | None:
 
 def largest_model_error(part: Summary) -> float:
     """The largest error, a fraction, in `part`, the contents of ``budget.model``; 0 if it has none."""
-    return float(max((part[kind] for kind in (*COMPARED, "largest") if part.get(kind) is not None), default=0.0))
+    return float(
+        max((part[kind] for kind in (*COMPARED, "largest", "probe") if part.get(kind) is not None), default=0.0)
+    )
 
 
 def _largest(*values: Array) -> Array:

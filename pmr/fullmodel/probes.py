@@ -121,13 +121,13 @@ def probe_summary(outputs: Mapping[str, Iterable[object]]) -> dict[str, list[dic
 def _displacements(probe: Probe, model: FiniteElementModel) -> Iterator[Gauge]:
     """Yield gauges of a probe's displacement along x, y and z, at the nearest grid point or as the mean of a group.
 
-    On a beam, the displacement is that of the axis at the probe's x, which may be between nodes.  Directions along
-    which the model can't move are left out.
+    On a beam, the point moves with its section, which may be between nodes.  Directions along which the model can't
+    move are left out.
     """
     if probe.at is not None and is_beam(model):
-        where = np.clip(probe.at[0], *model.node_stations[[0, -1]]) * np.eye(3)[0]
-        names = [d for d in model.directions if d in ("x", "y", "z")]
-        rows = model.coordinates_at(where[:1])[[model.directions.index(d) for d in names]]
+        x = float(np.clip(probe.at[0], *model.node_stations[[0, -1]]))
+        where, names = np.array([x, *probe.at[1:]]), [d for d in model.directions if d in ("x", "y", "z")]
+        rows = model.motion(x, where)[[model.directions.index(d) for d in names]]
     elif probe.at is not None:
         point = int(np.linalg.norm(model.grid.points - probe.at, axis=1).argmin())
         rows, names = model.point_displacements()[3 * point : 3 * point + 3], list("xyz")

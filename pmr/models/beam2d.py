@@ -24,10 +24,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
 import ufl
 
-from pmr.errors import InputError
 from pmr.fem.compat import hermite_space
 from pmr.files.arrays import Array, Indices
 from pmr.models import Forms, UnitState, ufl_product
@@ -192,16 +190,6 @@ class Beam2D(Beam):
             local[:, 0, 0], local[:, 0, 3] = 1.0 - X, X
             local[:, 0] -= self.stiffnesses.centroid[number, None] * local[:, 2]
         return local
-
-    def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
-        """Rows (d, n) of the motion of a place's centroid.
-
-        Raises an `InputError` if `about` is not None: a planar beam has no points beside its axis.
-        """
-        if about is not None:
-            allowed = "the place itself is allowed: a planar beam has no points beside it"
-            raise InputError("scene", "place", place, allowed)
-        return super().motion(place)
 
     def faces(self, at: float) -> dict[str, tuple[Plane, Extent]]:
         """The faces ``bottom`` and ``top`` by name, each with its plane and its extent.

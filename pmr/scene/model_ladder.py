@@ -153,7 +153,8 @@ def _no_comparison(value: str, why: str) -> InputError:
 def _scene_with_models(scene: Scene, models: list[str]) -> Scene:
     """Return the scene with one model for each body, positions that all models have, and an accurate reduction.
 
-    The scene is simulated once, by ``march``; stresses, probes, accuracy and budget are left out of it.
+    The scene is simulated once, by ``march``; stresses, accuracy and budget are left out of it, and of probes all but
+    displacements.
     """
     parts = []
     for part, model in zip(scene.sections, models, strict=True):
@@ -162,7 +163,11 @@ def _scene_with_models(scene: Scene, models: list[str]) -> Scene:
         changes = {
             "body": part.body.model_copy(update={"model": model, "walls": walls}),
             "observe": part.observe.model_copy(update={**places, "frequency_response": False}),
-            "probes": (),
+            "probes": tuple(
+                probe.model_copy(update={"measures": ("displacement",)})
+                for probe in part.probes
+                if "displacement" in probe.measures
+            ),
             "reduction": Reduction(coordinates=COORDINATES, estimate=False, solver=part.reduction.solver),
         }
         parts.append(part.model_copy(update=changes))

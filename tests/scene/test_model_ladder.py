@@ -69,6 +69,14 @@ def test_cells_of_the_shell_may_be_said_where_a_beam_is_compared_with_one() -> N
         scene("boom_beam", "mesh.size=0.2")
 
 
+def test_displacements_of_probes_are_compared_and_their_stresses_are_not() -> None:
+    """A wall that bends by itself moves otherwise than the section of a beam: no error said so."""
+    probes = "probes=[{name='a',at=[3.0,0.0,0.2]},{name='b',at=[3.0,0.0,0.2],measures=['stress','displacement']}]"
+    compared = model_comparison(load_any("boom_beam", ["compare.richer='shell'", probes]))
+    for scene in (compared.scene, compared.richer):
+        assert [(probe.name, probe.measures) for probe in scene.only_section.probes] == [("b", ("displacement",))]
+
+
 def test_the_rotation_of_the_tip_is_observed_in_the_richer_model_too() -> None:
     compared = model_comparison(scene("boom_beam", "observe.rotation=true", "compare.richer=shell"))
     for of in (compared.scene, compared.richer):
