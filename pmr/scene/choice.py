@@ -29,6 +29,8 @@ from pmr.scene.signals import Constant
 QUASI_STATIC = 1.0 / 3.0
 #: Distance of the first and last observed position from the ends of a body, as a share of its length.
 FROM_AN_END = 0.05
+#: Largest distance in m of a pad from the mirror image of another one at y = 0.
+SYMMETRIC = 1e-9
 #: Pairs of faces that mirror each other at y = 0.
 SIDES: tuple[tuple[Face, Face], ...] = (("left", "right"), ("bottom left", "bottom right"), ("top left", "top right"))
 
@@ -307,10 +309,17 @@ def _lateral_reasons(member: Member) -> list[str]:
     reasons = lateral_load_reasons(member)
     masses_apart = [mass for mass in member.part.masses if mass.at is not None]
     reasons += [f"the mass {mass.name} has a place of its own, masses.at" for mass in masses_apart]
+    loads_apart = [load for load in member.part.loads if load.point is not None]
+    reasons += [f"the load {load.name} has a place of its own, loads.point" for load in loads_apart]
     if has_unlike_side_walls(member):
         reasons.append("the walls at left and right differ")
     if any(" " in face for ring in member.pads for face in ring.faces):
         reasons.append("pads are on slanted faces")
+    across = [
+        sorted(places) for ring in member.pads for face, places in ring.faces.items() if face in ("bottom", "top")
+    ]
+    if any(not np.allclose(places, np.negative(places[::-1]), rtol=0.0, atol=SYMMETRIC) for places in across):
+        reasons.append("pads at the bottom or top are not alike at left and right")
     if member.gravity is not None and member.gravity.direction[1] != 0.0:
         reasons.append("the weight has a lateral part")
     if member.frame is not None and (member.frame.out_of_plane_key or member.frame.tail_position[1] != 0.0):

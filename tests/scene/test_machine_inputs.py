@@ -116,7 +116,7 @@ def test_a_payload_beside_the_vertical_plane_needs_sections_in_space(key: str, t
     lines = plain_machines.HOIST.read_text().splitlines()
     file = tmp_path / "planar.toml"
     file.write_text("\n".join(line for line in lines if not line.startswith(("slewing", "wind.y", "#:"))))
-    rings = "[{at=0.15, faces={bottom=[-0.06], top=[-0.06]}, unilateral=false}]"
+    rings = "[{at=0.15, faces={bottom=[0.0], top=[0.0]}, unilateral=false}]"
     supports = "[{on='tail', directions=['x', 'z']}, {on=1.5, directions=['z']}]"
     plane = ["section.body.model=auto", f"sections.base.supports={supports}"]
     plane += [f"section.joint.{end}={rings}" for end in ("tail", "mouth")]

@@ -14,7 +14,7 @@ from pmr.scene.members import member_at
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 AT_THE_WEB = (
     "pads=[{name='a',at=0.15,width=0.06,faces={bottom=[-0.12,0.12],top=[-0.12,0.12]}},"
-    "{name='b',moving=true,width=0.06,faces={top=[0.12]}}]"
+    "{name='b',moving=true,width=0.06,faces={top=[-0.12,0.12]}}]"
 )
 PROBE = "probes=[{name='p',at=[3.0,0.0,0.2],measures=['%s']}]"
 VERTICAL = "loads=[{name='F',signal=1000.0}]"
@@ -124,6 +124,9 @@ def test_damping_in_two_ways_names_the_file_that_has_both(tmp_path: Path) -> Non
         ((AT_THE_WEB, "loads=[{name='F',signal={kind='sine',amplitude=1.0,frequency=50.0}}]"), "shell",
          "loads of 50 Hz come near the walls' own frequency of 123 Hz"),
         (("body.model=solid",), "solid", "the scene names it"),
+        ((AT_THE_WEB, VERTICAL, "loads.0.point=[6.0,0.4,0.0]"), "beam3d", "has a place of its own, loads.point"),
+        ((VERTICAL, *(f"pads.{ring}.faces={{bottom=[-0.1,0.05],top=[0.0],left=[0.0],right=[0.0]}}" for ring in (
+         "tail", "mouth"))), "beam3d", "pads at the bottom or top are not alike at left and right"),
     ],
 )  # fmt: skip
 def test_the_scene_decides_what_a_model_has_to_carry(load, overrides, model, reason) -> None:
