@@ -77,8 +77,8 @@ class Choice:
 def prepare_scene(scene: Scene) -> Scene:
     """The scene whose reduction contains all models that the search can choose.
 
-    It is the scene itself if there is no tolerance or budget, and for booms of several sections: these have their own
-    coordinates and more enrichment modes (`pmr.reduction.from_scene`).
+    The scene itself is returned if it has no tolerance or budget, and for booms of several sections: these have their
+    own coordinates and more enrichment modes (`pmr.reduction.from_scene`).
     """
     if scene.goal is None or len(scene.bodies) > 1:
         return scene

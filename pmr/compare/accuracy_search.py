@@ -26,17 +26,17 @@ SECOND_ORDER = 4.0
 
 
 def worst_ratio(errors: Mapping[str, float], allowed: Allowed) -> float:
-    """Largest ratio of the error to the allowed error; of all kinds of outputs the worst one counts."""
+    """Largest ratio of the error to the allowed error in `errors`, over all kinds of outputs in `allowed`."""
     return max(errors[kind] / size for kind, size in allowed.items())
 
 
 def is_within(trial: Trial, allowed: Allowed) -> bool:
-    """Whether the sum of the errors of reduction and step is allowed, and the error of the step is settled."""
+    """Whether the sum of a trial's errors of reduction and step is allowed, and the error of the step is settled."""
     return trial.settled and worst_ratio(trial.total, allowed) <= 1.0
 
 
 def find_sufficient_trial(trials: Trials, sizes: Sizes, steps: int, allowed: Allowed) -> Trial:
-    """First trial whose errors are allowed, with ever shorter steps and more coordinates; if there is none, the best.
+    """First of `trials` whose errors are allowed, with ever shorter steps and more coordinates; if none is, the best.
 
     The search begins with these `sizes` and `steps`.  Whether there are too few coordinates is decided only by runs
     whose steps resolve the motion; other runs show nothing about it.
@@ -64,7 +64,7 @@ def find_sufficient_trial(trials: Trials, sizes: Sizes, steps: int, allowed: All
 def _step_ratio(trials: Trials, sizes: Sizes, steps: int, allowed: Allowed) -> float:
     """Largest ratio of the error of the step to the allowed error, for models of these sizes in a run of `steps` steps.
 
-    It is more than 1 if the error of the step is not settled.
+    The ratio is more than 1 if the error of the step is not settled.
     """
     size = worst_ratio(trials.step_errors(sizes, steps), allowed)
     return size if trials.is_settled(sizes, steps) else max(size, 1.0 + HALF)
@@ -113,7 +113,7 @@ def find_best_affordable(trials: Trials, budget: Budget, coarsest: int) -> Trial
 
 
 def explain_trial(trials: Trials, trial: Trial, coarsest: int, allowed: Allowed) -> Iterator[str]:
-    """Yield a clause on why the trial has these coordinates, and one on why it has this number of steps.
+    """Yield a clause on the reason for the trial's coordinates, and one on the reason for its number of steps.
 
     `coarsest` is the smallest number of steps that follow path and loads; `allowed` are the errors that reduction and
     step may have together.
@@ -146,9 +146,9 @@ def explain_trial(trials: Trials, trial: Trial, coarsest: int, allowed: Allowed)
 def _fewest_modes(trials: Trials, trial: Trial, allowed: Allowed) -> Sizes:
     """Smallest sizes whose models are still within the `allowed` errors at the step of the trial.
 
-    The error of smaller models is their difference to the trial.  It may use what the error of the trial's step leaves
-    of `allowed`.  Modes are left out of all bodies first, then of each body.  The differences are those of runs with
-    the fewest steps that resolve the motion.
+    The error of smaller models is their difference to the trial.  This error may use what the error of the trial's step
+    leaves of `allowed`.  Modes are left out of all bodies first, then of each body.  The differences are those of runs
+    with the fewest steps that resolve the motion.
     """
     margin = {kind: size - trial.step[kind] for kind, size in allowed.items()}
     steps = trials.fewest_resolving_steps(trial.steps)
@@ -190,7 +190,8 @@ def _longest_steps(
 def _balance_errors(trials: Trials, sizes: Sizes, coarsest: int) -> Trial:
     """Trial with the longest step whose error does not exceed that of the reduction.
 
-    If no step is that accurate, the trial has the shortest step.  The run has at least `coarsest` steps.
+    The models have the given `sizes`.  If no step is that accurate, the trial has the shortest step.  The run has at
+    least `coarsest` steps.
     """
 
     def suits(reduction: Mapping[str, float], step: Mapping[str, float]) -> bool:
@@ -220,8 +221,8 @@ def _real_time_trials(trials: Trials, ratio: float, coarsest: int) -> Iterator[T
 def _largest_sizes(trials: Trials, seconds: float) -> Sizes | None:
     """Sizes with the most elastic modes with which a step takes at most `seconds`.
 
-    All bodies have the same number of elastic modes, or all elastic modes that they have.  None if a step takes longer
-    with the fewest modes.
+    All bodies have the same number of elastic modes, or all elastic modes that they have.  The result is None if a step
+    takes longer with the fewest modes.
     """
     low, high = trials.least - 1, trials.most_elastic_modes(trials.most) + 1
     middle = high - 1
@@ -233,7 +234,7 @@ def _largest_sizes(trials: Trials, seconds: float) -> Sizes | None:
 
 
 def _most_coordinates(trials: Trials, allowed: int) -> Sizes:
-    """Sizes with up to `allowed` coordinates; each is added to the body in which it reduces the error most.
+    """Sizes with up to `allowed` coordinates; each coordinate is added to the body whose error it reduces most.
 
     Raises InputError if the smallest model has more coordinates than are allowed.
     """

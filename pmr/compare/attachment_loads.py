@@ -21,7 +21,7 @@ Models = Mapping[str, ReducedModel]
 
 
 def reason_without_estimate(models: Models) -> str | None:
-    """Why errors of bodies with these models can't be estimated, in words; None if they can.
+    """Reason, in words, for which errors of bodies with these models can't be estimated; None if they can.
 
     `models` maps names of bodies to models.
     """
@@ -32,7 +32,7 @@ def reason_without_estimate(models: Models) -> str | None:
 
 
 def _reason_without_estimate_of(model: ReducedModel) -> str | None:
-    """Why the error of one model can't be estimated, in words; None if it can."""
+    """Reason, in words, for which the error of one model can't be estimated; None if it can be."""
     if model.flexibility is None:
         return (
             "without residual flexibility the static deformation of the modes that are left out is missing, and the "

@@ -80,7 +80,7 @@ def luffing_part(scene: Scene, response: Response) -> SummaryPart:
 def _use_of_cylinder(cylinder: LuffingCylinder, force: Array, length: Array) -> dict[str, Array]:
     """Return ``use``: the share (T,) of the allowed push or pull that a force (T,) in N uses at lengths (T,) in m.
 
-    The result is empty if the scene allows any force.
+    The result is empty if the `cylinder` may carry any force.
     """
     if not cylinder.has_allowed_forces:
         return {}
@@ -125,7 +125,7 @@ class _Drive:
 def _driven_part(
     drive: _Drive, histories: Mapping[str, Array], stop: Array, response: Response, along: Array, warnings: list[str]
 ) -> SummaryPart:
-    """Part of a computed motion's drive, as `extension_part` describes it, with further `warnings` before its own.
+    """Part of a computed motion's drive, as `extension_part` describes it; `warnings` come before the part's own.
 
     `histories` (T,) are the drive's quantities by name.  `stop` (T,) in m is how far a stop gives way: above 0 at the
     greatest length, below 0 at the smallest.  `along` (T, P) in m are the path coordinates.
@@ -191,7 +191,7 @@ def _cylinder_part(
 ) -> SummaryPart:
     """Part with the extremes of `histories` (T,) of a `cylinder`, and a warning if its oil would boil.
 
-    `along` (T, P) in m are the path coordinates at the times of the response.
+    `along` (T, P) in m are the path coordinates at the times of the response; `warnings` are added to the part's own.
     """
     extremes = {key: Extremes.from_history(history, response.t, along) for key, history in histories.items()}
     figures = {key.replace(" ", "_"): of.summary() for key, of in extremes.items()}
@@ -269,7 +269,7 @@ def _pin_warnings(scene: Scene, held: PinAndCylinder | None) -> list[str]:
 
 
 def slack_spans(t: Array, force: Array) -> list[dict[str, float]]:
-    """Spans in which a rope is slack: ``start`` and ``end`` in s, and the largest force ``snatch`` in N after it.
+    """Spans in which a rope is slack: ``start`` and ``end`` in s, and the largest force ``snatch`` in N afterwards.
 
     `force` (T,) in N is that of the rope at the times t (T,) in s.  The ``snatch`` is the largest force until the rope
     is slack again or the run ends.
@@ -323,11 +323,11 @@ def hoist_part(scene: Scene, response: Response) -> SummaryPart:
 
 
 def _jerk_warnings(scene: Scene, hoist: Hoist, gravity: float) -> list[str]:
-    r"""Warning about a rope that moves at t = 0 with another speed than its payload; none if that matters little.
+    r"""List a warning about a rope that moves at t = 0 with another speed than its payload.
 
     Let v be the difference of the speeds, m the mass, k the stiffness of all falls and g the `gravity`.  On a boom that
-    does not give, the force of a rope without damping rises to :math:`1 + |v| \sqrt{k / m} / g` times the weight; it
-    matters if that exceeds 1 by `JERK`.
+    does not give, the force of a rope without damping rises to :math:`1 + |v| \sqrt{k / m} / g` times the weight; if
+    that exceeds 1 by `JERK`, there is a warning, otherwise the list is empty.
     """
     signal, falls = hoist.rope_signal, hoist.falls
     taken_in = float(signal.value(0.0)) if hoist.is_wound else -float(signal.rate(0.0))

@@ -68,13 +68,16 @@ class ReductionError:
     def of_section(self, name: str) -> dict[str, Any]:
         """Return the part of summary.json on the section `name`, with its error as ``estimate``.
 
-        It is empty if the section has no estimate.
+        The part is empty if the section has no estimate.
         """
         return {"estimate": self.sections[name]} if name in self.sections else {}
 
 
 def needs_other_model(scene: Scene, reduced: ReducedModel) -> bool:
-    """Whether the scene asks for an estimate that needs another model of the body (`estimate_by_other_model`)."""
+    """Whether the scene asks for an estimate that needs another model of the body than `reduced`.
+
+    The other model is that of `estimate_by_other_model`.
+    """
     return scene.reduction.estimate and reason_without_estimate({ALONE: reduced}) is not None
 
 
@@ -97,8 +100,8 @@ def reduction_error(
 ) -> ReductionError:
     """Estimate the error of the reduction by enrichment modes, or for a single body by the `other` model.
 
-    The result lists the effects that the error does not cover.  If the estimate is known already, it is passed as
-    `estimated` and not computed again.
+    The result lists the effects that the error does not cover.  If `estimated` is not None, it is taken as the estimate
+    and nothing is computed.  `other` is None for booms of several sections.  Each step is a stage of `clock`.
     """
     system, excitation = simulated.system, simulated.excitation
     models = system.modal
@@ -164,7 +167,8 @@ def _effects_left_out(
 def estimate_summary(estimated: Estimate, not_covered: Sequence[str] = ()) -> dict[str, Any]:
     """Contents of ``estimate`` in summary.json: fractions by kind of output, ``probes`` by name, ``chi`` and more.
 
-    Kinds of outputs without an estimate are None; ``not_covered`` lists the effects that the estimate leaves out.
+    `estimated` is the estimate.  Kinds of outputs without an estimate are None; ``not_covered`` lists the effects that
+    the estimate leaves out.
     """
     figures = {name: getattr(estimated, name) for name in _FIGURES if name != "not_covered"}
     return dict.fromkeys(OUTPUT_KINDS) | dict(estimated.errors) | figures | {"not_covered": list(not_covered)}
@@ -211,9 +215,9 @@ def step_part(
 ) -> SummaryPart:
     """Entry ``step`` of summary.json, the error of the time step, with warnings.
 
-    `natural` (S, f) in Hz are f natural frequencies in S positions on the way.  If the error is known already, it is
-    passed as `step_estimate` and not computed again.  If the step was chosen by its error, as with `[accuracy]`, there
-    is no warning about the size of the error.
+    `natural` (S, f) in Hz are f natural frequencies in S positions on the way.  If `step_estimate` is not None, it is
+    taken as the error and nothing is computed.  If the step was chosen by its error, as with `[accuracy]`, there is no
+    warning about the size of the error.
     """
     system, excitation = simulated.system, simulated.excitation
     if scene.simulation.simulators[0] != "march":
@@ -252,10 +256,10 @@ def step_summary(error: StepError | None, reason: str | None = None, not_covered
 def step_warnings(
     error: StepError, stepping: TimeStepping, signals: Sequence[tuple[str, SignalBase]], natural: Array
 ) -> list[str]:
-    """A warning if the step's error is not settled or too large; the list is empty if it is neither.
+    """List a warning if the step's error is not settled or too large; empty otherwise.
 
-    It is too large above `STEP_LIMIT` in displacements, and above `FAR` in other outputs.  `signals` are pairs (name,
-    signal) of path and loads; `natural` (S, f) in Hz are f frequencies in S positions on the way, ascending.
+    The error is too large above `STEP_LIMIT` in displacements, and above `FAR` in other outputs.  `signals` are pairs
+    (name, signal) of path and loads; `natural` (S, f) in Hz are f frequencies in S positions on the way, ascending.
     """
     h, of_motion = stepping.step, error.error_of("beam")
     if of_motion <= STEP_LIMIT and error.settled:
@@ -283,13 +287,13 @@ def step_warnings(
 
 
 def _load_clause(name: str, signal: SignalBase, stepping: TimeStepping) -> str:
-    """Clause about the highest frequency of the signal `name` and the number of steps in a period of it."""
+    """Clause about the highest frequency of the signal `name` and the number of steps in a period of that frequency."""
     f = signal.highest_frequency(0.0, stepping.end)
     return f"{name} goes up to {f:.4g} Hz, {_steps_per_period(f, stepping.step)}"
 
 
 def _motion_clause(band: float, h: float, natural: Array) -> str:
-    """Clause about the highest frequency of the motion, `band` in Hz, and the highest mode that it excites.
+    """Clause about the highest frequency of the motion, `band` in Hz, and the highest mode that the motion excites.
 
     `h` is the step in s, `natural` (S, f) in Hz are f natural frequencies in S positions.
     """

@@ -51,10 +51,10 @@ def nrms(signal: Array, reference: Array) -> float:
 def relative_error(signal: Array, reference: Array) -> float:
     """RMS of the difference divided by the RMS of the reference, the mean of all components that move; a fraction.
 
-    It is e_NRMS without the limit of 1, so a growing motion can be recognised.  Signal and reference have the shape
-    (T,) or (T, M): times, components.  If squares of the values would leave the range of double precision, both are
-    divided by the largest absolute value of the reference first.  If the reference is zero throughout, the error is 0
-    if the signal is zero too, and 1 otherwise.  Raises ValueError if the shapes differ; SimulationError if a value is
+    The result is e_NRMS without the limit of 1, so a growing motion can be recognised.  Signal and reference have the
+    shape (T,) or (T, M): times, components.  If squares of the values would leave the range of double precision, both
+    are divided by the largest absolute value of the reference first.  If the reference is zero throughout, the error is
+    0 if the signal is zero too, and 1 otherwise.  Raises ValueError if the shapes differ; SimulationError if a value is
     not finite.
     """
     if signal.shape != reference.shape:
@@ -78,7 +78,7 @@ def _norms_over_time(values: Array) -> Any:
 
 
 def absolute_error(signal: Array, reference: Array) -> float:
-    """Error e_abs in the unit of the signals: the norm of `signal` - `reference`, of all steps and components.
+    """Error e_abs in the unit of the signals: the norm of `signal` - `reference`, (T,) or (T, M) each.
 
     Raises SimulationError if a value of the difference, or its norm, is not finite.
     """
@@ -123,9 +123,10 @@ def errors_between(
     """Errors of all pairs of models, as ``{"reduced_vs_full": {"tip": ..., "beam": ..., "pad_force": ...}, ...}``.
 
     `responses` maps names of models to their responses.  `measure` is `nrms` or `relative_error` (fractions) or
-    `absolute_error` (m for displacements, N for forces).  In each pair, the model that comes later in `ORDER` is the
-    reference.  The pinned node, which does not move, counts in no pair.  All further outputs that both responses have,
-    such as probes and reactions, are compared too, under their own names.
+    `absolute_error` (m for displacements, N for forces).  `quantities` are functions of a response by the name of the
+    quantity that they return.  In each pair, the model that comes later in `ORDER` is the reference.  The pinned node,
+    which does not move, counts in no pair.  All further outputs that both responses have, such as probes and reactions,
+    are compared too, under their own names.
 
     A kink of the path is a blow on the beam.  The part of this blow that the reduced model can't follow makes the full
     model vibrate at frequencies above those of the reduced model; forces show that, displacements hardly do
@@ -191,7 +192,7 @@ class ResponsePair(NamedTuple):
 def with_common_forces(first: Response, second: Response) -> ResponsePair:
     """Both responses, `first` and `second`, with only the forces that occur in both, in the order of `first`.
 
-    They are returned unchanged if one of them has no names of forces, or if the names are equal.
+    Both are returned unchanged if one of them has no names of forces, or if the names are equal.
     """
     if not (first.force_names and second.force_names) or first.force_names == second.force_names:
         return ResponsePair(first, second)
@@ -201,7 +202,7 @@ def with_common_forces(first: Response, second: Response) -> ResponsePair:
 
 
 def _without_round_off(pair: ResponsePair, least: float, force: float) -> ResponsePair:
-    """Both responses, each with zeros in those columns of displacements and forces that do not exceed round-off.
+    """Both responses of a `pair`, with zeros in all columns of displacements and forces that don't exceed round-off.
 
     The round-off of displacements is `least` in m.  The round-off of forces is the larger of `force` in N and
     `ROUND_OFF` times the largest force.

@@ -236,7 +236,7 @@ def _simulate_richer(models: Models, first: SimulatedSystem, floors: RoundOffBou
 
 
 def _with_enrichment(model: ReducedModel, count: int) -> ReducedModel:
-    """The model with its first `count` enrichment modes, or all if it has fewer, as coordinates."""
+    """The model with its first `count` enrichment modes as coordinates, or with all if it has fewer than `count`."""
     most = 0 if model.enrichment is None else model.enrichment.count
     return extend(model, min(count, most)) if min(count, most) else model
 
@@ -244,7 +244,7 @@ def _with_enrichment(model: ReducedModel, count: int) -> ReducedModel:
 def _errors_by_name(response: Response, richer: Response, excitation: Excitation) -> dict[str, float]:
     """Errors of `response` against `richer` in all outputs that `errors_between` compares: fractions without margin.
 
-    They include reactions and probes by name, and forces of each kind between kinks of extensions.
+    The errors include reactions and probes by name, and forces of each kind between kinks of extensions.
     """
     responses, measured = {"reduced": response, "full": richer}, boom_quantities(excitation, response)
     return errors_between(responses, relative_error, quantities=measured)["reduced_vs_full"]
@@ -339,7 +339,7 @@ def are_settled(error: float, difference: float) -> bool:
 def describe_scatter(peaks: Sequence[float]) -> str:
     """Sentence about the largest forces, in N, of pads that land and lift off in several nearly equal models.
 
-    It is empty if the smallest and the largest of the `peaks` agree to three digits.
+    The sentence is empty if the smallest and the largest of the `peaks` agree to three digits.
     """
     least, most = (with_unit(find(peaks), "N") for find in (min, max))
     if least == most:

@@ -111,7 +111,7 @@ class Evaluation:
         return replace(self._found, **columns, energy=energy, seconds=ended.seconds, surplus=ended.surplus)
 
     def _with_round_off(self, response: Response, part: SystemTrajectory) -> Response:
-        """The response with bounds of round-off, and with its histories set to None, because `_columns` holds them.
+        """The response with bounds of round-off, and with None in place of its histories, which `_columns` holds.
 
         Forces have a bound only for a single body without terms.
         """
@@ -174,8 +174,8 @@ def _residuals(body: SlidingBody, motion: Trajectory, part: SystemTrajectory) ->
 def append_friction(response: Response, contacts: Sequence[Contact], friction: Array | None) -> Response:
     """Append the total friction force in N of each joint to the other outputs of a response.
 
-    `friction` (T, n) in N is the friction of each of n pads among the `contacts`.  Without friction the response is
-    returned unchanged.
+    `friction` (T, n) in N is the friction of each of n pads among the `contacts`.  If `friction` is None or no contact
+    has friction, the response is returned unchanged.
     """
     joint_friction = Friction.from_contacts(contacts)
     if joint_friction is None or friction is None:
@@ -201,7 +201,7 @@ def response_to_motion(
     """Response to any simulator's motion at the times t (T,) in s; its solver time and residuals are set to NaN.
 
     `simulated` are the outputs (T, o) of each body by name, `forces` and `peaks` (T, m) in N those of all contacts.
-    `peaks` is None if no step has parts.
+    `peaks` is None if no step has parts; `energy` has the energies at all times.
     """
     outputs, contacts = outputs_of(system), output_contacts(system)
     y = np.hstack([simulated[name] for name in system.bodies])

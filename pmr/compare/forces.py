@@ -128,7 +128,7 @@ def _cylinder_rows(scene: Scene, system: System, response: Response) -> Iterator
 
 
 def _friction_figures(scene: Scene, system: System, response: Response, body: str) -> dict[str, float]:
-    r"""The largest ``friction`` in N along a section's joint, and the energy in J that it has ``dissipated``.
+    r"""The largest ``friction`` in N along a section's joint, and the energy ``dissipated`` there in J.
 
     .. math:: \int f\, dy - f^2 / (2 \textstyle\sum \kappa), \qquad y = s - \Lambda / k
 
@@ -166,7 +166,7 @@ def reaction_rows(scene: Scene, response: Response, path: Array) -> dict[str, ob
 def missing_reaction_warnings(scene: Scene) -> list[str]:
     """Warnings about reactions that the models do not compute.
 
-    These are reactions along x of beams without axial coordinates, and forces of supports with ``points = "all"``.
+    Such reactions are those along x of beams without axial coordinates, and forces of supports with ``points = "all"``.
     """
     weight_along = scene.gravity is not None and scene.gravity.direction[0] != 0.0
     # sections that slide in others are accelerated along them, and have cylinders; a mass on a wheel has none
@@ -189,9 +189,9 @@ def missing_reaction_warnings(scene: Scene) -> list[str]:
 
 
 def _pad_force(response: Response, name: str) -> Array | None:
-    """Force (T,) in N of the pad `name`; None if it is unknown.
+    """Force (T,) in N of the pad `name`; None if the response has no such pad.
 
-    A rigid pad that does not move is a support: its force is the reaction.
+    The force of a rigid pad that does not move is the reaction of a support.
     """
     if force_name(name) in response.force_names:
         return response.force(force_name(name), 0)
@@ -232,7 +232,7 @@ def _computed_motion(scene: Scene) -> str | None:
 
 
 def _push_clause(rings: str, computed: str | None) -> str:
-    """Clause that says what to change in `rings` if pads can only push; `computed` is as `_computed_motion` says."""
+    """Clause that says what to change in `rings` if pads can only push; `computed` is that of `_computed_motion`."""
     if computed is None:
         return f"; if they can only push, set unilateral = true in {rings}"
     return (
@@ -272,9 +272,9 @@ def _joints_warning(
 ) -> str:
     """Warning that pads between sections pull.
 
-    It names the pad that pulls most, its force and its time, and says how many others pull.  `contacts` are the
-    contacts of all of these pads.  `pulling` maps each contact's name to the extremes of its force.  `computed` is as
-    `_computed_motion` says.
+    The warning names the pad that pulls most, its force and its time, and says how many others pull.  `contacts` are
+    the contacts of all of these pads.  `pulling` maps each contact's name to the extremes of its force.  `computed` is
+    the result of `_computed_motion`, None if no motion of the scene is computed.
     """
     pad = min((contact.name for contact in contacts), key=lambda name: pulling[name].least)
     sections = list(dict.fromkeys(contact.inner.body for contact in contacts))

@@ -58,8 +58,8 @@ def comparison_positions(scene: Scene, size: int) -> Array:
 def closed_form_frequencies(scene: Scene, s: Array, count: int) -> Array:
     """The `count` lowest frequencies (S, count) in rad/s of the scene's beam with its slider at s (S,) in m.
 
-    They are in ascending order; if the beam has axial coordinates, they include the frequencies of the bar, held at 0
-    and free at its end.  The shape is (S, 0) if there is no closed form.
+    The frequencies are in ascending order; if the beam has axial coordinates, the frequencies include those of the bar,
+    held at 0 and free at its end.  The shape is (S, 0) if there is no closed form.
     """
     profile = scene.body.profile
     if profile is None or not is_pinned_beam(member_at(scene)):
@@ -107,9 +107,9 @@ def axial_frequencies(length: float, axial_stiffness: float, mass_per_length: fl
 
 
 def _characteristic(x: Array | float, share: float) -> Any:
-    r"""Characteristic function of a beam of length L that is pinned at 0, supported at s and free at L.
+    r"""Characteristic function, in the shape of x (any shape), of a beam pinned at 0, supported at s and free at L.
 
-    Its roots in x are beta L of the natural frequencies; `share` is s / L.  It is
+    The roots of the function in x are beta L of the natural frequencies; `share` is s / L. It is
 
     .. math::
         2 \sin a \tanh a\, (1 / \cosh b + \cos b) + (\cos b \tanh b - \sin b)\, (\sin a - \cos a \tanh a), \qquad
@@ -129,9 +129,10 @@ def frequency_response(
 ) -> FrequencyResponse:
     """Displacement of the tip per unit of each load over frequency, with all paths at rest.
 
-    A drive or a controller acts on a boom with this response.  It is computed by `Assembly.frequency_responses` at
-    `RESPONSE_FREQUENCIES` frequencies, from a tenth of the lowest natural frequency to 1.2 times the highest.  For each
-    load, the output is that displacement of the tip which is largest under the static load.
+    A drive or a controller acts on a boom with this response.  The response is computed by
+    `Assembly.frequency_responses` at `RESPONSE_FREQUENCIES` frequencies, from a tenth of the lowest natural frequency
+    to 1.2 times the highest.  For each load, the output is that displacement of the tip which is largest under the
+    static load.
 
     Parameters
     ----------

@@ -71,7 +71,7 @@ def other_mesh(scene: Scene) -> OtherMesh:
 
 
 def has_rigid_beams(scene: Scene) -> bool:
-    """Whether all bodies are beams whose walls don't give way, or movers on them."""
+    """Whether all bodies are beams whose walls don't give way, or movers on such beams."""
     return all(traits_of(member).has_line and member.part.body.walls == "rigid" for member in members(scene))
 
 
@@ -116,7 +116,7 @@ def mesh_budget(scene: Scene, simulate_other: Callable[[Callable[[], Scene], str
     """Entries ``mesh`` and ``mesh_reason`` of the error budget: the mesh's error by kind, or why there is none.
 
     `simulate_other` runs a scene on another mesh.  Its arguments are a function that returns that scene, and a name for
-    it.  It returns the differences to the motion of `scene` by kind, as fractions of that motion.
+    it.  `simulate_other` returns the differences to the motion of `scene` by kind, as fractions of that motion.
 
     Each error in ``mesh`` is such a difference times `OtherMesh.share`.  The keys are those of `COMPARED`, ``probe``
     and ``probes``, which holds the errors of probes by name.  ``frequency`` is left out if cells are long compared with

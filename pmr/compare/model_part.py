@@ -67,7 +67,7 @@ class Motion:
 
     @classmethod
     def compute(cls, scene: Scene, system: System, response: Response | None = None) -> Motion:
-        """Compute the frequencies at up to `PLACES` positions; simulate the response unless it is passed.
+        """Compute the frequencies at up to `PLACES` positions, and simulate the motion if `response` is None.
 
         Raises an `InputError` if the motion grows without bound.
         """
@@ -115,7 +115,7 @@ class Motion:
 
     @property
     def forces(self) -> ForceHistories:
-        """Forces by kind and unit, then by name; for pads that only push they are the peaks within each step."""
+        """Forces by kind and unit, then by name; forces of pads that only push are the peaks within each step."""
         response = self.response
         peaks = response.slider_force if response.force_peaks is None else response.force_peaks
         return force_histories(replace(response, slider_force=peaks))
@@ -123,8 +123,8 @@ class Motion:
     def displacements_at(self, other: Motion) -> dict[str, Array]:
         """Displacements (T,) of this motion at positions of another motion's outputs, by the names of these outputs.
 
-        They are interpolated by cubic splines between this motion's own positions on the same body, in the same
-        direction.  Outputs beyond these positions are left out.
+        The displacements are interpolated by cubic splines between this motion's own positions on the same body, in the
+        same direction.  Outputs beyond these positions are left out.
         """
         places, displacements = dict[tuple[str, str], dict[float, Array]](), dict[str, Array]()
         for k, output in enumerate(self.response.outputs):
@@ -194,9 +194,9 @@ def model_budget(scene: Scene, motion: Motion, richer: Motion, richer_name: str)
 
 
 def _probe_errors(motion: Motion, richer: Motion) -> dict[str, float]:
-    """Error of each probe that both models have, a fraction (`pmr.compare.outputs.probe_errors`), by its name.
+    """Error of each probe that both models have, by its name, as a fraction (`pmr.compare.outputs.probe_errors`).
 
-    A probe that is round-off in both counts as zero.
+    The error is that of `motion` against the motion `richer`.  A probe that is round-off in both counts as zero.
     """
     mine, theirs = motion.histories("probe"), richer.histories("probe")
     names = [name for name in mine if name in theirs]
@@ -217,19 +217,19 @@ def frequency_error(f: Array, reference: Array) -> float | None:
 
 
 def largest_model_error(part: Summary) -> float:
-    """The largest error, a fraction, in `part`, the contents of ``budget.model``; 0 if it has none."""
+    """The largest error, a fraction, in `part`, the contents of ``budget.model``; 0 if `part` has no errors."""
     return float(
         max((part[kind] for kind in (*COMPARED, "largest", "probe") if part.get(kind) is not None), default=0.0)
     )
 
 
 def _largest(*values: Array) -> Array:
-    """Largest absolute value in all `values`, as an array of shape (); 0 if there are none."""
+    """Largest absolute value in all `values` (any shape), as an array of shape (); 0 without values."""
     return np.array(max((float(np.abs(of).max()) for of in values), default=0.0))
 
 
 def _relative_difference(y: Array, reference: Array) -> float | None:
-    """Norm of y - reference as a fraction of the norm of the reference; None if the reference is zero.
+    """Norm of y - reference, arrays of one shape, as a fraction of that of the reference; None if that is zero.
 
     Both are divided by the largest value of the reference first, so that squares don't overflow.
     """

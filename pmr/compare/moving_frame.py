@@ -40,9 +40,9 @@ def frame_part(scene: Scene, system: System, excitation: Excitation, frequencies
 
     With the largest angular velocity :math:`\omega` of the frame and the lowest circular frequency :math:`\omega_1` on
     the way, ``gyroscopic`` is :math:`2 |\omega| / \omega_1` and ``centrifugal`` is :math:`(|\omega| / \omega_1)^2`.
-    They are the sizes, relative to the stiffness, of the terms that are left out without second order.  Both are None
-    past the buckling load, where :math:`\omega_1` is 0.  ``frequencies`` is ``stressed`` if axial forces and the frame
-    act on the frequencies, or ``unstressed`` without second order.
+    Both are sizes, relative to the stiffness, of terms that are left out without second order.  Both are None past the
+    buckling load, where :math:`\omega_1` is 0.  ``frequencies`` is ``stressed`` if axial forces and the frame act on
+    the frequencies, or ``unstressed`` without second order.
 
     ``share`` is the largest share by which axial forces and the frame's speed change the stiffness
     (`second_order_effect`); if it is above ``limit``, second order matters.
@@ -107,7 +107,7 @@ def _plane_buckling_warnings(scene: Scene, system: System) -> list[str]:
 
 
 def _past_buckling_warnings(is_included: bool, stresses: SecondOrderEffect) -> list[str]:
-    """A warning if the boom is beyond its buckling load; the list is empty if it is not.
+    """List a warning if the boom is beyond its buckling load in the run with the effects `stresses`; empty otherwise.
 
     The words depend on `is_included`, which says whether second order is simulated.
     """
@@ -118,7 +118,7 @@ def _past_buckling_warnings(is_included: bool, stresses: SecondOrderEffect) -> l
 
 
 def _left_out_warnings(scene: Scene, is_included: bool, stresses: SecondOrderEffect) -> list[str]:
-    """A warning if second order matters but is left out; the list is empty otherwise.
+    """List a warning if second order matters, by its effects `stresses`, but is left out; empty otherwise.
 
     `is_included` says whether second order is simulated.
     """
@@ -208,7 +208,7 @@ class SecondOrderEffect:
 
     @property
     def t_least_factor(self) -> float:
-        """Time in s at which the buckling factor first is the smallest, within 1e-9 of it.
+        """Time in s at which the buckling factor first comes within a relative 1e-9 of its smallest value.
 
         A boom at rest keeps its factor, so that among later times round-off alone would decide.
         """
@@ -316,5 +316,5 @@ def with_choice_of_terms(scene: Scene, terms: Sequence[Term]) -> Scene:
 
 
 def _with_second_order(scene: Scene, second_order: bool) -> Scene:
-    """The scene with this choice of second order in its frame."""
+    """The scene with `second_order` as the choice in its frame."""
     return scene.with_keys(frame={"second_order": second_order})

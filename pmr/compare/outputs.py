@@ -73,7 +73,7 @@ class Outputs:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of outputs that a simulation has; ``velocity`` is always among them, even if it was not computed."""
+        """Kinds of outputs that a simulation has, always with ``velocity``, even if no rates were computed."""
         return tuple(
             kind for kind in (*OUTPUT_KINDS, CYLINDER_FORCE) if kind == "velocity" or self.of_kind(kind).shape[1]
         )
@@ -143,14 +143,17 @@ def differences(
 
 
 def probe_differences(outputs: Outputs, reference: Outputs, floors: RoundOffBounds) -> Array:
-    """Error of each probe, (k,) fractions (`probe_errors`); a probe that is round-off in both counts as zero."""
+    """Error (k,) of each probe in `outputs` against `reference`, as fractions (`probe_errors`).
+
+    `floors` has the bounds of round-off; a probe that is round-off in both counts as zero.
+    """
     y, r = zero_round_off(outputs.probe, reference.probe, floors.probe)
     refuse_infinite(y, r)
     return probe_errors(y, r, reference.units)
 
 
 def probe_errors(y: Array, r: Array, units: Sequence[str]) -> Array:
-    r"""Errors (k,), fractions, of k probes y (T, k) compared with r (T, k); each has a unit.
+    r"""Errors (k,), fractions, of k probes y (T, k) compared with r (T, k), with the `units` of each.
 
     .. math:: \mathrm{rms}(y_k - r_k) / \max(\mathrm{rms}(r_k),\ 0.01 \max_j \mathrm{rms}(r_j))
 
@@ -270,7 +273,7 @@ def tip_columns(system: System) -> list[int]:
 
 
 def tip_names(boom: Scene) -> set[str]:
-    """Names of the displacements of the last section's tip along y and z, as the outputs of its system have them."""
+    """Names of the outputs of the system that are displacements of the last section's tip along y and z."""
     last = boom.sections[-1]
     section = "" if ALONE in boom.bodies else last.name
     return {qualified_name(section, last.observe.tip_along(direction)) for direction in "yz"}
@@ -288,14 +291,14 @@ MOST_RECORDED = 20_000_000
 def run_from_start(system: System | SystemForm, excitation: Excitation, every: int = 1) -> SystemTrajectory:
     """Simulate a system by the compiled simulator; return the motion at every `every`-th step.
 
-    It starts in static equilibrium or undeformed, as the excitation says.  Repeated runs of the same `SystemForm` share
-    its tables.
+    The motion starts in static equilibrium or undeformed, as the excitation says.  Repeated runs of the same
+    `SystemForm` share its tables.
     """
     return systems.simulate_form(SystemForm.of(system), excitation, every=every)
 
 
 def fits_in_memory(system: System, stepping: TimeStepping) -> bool:
-    """Whether states and multipliers at all steps are at most `MOST_RECORDED` numbers and so can be kept in memory."""
+    """Whether states and multipliers at all steps are at most `MOST_RECORDED` numbers, so that memory can hold them."""
     bodies, contacts = system.bodies.values(), len(system.contacts)
     return stepping.steps * (2 * sum(body.size for body in bodies) + contacts) <= MOST_RECORDED
 

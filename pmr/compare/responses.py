@@ -86,7 +86,7 @@ def simulate(
 
     The response and states are those of the first simulator; for the others, the solver times and the differences in
     displacements are returned.  If contacts only push, and the compiled simulator ran first, Exudyn divides each step
-    into the same parts.  Each simulation is a stage of `clock`.
+    into the same parts.  Each simulation is a stage of `clock`; None measures nothing.
 
     Raises InputError, with the key to change, if the motion grows without bound.
     """
@@ -116,7 +116,7 @@ def simulate_by(
 
     Short simulations are repeated as the scene says, and the shortest solver time is reported.  The compiled simulator
     keeps the motion of reduced bodies at all steps, that of a single body without terms if it fits in memory
-    (`fits_in_memory`).
+    (`fits_in_memory`).  `done` is told how far the run is; None tells nobody.
     """
     numbers, repeats = np.asarray(steps, np.int64), scene.simulation.repeats
     if simulator == "march":
@@ -153,9 +153,9 @@ def agreement(responses: Mapping[str, Response]) -> dict[str, float]:
 
 @contextmanager
 def refuse_growth(scene: Scene) -> Iterator[None]:
-    """Context in which motion of the reduced model that grows without bound is an InputError for the user.
+    """Context in which a motion that grows without bound raises an InputError for the user.
 
-    The error names the key to change, `time.step` or `time.rho_inf`.
+    The motion is that of the reduced model.  The error names the key to change, `time.step` or `time.rho_inf`.
     """
     try:
         yield
@@ -166,7 +166,7 @@ def refuse_growth(scene: Scene) -> Iterator[None]:
 def check_installed(scene: Scene) -> None:
     """Raise an InputError if a package that the scene's simulators need is not installed.
 
-    It names the package and the command that installs it.
+    The error names the package and the command that installs it.
     """
     names = [*scene.simulation.simulators, *(["exudyn"] if "ancf" in scene.compare.against else [])]
     if "full" in scene.compare.against and scene.simulation.full != "auto":
@@ -176,9 +176,10 @@ def check_installed(scene: Scene) -> None:
 
 
 def compared_quantities(scene: Scene, response: Response) -> Mapping[str, ResponseFunction]:
-    """Functions of a response, by name, that return the compared quantities of this scene, for responses like this one.
+    """Functions of a response, by name, each of which returns a quantity to be compared for this scene.
 
-    They are `observed_quantities` for a single body and `boom_quantities` for a boom.
+    The functions fit responses like `response`.  They are `observed_quantities` for a single body and `boom_quantities`
+    for a boom.
     """
     if ALONE not in scene.bodies:
         return boom_quantities(Excitation.from_scene(scene), response)
@@ -198,9 +199,10 @@ def full_simulator(scene: Scene, size: int) -> str:
 def _simulate_by_exudyn(
     system: System, excitation: Excitation, simulator: str, steps: Indices, repeats: int, done: Progress | None
 ) -> Simulation:
-    """Simulate by Exudyn, evaluate the response, and record states at the `steps`; arguments as of `_march`.
+    """Simulate by Exudyn, evaluate the response, and record states at the `steps` (k,).
 
-    The motion at all steps is kept, too, unless the system is a single body without terms.
+    `simulator` is the name of a formulation; the remaining arguments are those of `_march`.  The motion at all steps is
+    kept, too, unless the system is a single body without terms.
     """
     start, formulation = systems.start_of(system, excitation), exudyn.FORMULATIONS[simulator]
     trajectory = exudyn.simulate_system(system, excitation, start, done, formulation)
@@ -229,8 +231,9 @@ def _march(
 ) -> Simulation:
     """Simulate by the compiled simulator (``march``), and evaluate the response block by block.
 
-    The motion is kept at the `recorded_steps`.  States are returned at the `steps`, all of which are recorded.  A short
-    simulation is made `repeats` times, and the shortest time counts.
+    The motion is kept at the `recorded_steps` (r,).  States are returned at the `steps` (k,), all of which are
+    recorded.  A short simulation is made `repeats` times, and the shortest time counts.  `done` is told how far the run
+    is; None tells nobody.
     """
     system = form.system
     march, f = March(form, excitation), excitation.forces(system.input_names)
@@ -255,7 +258,7 @@ def _march(
 
 
 def _with_shortest_time(response: Response, repeats: int, rerun: Callable[[], float]) -> Response:
-    """The response with the shortest solver time; `rerun` repeats a simulation of at most `SHORT` s, and times it."""
+    """The response with the shortest solver time; `rerun` repeats a simulation of at most `SHORT` s and times it."""
     more = repeats - 1 if response.seconds <= SHORT else 0
     return replace(response, seconds=min([response.seconds, *(rerun() for _ in range(more))]))
 
@@ -341,8 +344,8 @@ def simulate_cable(
 ) -> ancf.CableMotion:
     """Motion of the scene's beam as an ANCF cable, at the material points x (o,) in m.
 
-    Raises InputError if Exudyn is not installed, and whenever `pmr.simulation.exudyn.ancf.simulate` does;
-    SimulationError if a step fails or a result is not finite.
+    `done` is told how far the run is; None tells nobody.  Raises InputError if Exudyn is not installed, and whenever
+    `pmr.simulation.exudyn.ancf.simulate` does; SimulationError if a step fails or a result is not finite.
     """
     cable = _cable(scene)
     from pmr.simulation.exudyn import ancf
@@ -353,8 +356,8 @@ def simulate_cable(
 def cable_response(scene: Scene, body: Body, done: Progress | None = None) -> Response:
     """Response of the ANCF cable, which serves as a reference for a `body`, with the outputs of this body.
 
-    The joint of the cable holds a point in space, so it has no rows: their residuals are NaN.  Errors are those of
-    `simulate_cable`.
+    The joint of the cable holds a point in space, so the cable has no rows, and the residuals of rows are NaN. Errors
+    are those of `simulate_cable`.
     """
     motion = simulate_cable(scene, body.output_positions, Excitation.from_scene(scene), done)
     from pmr.simulation.exudyn import ancf

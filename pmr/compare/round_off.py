@@ -24,9 +24,10 @@ LARGEST_COMPLIANCE = 500
 
 
 def largest_absolute(values: Array, axis: int | None = 0) -> Any:
-    """Largest absolute value along `axis` (0: of each column; None: of all entries); NaN if an entry is NaN.
+    """Largest absolute value of `values` (any shape) along `axis`; NaN if an entry is NaN.
 
-    It is computed from maximum and minimum, which saves the memory of an array of absolute values.
+    An `axis` of 0 stands for each column, None for all entries.  The value is computed from maximum and minimum, which
+    saves the memory of an array of absolute values.
     """
     return np.maximum(values.max(axis=axis, initial=0.0), -values.min(axis=axis, initial=0.0))
 
@@ -64,8 +65,9 @@ def round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> fl
 
     By the inequality of Cauchy and Schwarz, the product bounds the effect of the loads on an output of the bodies with
     released contacts, in any coordinates.  Round-off is a share of this effect, even if a slider cancels the
-    displacement, or if loads along the axis don't bend the body at all.  It is linear in the loads, so that no motion
-    counts as round-off because the loads are small.  It is 0 if a body has more than `LARGEST_COMPLIANCE` coordinates.
+    displacement, or if loads along the axis don't bend the body at all.  The result is linear in the loads, so that no
+    motion counts as round-off because the loads are small.  It is 0 if a body has more than `LARGEST_COMPLIANCE`
+    coordinates.
     """
     return float(ROUND_OFF * _largest_motions(bodies, loads, end, length_outputs).max(initial=0.0))
 
@@ -100,13 +102,13 @@ def _largest_motions(
 def force_round_off(body: SlidingBody, loads: Array, end: float, s: float) -> float:
     r"""Largest force in N that may be nothing but round-off in a body under loads (T, i) in N for `end` seconds.
 
-    It is bounded as in `round_off`, for the outputs that are forces and for the multipliers of the rows that move or
-    only push.  With the inputs B and their loads f, the force of a row is at most
+    The force is bounded as in `round_off`, for the outputs that are forces and for the multipliers of the rows that
+    move or only push.  With the inputs B and their loads f, the force of a row is at most
 
     .. math:: \lVert B \rVert |f| / \sqrt{\lVert C^T \rVert^2 + G + 1/k}
 
     (norms as in `round_off`).  C is the row and G its residual flexibility at the path coordinate s in m, and k is the
-    row's stiffness.  `ROUND_OFF` times this bound is the result.  It is 0 if the body has more than
+    row's stiffness.  `ROUND_OFF` times this bound is the result.  The result is 0 if the body has more than
     `LARGEST_COMPLIANCE` coordinates.
     """
     if (A := _dynamic_stiffness(body, end)) is None:
@@ -122,9 +124,9 @@ def force_round_off(body: SlidingBody, loads: Array, end: float, s: float) -> fl
 
 
 def _dynamic_stiffness(body: SlidingBody, end: float) -> Array | None:
-    """Matrix K + (2 pi / end)^2 M (n, n) with held coordinates made rigid; None if it can't be computed.
+    """Matrix K + (2 pi / end)^2 M (n, n) with held coordinates made rigid.
 
-    It is None if the body has more than `LARGEST_COMPLIANCE` coordinates, or unless `end` in s is positive.
+    The result is None if the body has more than `LARGEST_COMPLIANCE` coordinates, or unless `end` in s is positive.
     """
     if body.size > LARGEST_COMPLIANCE or not end > 0.0:
         return None

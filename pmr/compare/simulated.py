@@ -182,8 +182,8 @@ def check_same_scene(model: System | ReducedModel, scene: Scene, number: int | N
     """Raise an InputError, with the first key that differs and its old value, if a model is from another scene.
 
     Bodies, supports, pads, joints, damping, observed outputs, and positions and directions of loads are compared; of
-    the whole scene, or only of the section `number` if that is passed.  Keys that are missing in the file of an older
-    model are not compared.
+    the whole scene, or, if `number` is not None, only of the section with this number.  Keys that are missing in the
+    file of an older model are not compared.
     """
     recorded_scene = model.provenance.get("scene")
     if not isinstance(recorded_scene, Mapping):
@@ -212,7 +212,7 @@ class Difference(NamedTuple):
 
 
 def _gravity_differences(recorded_scene: Mapping[str, object], scene: Scene) -> Iterator[Difference]:
-    """Yield the differences in gravity between a recorded scene and a scene; none if one of them has no gravity."""
+    """Yield the differences in gravity between a recorded scene and `scene`; none unless both have gravity."""
     if recorded_scene.get("gravity") and scene.gravity:
         yield from _part_differences(recorded_scene["gravity"], scene.gravity, "gravity")
 
@@ -227,9 +227,10 @@ HINGES = ("frame.cylinder.foot", "frame.cylinder.lug")
 
 
 def _mechanism_differences(recorded_scene: Mapping[str, object], scene: Scene) -> Iterator[Difference]:
-    """Differences in the keys `MECHANISM`, in those of `HINGES` if they matter, and in a winch's place on a section.
+    """Yield the differences to a recorded scene in the keys of its mechanism.
 
-    Raises an InputError if one of the two scenes alone has a frame, a cylinder or a hoist.
+    The keys are `MECHANISM`, `HINGES` if a free luffing angle or a cylinder makes these matter, and a winch's place on
+    a section.  Raises an InputError if one of the two scenes alone has a frame, a cylinder or a hoist.
     """
     on_section = scene.hoist is not None and scene.hoist.winch.section
     holds = scene.frame is not None and (scene.frame.luffing == "free" or scene.holding_cylinder is not None)
@@ -270,7 +271,7 @@ def _scene_differences(recorded_scene: Mapping[str, object], scene: Scene) -> It
 def _file_differences(recorded_digests: Mapping[str, str], read: Mapping[str, Path]) -> Iterator[Difference]:
     """Differences in the content of the files `read` by the scene to the recorded digests of their content.
 
-    Each is shown as a file's name and as a digest.
+    A difference is shown as a file's name and as a digest.
     """
     for name, file in read.items():
         digest = hashlib.sha256(file.read_bytes()).hexdigest()

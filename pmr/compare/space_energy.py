@@ -49,7 +49,7 @@ class SpaceEnergy:
 def energy_in_space(scene: Scene, system: System, excitation: Excitation, run: SystemTrajectory) -> SpaceEnergy:
     r"""Energy of a scene with a frame, and work of its drives, each less that of the same boom if it were rigid.
 
-    The work of a step is that of the mean forces over it, which is of second order in the step.
+    The work of a step is that of the mean forces over the step, which is of second order in the step.
 
     .. math::
         E = \int \rho\, \bigl( V \cdot (\dot u + \omega \times u) + g\, e_Z \cdot u \bigr)

@@ -63,7 +63,7 @@ class ConvergenceSeries(Generic[Compared]):
         self.differences: list[float] = []
 
     def add(self, finer: Compared) -> None:
-        """Add the sample of the next run, which has a smaller step."""
+        """Add `finer`, the sample of the next run, which has a smaller step."""
         self.differences.append(self._apart(self.last, finer))
         self.last = finer
 
@@ -76,7 +76,7 @@ class ConvergenceSeries(Generic[Compared]):
     def remainder(self) -> float:
         """Sum of all differences that further halvings would add, computed as a geometric series.
 
-        It is infinite if the differences don't decrease, and if there are fewer than two differences.
+        The sum is infinite if the differences don't decrease, and if there are fewer than two differences.
         """
         if len(self.differences) < 2:
             return np.inf
@@ -100,7 +100,7 @@ class ConvergenceSeries(Generic[Compared]):
     def is_settled(self) -> bool:
         """Whether the `remainder` is small: at most `SETTLED` times the given run's difference to the last run.
 
-        It is true too if all differences are negligible: the sum of that difference and the last two is at most
+        The result is true too if all differences are negligible: the sum of that difference and the last two is at most
         `NEGLIGIBLE`.
         """
         difference = self.difference_to_last
@@ -111,8 +111,8 @@ class ConvergenceSeries(Generic[Compared]):
         """Error of the given run: its difference to the last run, plus the `remainder`.
 
         `part` is the difference in only some of the outputs; the error of these outputs is then returned, with a
-        proportional share of the remainder.  If differences don't decrease, the difference itself is returned, which is
-        the least that the error may be.
+        proportional share of the remainder.  None stands for all outputs.  If differences don't decrease, the
+        difference itself is returned, which is the least that the error may be.
         """
         difference, remainder = self.difference_to_last, self.remainder
         part = difference if part is None else part
@@ -121,8 +121,8 @@ class ConvergenceSeries(Generic[Compared]):
     def halvings_needed(self, limit: float) -> int | None:
         """Number of halvings of the first run's step after which the estimated error, a fraction, is at most `limit`.
 
-        It is 0 if the first run's error is.  None if the differences have not settled, or if no run of the series has
-        so small an error.
+        The number is 0 if the first run's error is at most `limit`, and None if the differences have not settled, or if
+        no run of the series has so small an error.
         """
         if not self.is_settled:
             return None
@@ -158,7 +158,7 @@ class StepError:
     unsettled: tuple[str, ...] = ()  # kinds but displacements in which the runs do not approach each other
 
     def error_of(self, kind: str) -> float:
-        """Error of a kind of outputs or forces, a fraction; infinite if it was not computed."""
+        """Error of a kind of outputs or forces, a fraction; infinite for a kind whose error was not computed."""
         return self.errors.get(kind, np.inf)
 
 
@@ -246,20 +246,23 @@ def step_error(
 
 
 def _motion(in_the_mean: bool, sample: Sample) -> Array:
-    """Displacements (T, o) in m of a run, or their RMS over time, (1, o), if `in_the_mean` is true."""
+    """Displacements (T, o) in m of the run `sample`, or their RMS over time, (1, o), if `in_the_mean` is true."""
     return _rms(sample.outputs.displacement) if in_the_mean else sample.outputs.displacement
 
 
 def _motion_difference(in_the_mean: bool, sample: Sample, finer: Sample) -> float:
     """Difference of a run's displacements, or of their RMS if `in_the_mean`, to those of a finer run.
 
-    It is a fraction of the latter.
+    The result is a fraction of the displacements of the run `finer`.
     """
     return relative_error(_motion(in_the_mean, sample), _motion(in_the_mean, finer))
 
 
 def _difference(kind: str, floors: RoundOffBounds, sample: Sample, finer: Sample) -> float:
-    """Difference of a run to a finer run in a kind of outputs, as a fraction of the finer run's size."""
+    """Difference of a run to a finer run in a kind of outputs, as a fraction of the finer run's size.
+
+    `sample` and `finer` are the samples of both runs, and `floors` are bounds of round-off.
+    """
     return differences(sample.outputs, finer.outputs, floors, [kind])[kind]
 
 

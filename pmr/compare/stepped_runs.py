@@ -52,8 +52,8 @@ UNDAMPED = 0.95
 def reference_rho(system: System, rho_inf: float) -> float:
     """Spectral radius rho_inf of the runs with which a run with `rho_inf` is compared: not less than `UNDAMPED`.
 
-    It is `rho_inf` itself if the system has rows without residual flexibility, as these can grow with less damping, or
-    contacts that only push, as these would bounce.
+    The result is `rho_inf` itself if the system has rows without residual flexibility, as these can grow with less
+    damping, or contacts that only push, as these would bounce.
     """
     parts = [body if system.on_one_path else body.carriers for body in system.bodies.values()]
     flexible = all(getattr(part, "flexibility", None) is not None for part in parts)
@@ -121,7 +121,7 @@ class SteppedSystem:
         return TimeStepping(grid.end, step, self.reference_rho, schedule=tuple(np.repeat(most, 2**times).tolist()))
 
     def simulate(self, stepping: TimeStepping) -> SystemTrajectory:
-        """Motion at all steps on a time grid; if the grid is that of the given run and this is known, it is returned.
+        """Motion at all steps on the time grid `stepping`, simulated unless it is the given run's motion.
 
         Raises InputError or SimulationError as for `pmr.simulation.SystemSimulator`.
         """
@@ -130,21 +130,21 @@ class SteppedSystem:
         return run_from_start(self._form, self.excitation.on_grid(stepping))
 
     def displacements(self, run: SystemTrajectory, numbers: list[int] | None = None) -> Array:
-        """Displacements (T, o) in m in a run: all, or those with the given `numbers`."""
+        """Displacements (T, o) in m in a run: all if `numbers` is None, else those with these numbers."""
         chosen = self.moved if numbers is None else self.moved[numbers]
         return np.hstack(list(systems.displacements(self.system, run, chosen.tolist()).values()))
 
     def simulate_displacements(self, stepping: TimeStepping, numbers: list[int] | None = None) -> Array:
-        """Displacements (T, o) in m on a time grid, without recording anything else.
+        """Displacements (T, o) in m on the time grid `stepping`, without recording anything else.
 
-        They are all displacements, or those with the given `numbers`.  Raises InputError or SimulationError as for
-        `pmr.simulation.SystemSimulator`.
+        All displacements are returned if `numbers` is None, else those with these numbers.  Raises InputError or
+        SimulationError as for `pmr.simulation.SystemSimulator`.
         """
         chosen = self.moved if numbers is None else self.moved[numbers]
         return systems.observe(self._form, self.excitation.on_grid(stepping), chosen.tolist()).y
 
     def record(self, stepping: TimeStepping, rates: bool) -> SystemTrajectory | None:
-        """Run on a time grid; None if its states take too much memory.
+        """Run on the time grid `stepping`; None if the states of such a run take too much memory.
 
         Velocities (`rates`) need the states, so that the run is then recorded in any case.
         """
@@ -171,7 +171,7 @@ class SteppedSystem:
     def _forces(self, run: SystemTrajectory) -> ForceHistories:
         """Histories of all forces of a run, by kind and name, at the times that are not near kinks of the excitation.
 
-        They are empty if the system was made without `complete`, the function that adds forces to a motion.
+        The result is empty if the system was made without `complete`, the function that adds forces to a motion.
         """
         if self._complete is None:
             return {}
@@ -201,7 +201,7 @@ class Runs:
 
     @property
     def _work(self) -> int:
-        """Number of steps of the last run, in which a step counts as often as it has parts."""
+        """Number of steps of the last run, where a step in parts counts once for each part."""
         stepping = self.last_grid
         return sum(stepping.schedule) or stepping.steps * max(1, stepping.parts)
 

@@ -108,10 +108,11 @@ STRESSING = ("pad", "support", "reaction", "probe")
 
 
 def missed_stress_part(scene: Scene, response: Response) -> SummaryPart:
-    """A warning where a pad, a support or a probe has its peak between the times at which stresses are recovered.
+    """Part with a warning if a pad, a support or a probe has its peak between the times of recovered stresses.
 
-    It names the history that exceeds its largest value at these times the most, by a share of `MISSED` or more.
-    Histories that are small compared with others of the same kind and unit are left out.
+    The warning names the history that exceeds its largest value at these times the most, by a share of `MISSED` or
+    more.  Histories that are small compared with others of the same kind and unit are left out.  The part is empty if
+    no history does.
     """
     steps, recovery = scene.recovered_steps, scene.recovery
     if recovery is None or not recovery.stress or len(response.t) != scene.time.steps + 1:
@@ -137,7 +138,7 @@ def missed_stress_part(scene: Scene, response: Response) -> SummaryPart:
 
 
 def fatigue_part(scene: Scene, response: Response) -> SummaryPart:
-    r"""``fatigue`` of summary.json, a row for each probe's stress, the worst one first; empty unless it is wanted.
+    r"""``fatigue`` of summary.json, a row for each probe's stress, the worst one first; empty without ``[fatigue]``.
 
     .. math:: D = \sum_l D(f_l\, \sigma, n_l)
 
@@ -166,7 +167,7 @@ def fatigue_part(scene: Scene, response: Response) -> SummaryPart:
 
 
 def _endured_spectra(damages: Sequence[tuple[float, Damage]]) -> float | None:
-    """Return how often a spectrum may occur until its damage is 1; None if it does no damage.
+    """Return the number of times that a spectrum may occur until its damage is 1; None if a spectrum does no damage.
 
     `damages` are the numbers n_l of times that each line of the spectrum occurs, and the damage by a history.  Each
     history but the first does the damage of a further one.

@@ -63,7 +63,10 @@ from pmr.system.system import System
 
 
 def origin_part(scene: Scene, libraries: Mapping[str, str] | None = None) -> SummaryPart:
-    """Origin of the result: title, hash, commit, date, machine, and versions of pmr and of `libraries`, with hints."""
+    """Origin of the result: title, hash, commit, date, machine, and versions of pmr and of `libraries`, with hints.
+
+    `libraries` maps names to versions; None stands for no libraries.
+    """
     origin = environment.describe_origin(libraries)
     notes = list(scene.published.remarks) if scene.published else []
     return SummaryPart({"title": scene.title, "scene_hash": scene.hash} | origin | {"notes": notes}, grave=hints(scene))
@@ -227,7 +230,7 @@ EARLIER = "the file is of an earlier version, without the modes that the estimat
 
 
 def simulate_saved(system: System, scene: Scene) -> RunResult:
-    """Simulate a system under another scene's paths, loads and time stepping, by the simulators that it names.
+    """Simulate a system under another scene's paths, loads and time stepping, by that scene's simulators.
 
     The result has those errors that are estimated without the full model, and no singular values.
 
@@ -288,7 +291,7 @@ def simulate_saved(system: System, scene: Scene) -> RunResult:
 
 
 def _estimated_error(scene: Scene, simulated: SimulatedSystem, clock: Clock) -> ReductionError:
-    """Estimated error of the reduction; it has no values if the file is of an earlier version (reason: `EARLIER`)."""
+    """Estimated error of the reduction; without values for a file of an earlier version (reason: `EARLIER`)."""
     error = reduction_error(scene, simulated, clock)
     bodies, estimated = simulated.system.reduced.items(), all(part.reduction.estimate for part in scene.sections)
     if estimated and any(model.cylinder_modes and name not in simulated.system.on_modes for name, model in bodies):

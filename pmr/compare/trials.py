@@ -129,7 +129,7 @@ class Trials:
     def has_impulsive_forces(self) -> bool:
         """Whether forces of a single body have no limit, as those of rigid sliders at kinks of the path.
 
-        It is false for booms of sections, whose forces are compared between kinks only.
+        The result is false for booms of sections, whose forces are compared between kinks only.
         """
         return ALONE in self._wholes and has_impulsive_force(self._wholes[ALONE], self.excitation)
 
@@ -181,7 +181,7 @@ class Trials:
         return self.cap_sizes(self.most, elastic)
 
     def cap_sizes(self, sizes: Sizes, elastic: int) -> Sizes:
-        """Sizes in which no body has more than `elastic` elastic modes."""
+        """Return `sizes` with at most `elastic` elastic modes for each body."""
         return tuple(min(size, rigid + elastic) for size, rigid in zip(sizes, self._rigid, strict=True))
 
     def most_elastic_modes(self, sizes: Sizes) -> int:
@@ -189,7 +189,7 @@ class Trials:
         return max(size - rigid for size, rigid in zip(sizes, self._rigid, strict=True))
 
     def double_sizes(self, sizes: Sizes) -> Sizes:
-        """Sizes with twice the number of elastic modes of each body, or all elastic modes of bodies that have fewer."""
+        """Return `sizes` with twice the number of elastic modes of each body, or with all where a body has fewer."""
         of_bodies = zip(sizes, self._rigid, self.most, strict=True)
         return tuple(max(size, min(rigid + max(2 * (size - rigid), 1), most)) for size, rigid, most in of_bodies)
 
@@ -264,8 +264,8 @@ class Trials:
     def reduction_errors(self, sizes: Sizes, steps: int) -> dict[str, float]:
         """Estimated error of the reduction by kind, a fraction, in a run of `steps` steps with models of these sizes.
 
-        It is inf for kinds without an estimate, and for all kinds if the run or its estimate fails.  For forces of
-        several sections it is the error between kinks, where that is estimated.
+        The error is inf for kinds without an estimate, and for all kinds if the run or its estimate fails.  For forces
+        of several sections it is the error between kinks, where that is estimated.
         """
         if (sizes, steps) not in self._estimates:
             try:
@@ -280,7 +280,10 @@ class Trials:
         return {kind: errors.get(f"{kind}{between}", errors.get(kind, np.inf)) for kind in self.wanted}
 
     def step_errors(self, sizes: Sizes, steps: int) -> dict[str, float]:
-        """Error of the step by kind, a fraction, in a run of `steps` steps; infinite if it could not be computed."""
+        """Error of the step by kind, a fraction, in a run of `steps` steps with models of these `sizes`.
+
+        The error is infinite if it could not be computed.
+        """
         if (sizes, steps) not in self._step_errors:
             system, excitation = self.system(sizes), self.with_steps(steps)
             try:
@@ -300,14 +303,17 @@ class Trials:
         return run_error is not None and run_error.settled and not set(run_error.unsettled) & set(self.wanted)
 
     def motion(self, sizes: Sizes, excitation: Excitation) -> Outputs:
-        """Outputs at all steps of a run; forces of sections are set to zero near kinks of their extensions."""
+        """Outputs at all steps of a run with models of these `sizes`.
+
+        Forces of sections are set to zero near kinks of their extensions.
+        """
         system = self.system(sizes)
         run = run_from_start(system, excitation)
         run_outputs = outputs_of_run(system, run, excitation, rates="velocity" in self.wanted)
         return without_kink_forces(system, run_outputs, excitation, excitation.times, excitation.stepping.step)
 
     def run_undamped(self, sizes: Sizes, steps: int) -> Outputs:
-        """Outputs of a run of `steps` steps with little numerical damping.
+        """Outputs of a run of `steps` steps, with models of these `sizes` and little numerical damping.
 
         The damping is that of `pmr.compare.stepped_runs.reference_rho`.
         """
@@ -317,12 +323,12 @@ class Trials:
         return self.motion(sizes, excitation.with_stepping(stepping))
 
     def seconds_per_step(self, sizes: Sizes) -> float:
-        """Shortest time in s that the compiled simulator (``march``) takes for a step on this machine."""
+        """Shortest time in s of a step of the compiled simulator on this machine, with models of these `sizes`."""
         form, excitation = SystemForm.of(self.system(sizes)), self.with_steps(TIMED)
         return min(systems.observe(form, excitation, every=TIMED).seconds for _ in range(TIMES)) / TIMED
 
     def _run(self, sizes: Sizes, steps: int) -> SystemTrajectory:
-        """Motion at all steps of a run of `steps` steps; the motion of the last run is stored."""
+        """Motion at all steps of a run of `steps` steps with models of these `sizes`; the last motion is stored."""
         if (sizes, steps) not in self._last:
             self._last = {(sizes, steps): run_from_start(self.system(sizes), self.with_steps(steps))}
         return self._last[sizes, steps]

@@ -72,7 +72,7 @@ def distrust_warnings(reduced: Response, rigid: Sequence[str] = ()) -> list[str]
 
 
 def large_motion_warnings(length: float, responses: Iterable[Response]) -> list[str]:
-    """A warning if a body of `length` in m moves by more than `SMALL` of it, too far for a linear model.
+    """List a warning if a body of `length` in m moves by more than `SMALL` of its length, too far for a linear model.
 
     `responses` are all responses to check; the list is empty if no motion is too large.
     """
@@ -123,8 +123,8 @@ BEYOND = 0.05
 def highest_mode_frequency(model: ReducedModel, stepping: TimeStepping, count: int | None = None) -> float:
     """Frequency in Hz with which time stepping shows the highest of the first `count` enrichment modes (None: of all).
 
-    It is arctan(omega h / 2) / (pi h) with the step h, less than the natural frequency (`effects_not_covered`).  The
-    model must have enrichment modes.
+    The frequency is arctan(omega h / 2) / (pi h) with the step h of `stepping`, less than the natural frequency
+    (`effects_not_covered`).  The model must have enrichment modes.
     """
     assert model.enrichment is not None
     omega = float(np.sqrt(model.enrichment.stiffness[:count][-1]))
@@ -175,7 +175,7 @@ def coverage_warnings(clauses: Sequence[str]) -> list[str]:
 
 
 def _clause_above(name: str, signal: SignalBase, stepping: TimeStepping, top: float) -> Iterator[str]:
-    """Yield a clause on the part of the signal `name` that excites modes above `top` in Hz; nothing if it is small."""
+    """Yield a clause on the part of the signal `name` that excites modes above `top` in Hz, unless it is small."""
     tones = [part.highest_frequency(0.0, stepping.end) for part in signal.parts]
     aliased_tone = max((_aliased_frequency(tone, stepping.step) for tone in tones), default=0.0)
     if aliased_tone > top:
@@ -186,7 +186,7 @@ def _clause_above(name: str, signal: SignalBase, stepping: TimeStepping, top: fl
 
 
 def _aliased_frequency(frequency: float, h: float) -> float:
-    """Frequency in Hz at which a tone of `frequency` in Hz appears if it is sampled at steps of h in s."""
+    """Frequency in Hz at which a tone of `frequency` in Hz appears in samples at steps of h in s."""
     return abs(frequency - round(frequency * h) / h)
 
 
@@ -211,9 +211,9 @@ FAR = 0.1
 def stated_quantities(scene: Scene, response: Response) -> list[str]:
     """Keys of the quantities, other than displacements, for which a run's results contain values.
 
-    They are the kinds of forces and reactions in the response, such as ``pad_force``; kinds are left out whose forces
-    are all zero, or round-off compared with the largest of all kinds.  ``frequency`` is always among the keys,
-    ``stress`` if the scene recovers it, and ``probe`` if there are probes.
+    The keys are the kinds of forces and reactions in the response, such as ``pad_force``; kinds are left out whose
+    forces are all zero, or round-off compared with the largest of all kinds.  ``frequency`` is always among the keys,
+    ``stress`` if the scene recovers stresses, and ``probe`` if there are probes.
     """
     histories = force_histories(response)
     sizes = {key: float(np.max([np.abs(f).max(initial=0.0) for f in each.values()])) for key, each in histories.items()}
@@ -240,7 +240,7 @@ def unsettled_force_clauses(kinds: Sequence[str]) -> list[str]:
 
 
 def reduction_warnings(summary: Summary) -> list[str]:
-    """A warning if the reduced model's error in the summary is above `FAR`; the list is empty if it is not.
+    """List a warning if the reduced model's error in the summary is above `FAR`; empty otherwise.
 
     The error is the difference to the full model, or an estimate.
     """
@@ -286,10 +286,10 @@ ALTERNATES = "change their sign with every step"
 
 
 def alternation_cause(rigid: Sequence[str]) -> str:
-    """Clause that says why forces and motions alternate from step to step.
+    """Clause on the cause of forces and motions that alternate from step to step.
 
-    `rigid` are the names of rigid contacts.  They are the cause if there are any; otherwise it is modes that the step
-    does not resolve.
+    `rigid` are the names of rigid contacts.  These contacts are the cause; if `rigid` is empty, modes that the step
+    does not resolve are.
     """
     if not rigid:
         return "modes that the step does not resolve ring behind kinks and jumps where time.rho_inf is near 1"
@@ -333,9 +333,9 @@ def alternating_share(signal: Array) -> float:
 
 
 def ringing_share(signal: Array, reference: Array | None = None) -> float:
-    """RMS of a signal's alternating part, divided by the RMS of the signal (T, o), or of `reference` if it is given.
+    """RMS of a signal's alternating part, divided by the RMS of `reference` (T, o); None: of the signal (T, o) itself.
 
-    It is averaged over the columns as in `relative_error`.
+    The share is averaged over the columns as in `relative_error`.
     """
     reference = signal if reference is None else reference
     return relative_error(reference + signal - _without_alternation(signal), reference)
@@ -344,8 +344,8 @@ def ringing_share(signal: Array, reference: Array | None = None) -> float:
 def is_ringing(signal: Array, reference: Array) -> bool:
     """Whether the error of a signal (T, o) against a reference is due to ringing of the reference.
 
-    It is if the error is above `RINGING_SHARE`, and if the alternating part of the difference and that of the reference
-    are each more than half of the error.
+    Ringing is the cause if the error is above `RINGING_SHARE`, and if the alternating part of the difference and that
+    of the reference are each more than half of the error.
     """
     error = relative_error(signal, reference)
     alternating = min(ringing_share(reference), ringing_share(signal - reference, reference))

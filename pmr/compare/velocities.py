@@ -36,8 +36,9 @@ def load_rates(model: ReducedModel, excitation: Excitation) -> Rates:
 def force_rates(model: ReducedModel, trajectory: Trajectory, path_rate: Array, loads: Rates) -> Rates:
     """Multipliers z (T, m) in N, which deform the residual part, and their rates (T, m) in N/s (see `output_rates`).
 
-    `path_rate` (T,) is the rate of the path coordinate in m/s, and `loads` are the loads with their rates.  Open
-    contacts have the rate 0.  Raises ValueError if the model has no residual flexibility.
+    The forces are those of `trajectory`.  `path_rate` (T,) is the rate of the path coordinate in m/s, and `loads` are
+    the loads with their rates.  Open contacts have the rate 0.  Raises ValueError if the model has no residual
+    flexibility.
     """
     tables, s = model.flexibility, trajectory.s
     if tables is None:
@@ -112,7 +113,7 @@ def displacement_rates(system: System, run: SystemTrajectory, excitation: Excita
 
 
 def _has_rate_tables(body: SlidingBody) -> bool:
-    """Whether rates of a body's outputs can be computed from tables: it has flexibility and no attachment modes."""
+    """Whether rates of a body's outputs follow from tables: the body has flexibility and no attachment modes."""
     attached = body.carriers is not None and getattr(body.carriers, "inertia", None) is None
     return body.flexibility is not None and not attached
 

@@ -58,7 +58,7 @@ class Motions:
 
     @property
     def responses(self) -> dict[str, Response]:
-        """Responses by model: ``reduced``, ``full`` and ``ancf``, as far as they were simulated; on rank 0 alone."""
+        """Responses of the models that were simulated, by name: ``reduced``, ``full`` and ``ancf``; on rank 0 alone."""
         assert self.reduced is not None  # as on rank 0
         return {"reduced": self.reduced.first.response, **self.references.responses}
 
@@ -141,9 +141,9 @@ class Bodies:
         return replace(natural, models={**first, "full": self._full_frequencies(at), **natural.models})
 
     def simulate(self, checkpoint: Checkpoint | None) -> Motions:
-        """Simulate the reduced system by all simulators and the references, and estimate the reduction's error.
+        """Simulate the reduced system by all simulators, and the references, and estimate the error; collective.
 
-        With a `checkpoint` a full-order simulation that was interrupted continues.
+        If `checkpoint` is not None, a full-order simulation that was interrupted continues.
         """
         steps = self.scene.recovered_steps.tolist()
         simulations = call_on_first_rank(
@@ -166,7 +166,7 @@ class Bodies:
         return Motions(simulations, simulated, error, references, recovered)
 
     def summary_parts(self, motions: Motions, natural: Frequencies) -> list[SummaryPart]:
-        """Return the contributions to summary.json, in the order in which they are combined; on rank 0 alone."""
+        """Return the contributions to summary.json, in the order in which they are to be combined; on rank 0 alone."""
         scene, system, responses = self.scene, self.system, motions.responses
         simulated, error = motions.simulated, motions.error
         assert motions.reduced is not None and simulated is not None and error is not None
@@ -243,14 +243,14 @@ class Bodies:
             return None
 
     def _estimate_error(self, simulated: SimulatedSystem) -> ReductionError:
-        """Return the estimated error of the reduction."""
+        """Return the estimated error of the reduction of a simulated system."""
         estimated = None if self.choice is None else self.choice.trial.estimate
         return reduction_error(self.scene, simulated, self.clock, self._other, estimated)
 
     def _full_frequencies(self, at: WayPoints) -> Array:
         """Return the full system's lowest frequencies (S, f) in Hz at the positions `at`.
 
-        They are read from the cache if there are caches and it has them, and stored there after they are computed.
+        The frequencies are read from the caches; if these lack them, they are computed and stored there.
         """
         if self.shared is not None:
             return self.shared.frequencies

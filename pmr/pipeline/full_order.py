@@ -93,7 +93,7 @@ class FullOrder:
     def frequencies(self, s: Array, count: int, c: Array) -> Array:
         """Return the `count` lowest natural frequencies (S, f) in Hz at path coordinates s (S, P) in m.
 
-        Every contact is closed; the system's terms, such as geometric stiffness, have amplitudes c (S, k).
+        Collective.  Every contact is closed; the system's terms, such as geometric stiffness, have amplitudes c (S, k).
         """
         if ALONE in self.system.bodies and not c.size:
             solver = self.scene.reduction.solver
@@ -114,9 +114,9 @@ class FullOrder:
     ) -> References:
         """Simulate all references that the scene is compared with, and record states of the full bodies at `steps`.
 
-        If contacts only push, `stepping` holds the parts into which the reduced system's steps were divided.  With a
-        `checkpoint` a simulation that was interrupted continues.  References that fail are listed in
-        `References.missing`.
+        If contacts only push, `stepping` holds the parts into which the reduced system's steps were divided; None
+        stands for the scene's steps.  If `checkpoint` is not None, a simulation that was interrupted continues.
+        References that fail are listed in `References.missing`.
         """
         responses, missing = dict[str, Response](), dict[str, str]()
         states: Mapping[str, BodyStates] = {}
@@ -135,8 +135,8 @@ class FullOrder:
     def reference(self, name: str, clock: Clock | None = None) -> Response | None:
         """Return the response of the reference `name`: ``"full"`` or, for a single body, ``"ancf"``.
 
-        It is returned on rank 0; other ranks may get None.  Raises SimulationError if the simulation fails or can't be
-        trusted (`pmr.compare.trust`); for ``"full"`` on every rank.
+        The response is returned on rank 0; other ranks may get None.  Raises SimulationError if the simulation fails or
+        can't be trusted (`pmr.compare.trust`); for ``"full"`` on every rank.
         """
         if name == "full":
             return self._simulate_full(clock or Clock(), (), None, None).response
@@ -153,7 +153,8 @@ class FullOrder:
     ) -> FullMotion:
         """Simulate the full system; return its response, and this rank's rows of the states at `steps`, by body.
 
-        Raises SimulationError on every rank if the response can't be trusted.
+        `checkpoint` and `stepping` are those of `references`.  Raises SimulationError on every rank if the response
+        can't be trusted.
         """
         system, comm, excitation = self.system, self.system.comm, Excitation.from_scene(self.scene)
         excitation = excitation.with_stepping(stepping or excitation.stepping)
@@ -184,7 +185,8 @@ class FullOrder:
     ) -> FullMotion:
         """Simulate the full system by PETSc on all ranks; return response and states as `_simulate_full`.
 
-        `steps` are the numbers of the steps whose states are returned.
+        `steps` are the numbers of the steps whose states are returned; `done` is told how far the run is.  If
+        `checkpoint` is not None, an interrupted simulation continues.
         """
         system = self._with_terms()
         times = [excitation.stepping.step * step for step in steps]
@@ -208,8 +210,8 @@ class FullOrder:
     def _with_terms(self) -> FullSystem:
         """Return the distributed system with the terms of its moving frame.
 
-        The system is returned unchanged if the frame has no terms.  The sparse matrices of the terms are whole on every
-        rank.
+        Collective.  The system is returned unchanged if the frame has no terms.  The sparse matrices of the terms are
+        whole on every rank.
         """
         if not list(frame_terms(self.scene)):
             return self.system
@@ -220,7 +222,7 @@ class FullOrder:
 def _states_of_bodies(
     system: FullSystem, history: History, steps: list[int], x: Array, f: Array
 ) -> dict[str, BodyStates]:
-    """Return the states of all bodies at `steps`, by body.
+    """Return the states of all bodies at `steps` of a `history`, by body.
 
     `x` (T, sides) in m are the positions of the contacts' sides over time, `f` (T, i) in N the loads on the inputs.
     """

@@ -32,7 +32,7 @@ from pmr.system.system import System
 
 
 def reduce_scene(scene: Scene, comm: MPI.Comm, clock: Clock | None = None, vectors: Vectors | None = None) -> Reduction:
-    """Build and reduce a scene's bodies with these vectors, or with the scene's basis if they are None; collective."""
+    """Build and reduce a scene's bodies on `vectors`, or on the scene's basis if `vectors` is None; collective."""
     clock = clock or Clock()
     with clock.stage("assemble"):
         built = build_bodies(scene, comm)
@@ -72,7 +72,7 @@ def decide_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None
 
     A scene without a choice of models is returned unchanged.  If no model can be compared with a shell, the simplest
     models are taken, and the result contains the reason.  `cache` is a folder for the reduced systems that are
-    compared.
+    compared, or None to store nothing.
     """
     options = candidate_scenes(scene)
     if not options:
@@ -133,10 +133,10 @@ class ComparedScene:
 
 
 def start_richer(scene: Scene, cache: Cache, helper: Executor) -> Future[None] | None:
-    """Let another process, which `helper` has, reduce the richer model of a scene and store it for `measure_model`.
+    """Let another process reduce the richer model of a scene and store it in `cache` for `measure_model`.
 
-    Returns None if the richer model is stored already, if `measure_model` has a reason to measure nothing, and if no
-    process can be started.
+    The process is one of `helper`.  Returns None if the richer model is stored already, if `measure_model` has a reason
+    to measure nothing, and if no process can be started.
     """
     if scene.computed_key is not None:
         return None
@@ -148,10 +148,11 @@ def start_richer(scene: Scene, cache: Cache, helper: Executor) -> Future[None] |
 
 
 def start_walls(scene: Scene, helper: Executor) -> Future[None] | None:
-    """Let another process, which `helper` has, compute what the walls of beams need on meshes of their own.
+    """Let another process compute what the walls of beams need on meshes of their own.
 
-    These are the local stress at pads and the compliance on the mesh of `measure_mesh`, which are stored for later
-    calls.  Returns None if no beam has walls, and if no process can be started.
+    The process is one of `helper`, and computes the local stress at pads and the compliance on the mesh of
+    `measure_mesh`, which are stored for later calls.  Returns None if no beam has walls, and if no process can be
+    started.
     """
     if any(traits_of(member).is_beam and member.part.body.box is not None for member in members(scene)):
         with suppress(BrokenExecutor, OSError):
@@ -188,7 +189,7 @@ def measure_model(
     """Return ``budget.model`` of summary.json: differences to a richer model, or the ``reason`` why there are none.
 
     The motion of the scene is that of a run's full model, `of_run`.  If this is None, the scene is reduced anew and
-    simulated.  Collective.
+    simulated.  Collective.  If `cache` is None, nothing is stored.
     """
     if scene.computed_key is not None:
         return {"beside": None, "reason": ON_MACHINE}
@@ -211,7 +212,8 @@ def measure_mesh(
 ) -> dict[str, Any]:
     """Return ``mesh`` of the budget and ``mesh_reason``: differences to the scene on another mesh; collective.
 
-    `system` and `response` belong to the scene itself; `response` is None on other ranks than 0.
+    `system` and `response` belong to the scene itself; `response` is None on other ranks than 0, and `cache` None
+    stores nothing.
     """
     if scene.computed_key is not None:
         return {"mesh_reason": ON_MACHINE}
@@ -234,7 +236,7 @@ def measure_mesh(
 def _unknown_model_error(error: Exception, label: str) -> dict[str, Any]:
     """Return the entries of summary.json for an error that can't be measured.
 
-    They are ``reason`` and, if the reason is long, ``detail``.  `label` is the name of the other scene.
+    The keys are ``reason`` and, if the reason is long, ``detail``.  `label` is the name of the other scene.
     """
     reason = error.allowed if isinstance(error, InputError) else str(error)
     if isinstance(error, NotHeldError):
@@ -244,7 +246,10 @@ def _unknown_model_error(error: Exception, label: str) -> dict[str, Any]:
 
 
 def _choose_model(options: list[Scene], comm: MPI.Comm, cache: Cache | None) -> ModelDecision:
-    """Compare beams with a shell, the last of `options`, from the simplest on, and choose as `decide_models` does."""
+    """Compare beams with a shell, the last of `options`, from the simplest on, and choose as `decide_models` does.
+
+    Collective.  If `cache` is None, nothing is stored.
+    """
     *beams, shell = options
     tried = list[dict[str, Any]]()
 
@@ -275,8 +280,8 @@ def _model_budget(
 ) -> dict[str, Any]:
     """Return the differences between the motions of two scenes, by kind as `model_budget` does; collective.
 
-    They are those of `motion` to the motion `other` of the scene `label`.  Rank 0 has both motions; they are None on
-    other ranks, which get the same result.
+    The differences are those of `motion` to the motion `other` of the scene `label`.  Rank 0 has both motions; these
+    are None on other ranks, which get the same result.
     """
     part = None if motion is None or other is None else model_budget(scene, motion, other, label)
     errors: dict[str, Any] = comm.bcast(part)

@@ -106,10 +106,10 @@ def run(
 
     The file `checkpoint` lets a full-order simulation continue after an interruption.  The folder `cache` keeps
     reductions and frequencies of full models for later runs.  With a folder `measures` the run also measures the errors
-    of mesh and structural model, even if the scene does not ask for them; the folder keeps what takes longest.  They
-    are measured last; before, `keep` is called on rank 0 with the outcome without these errors.  `shared` are results
-    of a single body's full model that other runs have computed.  `helper` has another process, which meanwhile computes
-    what walls need on other meshes and reduces the richer model for this measurement.
+    of mesh and structural model, even if the scene does not ask for them; the folder keeps what takes longest.  These
+    errors are measured last; before, `keep` is called on rank 0 with the outcome without these errors.  `shared` are
+    results of a single body's full model that other runs have computed.  `helper` has another process, which meanwhile
+    computes what walls need on other meshes and reduces the richer model for this measurement.
 
     Raises
     ------
@@ -244,10 +244,10 @@ def _measure(
 ) -> Summary:
     """Measure the errors of a run's model and mesh, for ``budget`` of summary.json; collective.
 
-    The model's is measured if the scene asks for it, or if `budget` lacks it and there is a `cache`; the mesh's if
-    there is a cache and the scene has no tolerance or budget.  Where the model's error is known, the stress in walls at
-    pads stands beside it.  The cache keeps what takes longest.  `helps` are done when another process has stored the
-    richer model there, and what walls need.
+    The model's error is measured if the scene asks for it, or if `budget` lacks it and `cache` is not None; the mesh's
+    error if there is a cache and the scene has no tolerance or budget.  Where the model's error is known, the stress in
+    walls at pads stands beside it.  The cache keeps what takes longest.  `helps` are done when another process has
+    stored the richer model there, and what walls need.
     """
     comm, clock, scene = next(iter(bodies.built.values())).model.comm, bodies.clock, bodies.written_scene
     is_wanted, of_mesh, of_model = scene.compare.richer not in ("auto", "none"), dict[str, Any](), dict[str, Any]()
@@ -269,7 +269,10 @@ def _measure(
 
 
 def _stress_at_pads(bodies: Bodies, motions: Motions) -> Summary:
-    """Return the entries of ``budget.model`` on stress in walls at pads; none without a recovery of stresses."""
+    """Return the entries of ``budget.model`` on stress in walls at pads; empty without a recovery of stresses.
+
+    Collective.
+    """
     scene, comm = bodies.scene, next(iter(bodies.built.values())).model.comm
     if scene.recovery is None or not scene.recovery.stress:
         return {}
@@ -280,7 +283,7 @@ def _stress_at_pads(bodies: Bodies, motions: Motions) -> Summary:
 
 
 def _body_masses(built: Mapping[str, AssembledBody]) -> dict[str, float]:
-    """Masses of the bodies in kg by name, without what is attached to them; given matrices have none."""
+    """Masses of the bodies in kg by name, without attached masses; bodies given by matrices are left out."""
     return {name: body.model.masses.body for name, body in built.items() if body.model.masses is not None}
 
 

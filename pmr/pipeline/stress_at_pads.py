@@ -55,12 +55,12 @@ def stress_at_pads(
     """Entries of ``budget.model`` on stress in the walls of beams at pads; collective.
 
     ``wall_stress`` is the largest von Mises stress at the times of `states`, which are those of the reduced bodies, the
-    same on every rank, from which `recovered` was recorded.  It has ``value`` and its ``error`` by the meshes of the
-    walls in Pa, ``t`` in s, ``position`` in m, ``section``, ``region``, and ``yield`` in Pa if the walls have a yield
-    stress.  ``wall_stress_missing`` has
-    the reason, by the name of each section with pads whose walls are not looked at.  ``pad_yield`` has the force of a
-    joint's pad at which walls begin to yield (`pmr.fullmodel.wall_stress.yield_forces`), by the name of the joint's
-    section.  Entries without content are left out.
+    same on every rank, from which `recovered` was recorded.  Its keys are ``value`` and its ``error`` by the meshes of
+    the walls in Pa, ``t`` in s, ``position`` in m, ``section``, ``region``, and ``yield`` in Pa if the walls have a
+    yield stress.  ``wall_stress_missing`` has the reason, by the name of each section with pads whose walls are not
+    looked at.  ``pad_yield`` has the force of a joint's pad at which walls begin to yield
+    (`pmr.fullmodel.wall_stress.yield_forces`), by the name of the joint's section.  Entries without content are left
+    out.
     """
     peaks, missing = dict[str, WallPeak](), dict[str, str]()
     comm = next(iter(built.values())).model.comm
@@ -93,7 +93,7 @@ def stress_at_pads(
 
 
 def _peak_entry(part: BoomSection, peak: WallPeak, t: float) -> dict[str, Any]:
-    """Return ``wall_stress`` for the largest stress of a section at the time t in s."""
+    """Return ``wall_stress`` for `peak`, the largest stress of a section, at the time t in s."""
     box, material = part.body.box, part.body.material
     assert box is not None
     flat = [side for side in box.sides if side.centre is None]
@@ -125,7 +125,7 @@ def _loaded_section(body: AssembledBody, recovered: RecoveredBody, states: BodyS
 
 
 def _loaded_rings(body: AssembledBody, states: BodyStates, q: Array) -> list[LoadedRing]:
-    """Return the pads of a body by the place along it at which they are, with their forces in `states`.
+    """Return the pads of a body by their place along the body, with their forces in `states`.
 
     q (S, n) are the full coordinates, from which the forces of springs follow.
     """

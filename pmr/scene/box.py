@@ -224,7 +224,7 @@ class Box(BoxProfile):
         return [edge.face for edge in self.edges]
 
     def _check_taper(self, key: str, taper: Taper) -> None:
-        """Refuse a taper without dimensions, too long, larger at its end than the box, or with other faces than it.
+        """Refuse a taper that lacks dimensions, is too long, or is larger at its end than the box or of other faces.
 
         `key` is the taper's key.
         """
@@ -301,6 +301,6 @@ class Box(BoxProfile):
 
 
 def _wall_values(taper: Taper) -> list[float]:
-    """Return the thicknesses in m of the walls at the end of a taper; empty if they do not change."""
+    """Return the thicknesses in m of the walls at the end of a taper; empty if the walls stay as thick as they are."""
     wall = taper.wall
     return [] if wall is None else list(wall.values()) if isinstance(wall, dict) else [wall]

@@ -240,7 +240,8 @@ class Support(SceneTable):
     def symbol(self) -> str:
         """Name of the support's symbol in drawings.
 
-        It is ``clamped`` if the support holds ry or rz, otherwise ``pinned`` if it holds x, otherwise ``roller``.
+        The name is ``clamped`` if the support holds ry or rz, otherwise ``pinned`` if the support holds x, otherwise
+        ``roller``.
         """
         if {"ry", "rz"} & set(self.held_directions):
             return "clamped"

@@ -53,7 +53,7 @@ def _check_payloads(scene: Scene) -> None:
 
 
 def _check_single_body(scene: Scene) -> None:
-    """Check the keys of a scene of one body."""
+    """Check the keys of a scene of one body; raise an InputError for the first key that is not allowed."""
     part = scene.only_section
     if part.joint is not None:
         raise scene_error(
@@ -71,7 +71,7 @@ def _check_single_body(scene: Scene) -> None:
 def _check_computed_motions(scene: Scene) -> None:
     """Refuse what does not go with a payload that swings, or with a motion that is computed with the boom's.
 
-    These are simulators without the equations of such a motion, and with a computed motion also a comparison with a
+    Refused are simulators without the equations of such a motion, and with a computed motion also a comparison with a
     richer model.
     """
     hoist, free = scene.hoist is not None, () if scene.frame is None else scene.frame.free_directions
@@ -168,7 +168,7 @@ def _has_rigid_rows(scene: Scene) -> bool:
 
 
 def _check_comparison(scene: Scene) -> None:
-    """Refuse the ANCF reference of a scene that it can't represent."""
+    """Refuse a comparison with "ancf", an ANCF cable in Exudyn, for a scene that such a cable can't represent."""
     if "ancf" not in scene.compare.against:
         return
     profile = None if len(scene.sections) > 1 else scene.body.profile

@@ -85,7 +85,7 @@ def observed_places(member: Member) -> tuple[float, ...] | None:
 
     The result is None if `observe.start` is missing on a beam or a mover, which is observed at its nodes.  On another
     model there are then `observe.count` places between `FROM_AN_END` of the length from either end.  An `InputError` is
-    raised if its length is not known.
+    raised if the length of the body is not known.
     """
     observe, length = member.part.observe, member.part.body.length
     if observe.stations is not None or traits_of(member).has_line:
@@ -122,8 +122,9 @@ def input_directions(member: Member, load: Load) -> dict[str, Direction]:
     """For each input that a load becomes, return its name and the axis of the body along or about which it acts.
 
     A load along an axis of the body is one input, with the load's name.  A load along an axis of the ground becomes one
-    input ``"NAME AXIS"`` for each axis of the body that the moving frame may turn towards it and along which the model
-    can move.  Wind becomes one input ``"NAME AXIS NUMBER"`` for each Legendre polynomial along the body and each axis.
+    input ``"NAME AXIS"`` for each axis of the body that the moving frame may turn towards the ground's axis and along
+    which the model can move.  Wind becomes one input ``"NAME AXIS NUMBER"`` for each Legendre polynomial along the body
+    and each axis.
     """
     if load.acts == "wind":
         pressed: tuple[Direction, ...] = tuple(axis for axis in PRESSED if axis in motion_directions(member))
@@ -194,7 +195,7 @@ def is_pinned_beam(member: Member) -> bool:
 
 
 def has_axial_motion(member: Member) -> bool:
-    """Whether the body's model has displacements along the boom, so that a cylinder can drive it."""
+    """Whether the body's model has displacements along the boom, as a body that a cylinder drives needs them."""
     return "x" in motion_directions(member)
 
 
@@ -234,7 +235,7 @@ def inertia_fields(member: Member) -> tuple[str, ...]:
 
 
 def _has_rotary_inertia(member: Member) -> bool:
-    """Whether a beam or a mass on it has inertia about axes across the beam, or a mass is off the beam's axis."""
+    """Whether a beam or one of its masses has inertia about axes across the beam, or a mass is off the beam's axis."""
     is_off_axis = [mass.at is not None and mass.at[1:] != (0.0, 0.0) for mass in member.part.masses]
     attached = any(any(mass.inertia) for mass in member.part.masses)
     return attached or any(is_off_axis) or (member.part.body.shear and not is_planar(member))
@@ -258,7 +259,7 @@ def pad_faces(member: Member) -> tuple[str, ...]:
 
 
 def transverse_axes(member: Member) -> tuple[str, ...]:
-    """Axes across the body along which the chosen model has displacements: z, and also y unless it is a planar beam."""
+    """Axes across the body along which the chosen model has displacements: z, and also y in a model in space."""
     return ("z",) if is_planar(member) else ("y", "z")
 
 
@@ -270,7 +271,7 @@ def wall_frequency(box: Box, young: float, poisson: float, density: float) -> fl
     .. math:: f = \frac{\pi}{2 b^2} \sqrt{\frac{E t^2}{12 \rho (1 - \nu^2)}}
 
     with the Young's modulus E (`young`) in Pa, Poisson's ratio :math:`\nu` (`poisson`) and the density :math:`\rho`
-    (`density`) in kg/m^3.  It is infinite for a box without flat walls.
+    (`density`) in kg/m^3.  The frequency is infinite for a box without flat walls.
 
     Leissa: Vibration of Plates, NASA SP-160, 1969, section 4.1 (a infinite).
     """

@@ -107,7 +107,7 @@ class Oil(SceneTable):
 
     @model_validator(mode="after")
     def _check_complete(self) -> Self:
-        """Refuse a rod side larger than the bore, and a counterbalance valve without the valve it is in series with."""
+        """Refuse a rod side larger than the bore, and a counterbalance valve without the valve in series with it."""
         if self.areas[1] > self.areas[0]:
             allowed = "[bore, rod side] is allowed, the rod side no larger than the bore: the rod takes its part of it"
             raise key_error("areas", list(self.areas), allowed)
@@ -133,7 +133,7 @@ class DrivenCylinder(SceneTable):
 
     @model_validator(mode="after")
     def _check_drive(self) -> Self:
-        """Refuse several drives, and a drive without what it needs."""
+        """Refuse several drives, and a drive that lacks another key, such as oil that lacks a valve."""
         drives = self.drives
         if len(drives) > 1:
             raise key_error(drives[1], None, f"one of force, length and oil is allowed: {drives[0]} is there")
@@ -143,7 +143,7 @@ class DrivenCylinder(SceneTable):
 
     @property
     def drives(self) -> tuple[str, ...]:
-        """Those of the keys ``force``, ``length`` and ``oil`` that the scene sets, by which the cylinder is driven."""
+        """Keys out of ``force``, ``length`` and ``oil`` that the scene sets, by which the cylinder is driven."""
         return tuple(key for key in ("force", "length", "oil") if getattr(self, key) is not None)
 
     @property
@@ -160,8 +160,8 @@ class DrivenCylinder(SceneTable):
     def worst_opening(self, end: float) -> float | None:
         """Return an opening of the valve that is outside of -1 to 1 at a time from 0 to `end` in s.
 
-        It is the smallest opening if this is below -1, else the largest one.  The result is None if all openings are
-        allowed, or if there is no valve.
+        The result is the smallest opening if that is below -1, else the largest one.  None is returned if all openings
+        are allowed, or if there is no valve.
         """
         if self.oil is None or self.oil.valve is None:
             return None
@@ -218,13 +218,14 @@ class LuffingCylinder(DrivenCylinder):
     )
 
     def allowed_forces(self, length: ArrayLike) -> AllowedForces:
-        r"""Return the largest push and pull in N, (...) each, at lengths L (...) in m from hinge to hinge.
+        r"""Return the largest push and pull in N at the lengths L = `length` (any shape) in m from hinge to hinge.
 
         The push is at most that of Euler, with Young's modulus E of steel and the diameter d of the rod,
 
         .. math:: F = \frac{\pi^2 E}{L^2} \frac{\pi d^4}{64}
 
-        as if the cylinder were as slender as its rod all along.  A force that nothing limits is infinite.
+        as if the cylinder were as slender as its rod all along.  Both results have the shape of `length`.  A force that
+        nothing limits is infinite.
         """
         shape = np.shape(length)
         push = np.full(shape, np.inf if self.allowed_push is None else self.allowed_push)
@@ -265,9 +266,9 @@ class LuffingCylinder(DrivenCylinder):
         return np.stack([x * cosine - z * sine, x * sine + z * cosine], axis=-1)
 
     def length_and_arm(self, angle: ArrayLike) -> LengthAndArm:
-        """Return length L and arm dL / dphi about the pivot, both (...) in m, at the luffing angles `angle` (...).
+        """Return length L and arm dL / dphi about the pivot, in m, at the luffing angles `angle` (any shape).
 
-        Angles phi are in rad.  The arm is 0 where the length is 0.
+        Both results have the shape of `angle`.  Angles phi are in rad.  The arm is 0 where the length is 0.
         """
         lug = self.lug_position(angle)
         from_foot = lug - self.foot
@@ -363,6 +364,6 @@ class FreeExtension(DrivenCylinder):
 
     @property
     def first(self) -> FirstExtension:
-        """Signal of the extension where it begins."""
+        """Signal of the extension at its start, as long as its motion is not computed."""
         low, high = self.reach
         return FirstExtension(start=self.start, speed=self.rate, low=low, high=high, drives=self.drive_signals)

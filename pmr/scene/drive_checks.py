@@ -33,8 +33,9 @@ def check_luffing(scene: Scene, frame: Frame) -> None:
 def misplaced_supports(scene: Scene) -> dict[int, float]:
     """Places of supports that hold the boom across, but neither at its pivot nor at the luffing cylinder's lug.
 
-    The result maps the index of such a support to its place in m from the base's tail.  These supports hold z, and
-    neither x nor ry.  The result is empty without a cylinder, or if the cylinder holds the base by its own stiffness.
+    The result maps the index of such a support to its place in m from the base's tail.  Only supports that hold z, and
+    neither x nor ry, are looked at.  The result is empty without a cylinder, or if the cylinder holds the base by its
+    own stiffness.
     """
     cylinder = None if scene.frame is None else scene.frame.cylinder
     if scene.frame is None or cylinder is None or cylinder.stiffness is not None:
@@ -128,7 +129,8 @@ def _check_holding_cylinder(scene: Scene, frame: Frame) -> None:
     """Refuse a luffing cylinder with a stiffness unless it can hold the base.
 
     The base has to be a beam of a boom of several sections with a luffing angle.  The lug has to be on the base, and no
-    support may be at the lug.  A pin has to be at the pivot: elsewhere the cylinder would have another arm about it.
+    support may be at the lug.  A pin has to be at the pivot: elsewhere the cylinder would have another arm about the
+    pin.
     """
     key, base = "frame.cylinder.stiffness", members(scene)[0]
     assert frame.cylinder is not None

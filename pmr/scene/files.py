@@ -63,7 +63,7 @@ _FORMER_DEFAULTS = {"loads.above": 0.0, "sections.loads.above": 0.0}
 def stored_scene(data: Mapping[str, object], source: str, context: Mapping[str, str] | None = None) -> Scene:
     """Return the scene in `data` from saved results or from a saved model, of this version or an earlier one.
 
-    `source` names the file in messages; `context` is the context of pydantic's validation.
+    `source` names the file in messages; `context` is the context of pydantic's validation, None for none.
 
     Raises
     ------
@@ -83,10 +83,10 @@ def stored_scene(data: Mapping[str, object], source: str, context: Mapping[str, 
 
 
 def _leave_out(data: object, keys: Sequence[str], value: object = None) -> None:
-    """Remove a key from nested tables, in place, if it has this `value`; with None, whatever its value is.
+    """Remove a key from nested tables, in place, if the key has this `value`; with None, whatever its value is.
 
-    `keys` is the path to it, such as ["joint", "tail"].  In a list of tables, it is removed from each of them.  A key
-    that is missing is ignored.
+    `keys` is the path to the key, such as ["joint", "tail"].  In a list of tables, the key is removed from each table.
+    A key that is missing is ignored.
     """
     first, *inner_keys = keys
     if isinstance(data, list):
@@ -162,7 +162,7 @@ def _refused_body_keys(member: Member) -> Iterator[UnusedKey]:
 
 
 def unused_body_keys(member: Member) -> Iterator[UnusedKey]:
-    """Yield keys without effect on a body, with the key that makes them so and the reason.
+    """Yield keys without effect on a body, with the key that takes away their effect and the reason.
 
     Keys of walls have an effect if the body is compared with a richer model, which is a shell.
     """
@@ -273,7 +273,7 @@ def beam_scene(path: str | Path) -> Scene:
 
 
 def _read_file(path: str | Path) -> TomlFile:
-    """Read the scene file `path` with the files that it extends.
+    """Read the scene file `path` with the files named by its key ``extends``.
 
     `path` may also be a folder with ``scene.toml``, or the name of a workflow.
     """

@@ -313,7 +313,7 @@ class Frame(BoomAngles):
 
     @property
     def luffing_signal(self) -> SignalBase | None:
-        """Luffing angle over time in the frame's unit; None if the scene does not set it, or leaves it free."""
+        """Luffing angle over time in the frame's unit; None if the scene does not set the angle, or leaves it free."""
         return None if self.luffing == "free" else self.luffing
 
     @property
@@ -362,7 +362,7 @@ class Frame(BoomAngles):
     def rotation_to_ground(self, t: float) -> NDArray[np.float64]:
         """Return the rotation (3, 3) from axes of the boom to axes of the ground at time t in s.
 
-        It includes the rotation of the base.
+        The rotation includes that of the base.
         """
         roll, pitch, yaw = ([angle.value(np.array([t])) for angle in self.base_angles] or np.zeros((3, 1)))[:3]
         s, c = float(np.sin(roll[0])), float(np.cos(roll[0]))
@@ -370,7 +370,7 @@ class Frame(BoomAngles):
         return np.asarray(boom_rotation(-pitch, yaw)[0] @ rolled @ self.rotation(t)[0])
 
     def refuse_without_unit(self, key: str, angles: ArrayLike, source: str = "scene") -> None:
-        """Raise an InputError for `key` in `source` if `angles` exceed a full turn and the frame sets no unit."""
+        """Raise an InputError for `key` in `source` if `angles` (any shape) exceed a full turn and no unit is set."""
         largest = float(np.max(np.abs(angles), initial=0.0))
         if largest > TURN and "unit" not in self.model_fields_set:
             allowed = "its unit has to be said where an angle goes beyond a turn: frame.unit = 'degrees' or 'rad'"

@@ -89,7 +89,8 @@ def check_exclusions(scene: Scene) -> None:
 def check_machine(scene: Scene, frame: Frame, machine: Machine) -> None:
     """Refuse a machine that is free in a direction in which its base moves, without a spring between both.
 
-    Where the scene starts in equilibrium, the start of a direction with a spring follows from it: it is refused.
+    Where the scene starts in equilibrium, the start of a direction with a spring follows from the equilibrium, so that
+    a given start is refused.
     """
     for direction, value in machine.start.nonzero.items() if scene.start == "equilibrium" else ():
         allowed = f"start = 'rest' is needed with it: in equilibrium {direction} begins where its spring holds it"
@@ -144,7 +145,7 @@ JUMP = 1e-9
 
 
 def check_frame(scene: Scene) -> None:
-    """Refuse a moving frame if its angles jump or have kinks, or if it does not go with the scene's settings.
+    """Refuse a moving frame whose angles jump or have kinks, or that does not go with the scene's settings.
 
     Such settings are gravity with a direction of its own, models that can't follow the frame's motion, whatever the
     terms of second order do not cover, and the ANCF reference.  A scene without a frame passes.

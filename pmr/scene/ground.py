@@ -145,7 +145,7 @@ def convex_hull(points: Sequence[Corner]) -> list[Corner]:
 
 
 def polygon_area(polygon: ArrayLike) -> float:
-    """Return twice the signed area of a polygon in m^2, positive if its corners X, Y run anticlockwise."""
+    """Return twice the signed area in m^2 of a polygon (k, 2) in m, positive if its corners X, Y run anticlockwise."""
     x, y = np.asarray(polygon, float).T
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 

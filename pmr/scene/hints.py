@@ -69,7 +69,7 @@ class _UnusualNumber:
 
     @property
     def sentence(self) -> str:
-        """Sentence with the key, the number, its usual range, and other units in which it may be meant."""
+        """Sentence with the key, the number, its usual range, and other units in which the number may be meant."""
         unit = "" if self.unit == "1" else f" {self.unit}"
         usual = f"{self.low:.3g} to {self.high:.3g}{unit}" if self.low else f"up to {self.high:.3g}{unit}"
         if math.isinf(self.high):
@@ -137,7 +137,10 @@ def _sentences(numbers: Iterable[_UnusualNumber]) -> list[str]:
 
 
 def _unusual_in_table(table: BaseModel, key: str, scales: Scales) -> Iterator[_UnusualNumber]:
-    """Yield the unusual numbers of a table and of the tables within it; `key` is the table's key followed by a dot."""
+    """Yield the unusual numbers of a table and of its inner tables; `key` is the table's key followed by a dot.
+
+    `scales` are lengths and forces of the scene by which some ranges are judged.
+    """
     if isinstance(table, Hinted):
         scales = {**scales, **table.hint_scales(scales)}
         for name, (value, judged_by) in table.hint_numbers.items():
@@ -155,8 +158,8 @@ def _unusual_in_value(
 ) -> Iterator[_UnusualNumber]:
     """Yield the unusual numbers of a field's `value` and of all lists and tables nested in it.
 
-    `key` is the field's key.  Numbers and signals of the field have the `usual` ranges and the `unit`.  The fields of
-    tables within it have ranges of their own.
+    `key` is the field's key.  Numbers and signals of the field have the `usual` ranges and the `unit`.  Inner tables
+    have ranges of their own.  `scales` are those of `_unusual_in_table`.
     """
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         yield from _unusual_number(float(value), key, usual, unit, scales)
@@ -251,8 +254,8 @@ def left_out(scene: Scene, at_rest: bool = False) -> dict[str, str]:
 def hung_forces(scene: Scene) -> dict[str, float]:
     """Return the mass in kg whose weight equals each force that only pulls the tip down, by the load's name.
 
-    These are vertical forces on the last section; the largest pull during the run counts.  The result is empty without
-    gravity, and if the masses at the tip are at least the share `HAS_MASS` of the sum.
+    Only vertical forces on the last section are listed, with their largest pull during the run.  The result is empty
+    without gravity, and if the masses at the tip are at least the share `HAS_MASS` of the sum.
     """
     part = scene.sections[-1]
     gravity = scene.gravity.acceleration if scene.gravity is not None else 0.0
@@ -286,7 +289,7 @@ def hung_force_remark(scene: Scene) -> str:
 
 
 def _strength_effects(scene: Scene, at_rest: bool) -> list[str]:
-    """List the effects on strength that no stress contains; with `at_rest`, fatigue is always among them.
+    """List the effects on strength that no stress contains; if `at_rest`, fatigue is always one of these.
 
     The list is empty if no section has a cross-section.
     """
@@ -315,7 +318,7 @@ def _wall_effects(scene: Scene) -> list[str]:
 
 
 def _pad_effects(scene: Scene, at_rest: bool) -> list[str]:
-    """List the effects in pads that the scene does not use; with `at_rest`, friction is always among them.
+    """List the effects in pads that the scene does not use; if `at_rest`, friction is always one of these.
 
     The list is empty if there are no pads.
     """

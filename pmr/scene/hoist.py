@@ -131,7 +131,7 @@ class Hoist(Payload, Rope):
 
     @model_validator(mode="after")
     def _check_rope(self) -> Self:
-        """Refuse a hoist without mass, and a rope unless one key says how long it is."""
+        """Refuse a hoist without mass, and a rope unless exactly one key sets its length."""
         if not self.mass > 0.0:
             raise key_error("payload", self.payload, "a mass above 0 of payload and hook together is allowed")
         if (self.length is None) == (self.hanging is None):

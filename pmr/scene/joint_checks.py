@@ -35,7 +35,7 @@ PARALLEL = 1.0 - 1e-6
 
 
 def check_fit(scene: Scene, number: int) -> None:
-    """Refuse section `number` unless its box fits into the box of the section before it, and its pads into the gap."""
+    """Refuse section `number` unless its box fits into the box of the section before, and its pads into the gap."""
     inner, outer = scene.sections[number].body.box, scene.sections[number - 1].body.box
     if inner is None or outer is None:
         return
@@ -194,10 +194,10 @@ def _check_drive(scene: Scene, number: int) -> None:
 
 
 def _check_flexible_drive(scene: Scene, number: int) -> None:
-    """Refuse a rigid drive of section `number` if it follows a flexible one, and friction with some drives.
+    """Refuse a rigid drive of section `number` if this section follows a flexible one, and friction with some drives.
 
-    Friction is refused if the section's drive changes its length, or if the drives of this section and of others that
-    it carries are flexible.
+    Friction is refused if the section's drive changes its length, or if the drives of this section and of sections that
+    are carried by it are flexible.
     """
     if not has_driven_tail(member_at(scene, number)):
         return  # no drive holds the section along the boom
@@ -260,7 +260,10 @@ def _is_loaded_at_start(scene: Scene, beyond: Sequence[BoomSection], axis: str, 
 
 
 def _check_ground_supports(scene: Scene, number: int) -> None:
-    """Refuse supports of section `number` along the boom if it travels, and pads on the ground that move."""
+    """Refuse supports along the boom of a section that travels, and pads on the ground that move.
+
+    `number` is that of the section.
+    """
     ranges = {name: path.bounds(0.0, scene.time.end) for name, path in list(scene.paths.items())[:number]}
     least = SLACK * scene.sections[number].length
     moves = next((name for name, (low, high) in ranges.items() if high - low > least), None)
@@ -276,7 +279,7 @@ def _check_ground_supports(scene: Scene, number: int) -> None:
 
 
 def _check_extension(scene: Scene, number: int) -> None:
-    """Refuse extensions that bring section `number` behind the tail of the next outer section, or out of it.
+    """Refuse extensions that bring section `number` behind the tail of the next outer section, or out of that section.
 
     The pads of the section must not leave the outer section, and pads of tail and mouth must not overlap on a face.
 
@@ -312,7 +315,7 @@ def _check_extension(scene: Scene, number: int) -> None:
 def _common_face(ring: JointPads, other: JointPads) -> str | None:
     """Return a face on which pads of both rings overlap across the face, with their widths counted.
 
-    None if there is no such face.
+    The result is None if there is no such face.
     """
     width = (ring.width + other.width) / 2.0
     for face, places in (ring.faces or {}).items():
@@ -357,7 +360,7 @@ def _check_pads(scene: Scene, number: int) -> None:
 
 
 def check_section(scene: Scene, number: int) -> None:
-    """Check section `number` as a body of its own; keys in errors are those of the scene."""
+    """Check section `number` as a body of its own; raise an InputError, with keys of the scene, for the first fault."""
     part, member = scene.sections[number], member_at(scene, number)
     try:
         check_proportions(part)

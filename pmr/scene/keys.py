@@ -223,7 +223,7 @@ class Hinted(BaseModel):
 
     @property
     def hint_numbers(self) -> dict[str, tuple[float, Usual]]:
-        """Further numbers with their usual ranges, by key; empty unless a table overrides it.
+        """Further numbers with their usual ranges, by key; empty unless a table overrides this method.
 
         An example are numbers that a file may set instead of a field.
         """
@@ -269,7 +269,7 @@ class Quantity:
         return no_info_after_validator_function(self._check, schema)
 
     def _check(self, value: float) -> float:
-        """Return `value` if it is within the bounds; raises ValueError otherwise."""
+        """Return `value` if it is within the bounds of the quantity; raise a ValueError otherwise."""
         if not self.low <= value <= self.high:
             unit = "" if self.unit == "1" else f", in {self.unit}"
             raise ValueError(f"a number from {self.low:g} to {self.high:g} is allowed{unit}")
@@ -312,7 +312,7 @@ Component = Annotated[float, Quantity("1", -1e300, 1e300)]
 
 
 def _check_repeated(values: tuple[Entry, ...]) -> tuple[Entry, ...]:
-    """Return the `values` of a list if all of them differ; raises an error that shows the list otherwise."""
+    """Return the `values` of a list if all of these differ; raise an error that shows the list otherwise."""
     if len(set(values)) < len(values):
         raise PydanticCustomError("repeated", "each once is allowed")
     return values
@@ -374,7 +374,7 @@ def quantity_of(section: type[BaseModel], key: str) -> Quantity | None:
 
 @cache
 def usual_ranges(section: type[BaseModel], key: str) -> tuple[Usual, ...]:
-    """Return the usual ranges of the numbers in a key of a table; a usual number is within all of them."""
+    """Return the usual ranges of the numbers in a key of a table; a usual number is within each of these ranges."""
     return tuple(part for part in _declarations(section, key) if isinstance(part, Usual))
 
 
@@ -425,7 +425,7 @@ AS_WORD = PlainSerializer(str)
 def or_plugin_name(group: str) -> WrapValidator:
     """Return a validator that allows the names of a group's entry points in addition to the values of the type itself.
 
-    It is used as ``Annotated[Literal[...], or_plugin_name(group), AS_WORD]``.
+    The validator is used as ``Annotated[Literal[...], or_plugin_name(group), AS_WORD]``.
     """
 
     def check(data: object, check_literal: Callable[[object], object]) -> object:

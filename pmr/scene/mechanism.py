@@ -131,7 +131,7 @@ def pin_and_cylinder(scene: Scene) -> PinAndCylinder | None:
 def _body_wrenches(scene: Scene, member: Member, along: Mapping[str, Array]) -> Iterator[ContactWrench]:
     """Yield force and moment on the ground for each contact of one body with the ground.
 
-    `along` are paths by name at T times, as in `ground_contact_wrenches`.
+    `along` are the coordinates (T,) in m of paths by name at T times, as in `ground_contact_wrenches`.
     """
     body, moves = scene.names[member.number], motion_directions(member)
     count = len(next(iter(along.values())))
@@ -188,7 +188,7 @@ def _cylinder_wrench(body: str, cylinder: LuffingCylinder, angle: Array) -> Cont
 def _force_names(body: str, what: str) -> tuple[str, ...]:
     """Return the names that a force between a body and the ground may have; `what` is the force's name at the body.
 
-    They are the names of a force of the body, of a contact, and of the reaction of a permanent row.
+    The names are those of a force of the body, of a contact, and of the reaction of a permanent row.
     """
     return (
         qualified_name(body, force_name(what)),
@@ -294,7 +294,7 @@ def _axial_inputs(member: Member) -> Iterator[str]:
 
 
 def _cylinder_term(scene: Scene, number: int, beyond: int, field: str) -> FrameTerm:
-    """Return the term of the axial force in the cylinder of section `number` as it accelerates section `beyond`.
+    """Return the term of the axial force in the cylinder of section `number` that accelerates section `beyond`.
 
     `field` is the field of the acceleration, or the name of the load against which the cylinder works.
     """
@@ -306,7 +306,7 @@ def _cylinder_term(scene: Scene, number: int, beyond: int, field: str) -> FrameT
 def tail_outputs(member: Member) -> tuple[str, ...]:
     """Return the names of the outputs of the tail's displacements across the boom.
 
-    They exist in a moving frame if a cylinder acts on the tail; otherwise the result is empty.
+    The outputs exist in a moving frame if a cylinder acts on the tail; otherwise the result is empty.
     """
     leans = member.frame is not None and member.has_joint and has_driven_tail(member)
     return tuple(f"tail {axis}" for axis in transverse_axes(member)) if leans else ()

@@ -87,7 +87,7 @@ class Member:
 
     @property
     def has_joint(self) -> bool:
-        """Whether the body slides in another body, or another body in it."""
+        """Whether the body slides in another body, or another body slides in this one."""
         return len(self.scene.sections) > 1
 
     @property
@@ -102,7 +102,7 @@ class Member:
 
     @property
     def carries_carriages(self) -> bool:
-        """Whether all pads of joints on it belong to a carriage: a section whose joint has no pads at a mouth."""
+        """Whether all pads of joints on this body belong to a carriage: a section without pads at a mouth."""
         return self.has_joint and not any(self.scene.joint(seat.joint).mouth for seat in self._seats)
 
     @property
@@ -138,7 +138,7 @@ class Member:
     def points(self) -> tuple[float, ...]:
         """Distances in m of the body's sliding points ahead of the path coordinate s.
 
-        They are empty if pads slide on the body, or if nothing does.
+        The result is empty if pads slide on the body, or if nothing slides on it.
         """
         if not self.has_joint:
             return self.scene.points
@@ -153,7 +153,7 @@ class Member:
 
     @property
     def bounds(self) -> Interval:
-        """Least and largest s in m; for a section of a boom, as far as all of its pads fit on it."""
+        """Least and largest s in m; for a section of a boom, the range in which all of the section's pads fit on it."""
         return self._reach if self.has_joint else self.scene.path_bounds
 
     @property
@@ -201,7 +201,7 @@ class Member:
 
     @property
     def weight(self) -> dict[str, SignalBase]:
-        """Signal of the weight by the name of its input; empty in a moving frame, which has other inputs for it."""
+        """Signal of the weight by the name of its input; empty in a moving frame, which has inertia inputs instead."""
         return {WEIGHT: self.gravity.signal} if self.gravity and self.frame is None else {}
 
     @property
@@ -218,7 +218,7 @@ class Member:
 
     @property
     def content(self) -> str:
-        """Text that is equal for bodies with equal full models; it has neither names nor the signals of loads."""
+        """Text that is equal for bodies with equal full models, without names and without the signals of loads."""
         part = self.part.model_dump_json(exclude={"name": True, "joint": True, "loads": {"__all__": {"signal"}}})
         extended = self.has_joint and self.number > 0  # an extension accelerates the section
         moving = sorted(self.ring_ranges.items()), sorted(self.dented_rings)
@@ -230,7 +230,7 @@ class Member:
 
     @property
     def joint_rows(self) -> frozenset[str]:
-        """Names of the rows between this body and other bodies; all other rows are between it and the ground."""
+        """Names of the rows between this body and other bodies; all other rows are between the body and the ground."""
         pads = [name for moving in self.moving_pads.values() for name, _, _ in moving.ring.named_pads]
         return frozenset((*pads, POINT, TAIL, *STRAIGHT)) if self.has_joint else frozenset()
 
@@ -267,7 +267,7 @@ def seats(scene: Scene, number: int) -> Iterator[Seat]:
 
 
 def footprint(scene: Scene, ring: JointPads) -> str:
-    """Return the name of a ring's pads in the models of the two sections that they touch.
+    """Return the name that the pads of a ring have in the models of the two sections in contact.
 
     Rings with equal faces, positions and size share one name, unless walls give way: each ring then has a name of its
     own.

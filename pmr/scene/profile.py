@@ -85,7 +85,7 @@ class Side:
     def span(self) -> Pair:
         """Least and largest coordinate in m across a flat plate.
 
-        It is 0 at the point of the plate's plane that is nearest to the axis.
+        The coordinate is 0 at the point of the plate's plane that is nearest to the axis.
         """
         low, high = sorted(float(self.across_direction @ end) for end in (self.start, self.end))
         return low, high
@@ -194,8 +194,8 @@ def gaps(inner: Sequence[Side], outer: Sequence[Side]) -> dict[str, float]:
 def _outer_points(sides: Sequence[Side], k: int) -> list[Array]:
     """Return points (2,) in m on the outside of side number k of a profile.
 
-    For an arc these are 33 points along it.  For a flat plate they are the mitred corner with the next plate, or both
-    ends of the plate if an arc follows.
+    For an arc the result has 33 points.  For a flat plate it has the mitred corner with the next plate, or both ends of
+    the plate if an arc follows.
     """
     side, after = sides[k], sides[(k + 1) % len(sides)]
     out = side.thickness / 2.0
@@ -262,7 +262,7 @@ class BoxProfile(SceneTable):
     @model_validator(mode="wrap")
     @classmethod
     def _resolve_sizes(cls, data: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        """Validate a table with `sizes` as one with the dimensions of the mid-surface that follow from them.
+        """Validate a table with `sizes` as a table with the dimensions of the mid-surface that follow from these.
 
         Other words than those of `SURFACES` are refused.
         """
@@ -339,7 +339,7 @@ class BoxProfile(SceneTable):
 
     @property
     def corners(self) -> tuple[Corner, ...]:
-        """Outer corners in counter-clockwise order; rounded ones as if they were sharp."""
+        """Outer corners in counter-clockwise order; a rounded corner is taken as if it were sharp."""
         return sharp_corners(self.edges)
 
     @property
@@ -354,7 +354,7 @@ class BoxProfile(SceneTable):
         return NOTHING * max(self.width, self.height)
 
     def thickness(self, face: str) -> float:
-        """Return the thickness in m of the plate on a face; 0 if `wall` has no entry for it.
+        """Return the thickness in m of the plate on a face; 0 if `wall` has no entry for the face.
 
         The rounded corners at the bottom are as thick as the face ``bottom``, those at the top as the face ``top``.
         """
@@ -365,11 +365,11 @@ class BoxProfile(SceneTable):
         return by_name.get(face, by_name.get(half, 0.0))
 
     def radius_at(self, half: Half) -> float:
-        """Return the radius in m of the corners at the bottom or at the top."""
+        """Return the radius in m of the corners in a `half` of the box, at the bottom or at the top."""
         return self.radius.get(half, 0.0) if isinstance(self.radius, dict) else self.radius
 
     def cut(self, half: Half) -> Pair:
-        """Return the lengths in m along y and z that the chamfers cut off the corners at the bottom or at the top."""
+        """Return the lengths in m along y and z that chamfers cut off the corners in a `half`, bottom or top."""
         cut = self.chamfer.get(half, 0.0) if isinstance(self.chamfer, dict) else self.chamfer
         return cut if isinstance(cut, tuple) else (cut, cut)
 

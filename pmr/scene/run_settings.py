@@ -221,7 +221,7 @@ class Reduction(BasisChoice):
 
     @property
     def estimable(self) -> bool:
-        """Whether the inertia of the left-out modes is kept too; the error is estimated from it."""
+        """Whether the inertia of the left-out modes is kept too, from which the error is estimated."""
         return self.extendable and self.estimate
 
 

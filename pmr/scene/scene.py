@@ -147,7 +147,7 @@ class SectionTables(CommonTables):
 
     @property
     def slider(self) -> Slider:
-        """Path of the only body; it stays at s = 0 if the body does not slide."""
+        """Path of the only body, constant s = 0 for a body that does not slide."""
         return self.only_section.slider or Slider(path=Constant(amount=0.0))
 
     @property
@@ -173,7 +173,7 @@ class SectionTables(CommonTables):
     def points(self) -> tuple[float, ...]:
         """Distances in m of the only body's sliding points ahead of s.
 
-        They are empty if pads slide on the body, or if nothing does.
+        The result is empty if pads slide on the body, or if nothing slides on it.
         """
         slider = self.only_section.slider
         if slider is not None and slider.offsets is not None:
@@ -250,7 +250,10 @@ class Scene(SectionTables):
         return content if self.sections[0].name else _lift_body_keys(content)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a copy with the fields in `update` changed; keys of a body change the only body."""
+        """Return a copy with the fields in `update` changed; keys of a body change the only body.
+
+        None changes nothing.
+        """
         changed = dict(update or {})
         of_body = {key: changed.pop(key) for key in OF_A_BODY & set(changed)}
         if of_body:
@@ -258,7 +261,7 @@ class Scene(SectionTables):
         return super().model_copy(update=changed, deep=deep)
 
     def vary_sections(self, keys_of: Callable[[BoomSection], Mapping[str, object]], **keys: object) -> Self:
-        """Return a copy in which each section has the keys that `keys_of` returns for it.
+        """Return a copy in which each section has the keys that `keys_of` returns for that section.
 
         `keys` are further keys, of the scene itself.
         """
@@ -307,7 +310,7 @@ class Scene(SectionTables):
         return {"scene": content, "scene_hash": self.hash, "files": files}
 
     def file_key(self, key: str) -> str:
-        """Return a key of the scene as its file spells it: without ``sections[0].`` if the file has a single [body]."""
+        """Return a key of the scene as in its file: without ``sections[0].`` if the file has a single [body]."""
         if len(self.sections) > 1:
             return key
         if not self.sections[0].name:
@@ -315,7 +318,7 @@ class Scene(SectionTables):
         return f"sections[0].{key}" if re.split(r"\W", key)[0] in OF_A_BODY else key
 
     def section_key(self, number: int, key: str) -> str:
-        """Return a key of section `number` as its file spells it; keys about all bodies are at the top."""
+        """Return a key of section `number` as in the scene's file, where keys about all bodies are at the top."""
         return self.file_key(f"sections[{number}].{key}") if re.split(r"\W", key)[0] in OF_A_BODY else key
 
     # -- all bodies
@@ -357,7 +360,7 @@ class Scene(SectionTables):
 
     @property
     def pivot_height(self) -> float:
-        """Height in m of the pivot, or without a frame of the base's tail, above the ground; 0 if it is not given."""
+        """Height in m of the pivot, or without a frame of the base's tail, above the ground; 0 if no height is set."""
         ground = None if self.frame is None else self.frame.ground
         of_hoist = 0.0 if self.hoist is None else self.hoist.pivot_height
         return of_hoist or (0.0 if ground is None else ground.height)
@@ -407,9 +410,9 @@ class Scene(SectionTables):
         return key and f"frame.{key}"
 
     def reach(self, t: ArrayLike) -> Array:
-        """Return the distances in m along the boom from the base's tail to the tip at the times t in s; shape of t.
+        """Return the distances in m along the boom from the base's tail to the tip at the times t in s (any shape).
 
-        Where the last section is a mass on a wheel, they are those to its wheel.
+        The result has the shape of t.  If the last section is a mass on a wheel, the distances are those to its wheel.
         """
         last = self.sections[-1]
         end = last.length if last.body.mover is None else 0.0
@@ -417,13 +420,16 @@ class Scene(SectionTables):
         return np.asarray(np.sum([np.zeros_like(np.asarray(t, float)), *tails], axis=0) + end)
 
     def path_positions(self, t: ArrayLike) -> Array:
-        """Return s of the only body, or `reach` of several sections, in m at the times t in s; shape of t."""
+        """Return s of the only body, or `reach` of several sections, in m at the times t in s (any shape).
+
+        The result has the shape of t.
+        """
         return self.reach(t) if len(self.sections) > 1 else np.asarray(self.slider.path.value(t))
 
     def without_loads(self) -> Self:
         """Return the scene with all loads zero, weight from t = 0 and no recovery.
 
-        It is equal for scenes with the same modes, which depend on nothing else.
+        The result is equal for scenes with the same modes, which depend on nothing else.
         """
         gravity = self.gravity.with_keys(rise=0.0) if self.gravity else None
         return self.vary_sections(

@@ -31,7 +31,7 @@ SLACK = 1e-9
 
 
 def check_structure(member: Member) -> None:
-    """Raise an InputError for the first key of a body, or of something on it, that contradicts another key."""
+    """Raise an InputError for the first key of a body, or of something on the body, that contradicts another key."""
     _check_body(member)
     check_names("pads", (name for ring in member.pads for name, _, _ in ring.named_pads))
     for key in ("loads", "masses", "probes"):
@@ -58,7 +58,7 @@ def check_structure(member: Member) -> None:
 
 
 def _check_ground_loads(member: Member) -> None:
-    """Refuse moments about ground axes, and loads along them without a moving frame or motion of the body along x."""
+    """Refuse moments about ground axes, and loads along these without a moving frame or motion of the body along x."""
     for i, load in enumerate(member.part.loads):
         if load.axes == "body":
             continue
@@ -216,14 +216,14 @@ def _check_body(member: Member) -> None:
 
 
 def check_wheel(joint: Joint | None, prefix: str) -> None:
-    """Refuse a mover whose joint is no wheel; `prefix` stands before its keys."""
+    """Refuse a mover whose joint is no wheel, or None; `prefix` stands before the keys of the mover."""
     if joint is None or joint.mouth or len(joint.tail) > 1 or joint.tail[0].at or joint.tail[0].faces:
         allowed = "a joint with one ring in `tail`, at = 0 and without faces, is needed: the wheel"
         raise scene_error(f"{prefix}body.mover", None, allowed)
 
 
 def _check_mover(member: Member) -> None:
-    """Refuse a mover of another model, one that runs on nothing, and whatever it can't have."""
+    """Refuse a mover of another model, a mover that runs on nothing, and all keys that a mover can't have."""
     part = member.part
     refuse(part.body.mover is None, "body.mover", None, "a table with the mass is needed with body.model = 'mover'")
     refuse(traits_of(member).kind != "mass", "body.model", part.body.model, "auto or mover is allowed with body.mover")
@@ -282,7 +282,7 @@ def _check_flexible_walls(member: Member) -> None:
 
 
 def _check_planar_beam(member: Member) -> None:
-    """Refuse loads, pads and weight that a planar beam can't feel: it moves along x and z and about y alone.
+    """Refuse loads, pads and weight that a planar beam can't feel, as its points move along x and z and about y alone.
 
     A tension is refused unless rigid supports hold both ends.
     """
@@ -310,7 +310,7 @@ def _check_planar_beam(member: Member) -> None:
 
 
 def _check_pads(member: Member) -> None:
-    """Refuse pads that are not on their face, or that leave it at any time.
+    """Refuse pads that are not on their face, or that leave the face at any time.
 
     Faces of a mesh file are checked with the mesh.
     """
@@ -398,7 +398,7 @@ def scene_error(key: str, value: object, allowed: str) -> InputError:
 
 
 def refuse(when: object, key: str, value: object, allowed: str) -> None:
-    """Raise the error of a key of a scene if `when` is true; `allowed` says what is allowed."""
+    """Raise the InputError of a key of a scene if `when` is true; `allowed` says what is allowed."""
     if when:
         raise scene_error(key, value, allowed)
 

@@ -49,7 +49,7 @@ def is_inertia(moments: tuple[float, float, float]) -> bool:
 
 
 def unit_vector(direction: Vector) -> Vector:
-    """Return a direction as a vector of unit length; it is unchanged if its length is 1 to round-off.
+    """Return a direction as a vector of unit length, unchanged if its length is 1 to round-off.
 
     Raises ValueError if the direction is zero or not finite.
     """

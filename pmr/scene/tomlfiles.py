@@ -105,7 +105,7 @@ class TomlFile:
 
     @classmethod
     def read(cls, path: str | Path, dialect: Dialect) -> TomlFile:
-        """Read the file `path` and all files that it extends; keys of the file override those of the files it extends.
+        """Read the file `path` and all files that it extends; its own keys override those of the files that it extends.
 
         The key ``extends`` names a file relative to this one, or a workflow.
         """
@@ -114,7 +114,7 @@ class TomlFile:
         return file
 
     def apply(self, change: Change) -> None:
-        """Lay a change over the data, in place; raises InputError if it changes a list entry that does not exist."""
+        """Lay a change over the data, in place; raise an InputError for a list entry that does not exist."""
         self._forget_alternatives(self.data, change.tables)
         _merge(self.data, deepcopy(dict(change.tables)), change.source, self.origins)
 
@@ -139,9 +139,9 @@ class TomlFile:
             ) from None
 
     def origin(self, key: str | Sequence[str | int]) -> str:
-        """Return the file or option that last set a key or one inside it, else that of the nearest table around it.
+        """Return the file or option that last set a key or an inner key, else that of the nearest table around the key.
 
-        It is the file itself if no such table has an origin.
+        The result is the file itself if no such table has an origin.
         """
         words = tuple(re.findall(r"\w+", key) if isinstance(key, str) else map(str, key))
         inside = [
@@ -151,10 +151,10 @@ class TomlFile:
         return (inside[-1:] or above or [str(self.path)])[0]
 
     def _with_base(self, path: Path, extending: tuple[Path, ...]) -> dict[str, Any]:
-        """Return the tables of a file merged over those of the files it extends.
+        """Return the tables of a file merged over those of the files in its key ``extends``.
 
-        `extending` are the files that lead to this one by their keys ``extends``.  Raises InputError if one of these is
-        the file itself, if there are too many, or if ``extends`` names no file.
+        `extending` are the files that lead to this one by their keys ``extends``.  Raises InputError if one of
+        `extending` is the file itself, if there are too many, or if ``extends`` names no file.
         """
         what = self.dialect.name
         data = read_tables(path, what)
@@ -214,14 +214,14 @@ def override(text: str) -> Change:
 
 
 def merge_tables(base: Mapping[str, object], update: Mapping[str, object]) -> dict[str, Any]:
-    """Return the tables of `base` with those of `update` merged over them, by key; both arguments stay unchanged."""
+    """Return the tables of `base` with those of `update` merged over them, by key; both arguments stay as they are."""
     merged = deepcopy(dict(base))
     _merge(merged, deepcopy(dict(update)), "scene", {})
     return merged
 
 
 def read_tables(path: Path, what: str) -> dict[str, Any]:
-    """Return the tables of one file by key, without the files that it extends.
+    """Return the tables of one file by key, without the files of its key ``extends``.
 
     Raises InputError if the file is missing, can't be read, is too large or is not TOML; `what` names the kind of file
     in the message.
@@ -306,7 +306,8 @@ def _merge(
 def _entry(entries: list[object], name: str, source: str, key: str, value: object) -> int:
     """Return the number of the entry called `name` in a list `entries`; `name` may also be the number itself.
 
-    `source`, `key` and `value` are for messages.  They name the innermost one of nested tables that hold one key each.
+    `source`, `key` and `value` are for messages.  Messages name the innermost one of nested tables that hold one key
+    each.
 
     Raises InputError if there is no such entry.
     """

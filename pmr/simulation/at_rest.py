@@ -43,7 +43,10 @@ class ListSignal(SignalBase):
     acceleration: float = 0.0  # second rate at each value, in the unit of the values
 
     def value(self, t: ArrayLike) -> Array:
-        """Values of the list at the indices int(t), for t (...); an index beyond the list gives the nearest value."""
+        """Values of the list at the indices int(t), in the shape of t (any shape).
+
+        An index beyond the list gives the nearest value.
+        """
         last = len(self.values) - 1
         return np.array(self.values)[np.clip(np.asarray(t, float).astype(int), 0, last)]
 
@@ -146,7 +149,7 @@ def amplitudes_at_rest(scene: Scene, extensions: Mapping[str, Array], luffing: f
 
 
 def _signal_of(values: Array | float) -> SignalBase:
-    """Constant signal for a number, or `ListSignal` for an array of values."""
+    """Constant signal for a number, or `ListSignal` for an array (T,) of values."""
     return (
         Constant(amount=float(values))
         if np.ndim(values) == 0
@@ -214,7 +217,8 @@ def _response_at_rest(
     """Response at rest in the posture `place`: forces of springs and contacts, on supports and on the machine.
 
     Each of the T `states` (T, n + m + i) consists of coordinates, contact forces and loads; c (T, k) are amplitudes of
-    terms at these states; x and `rows` as in `rest_rows`.  The response has no displacements and no energies.
+    terms at these states; x and `rows` are the sides' positions and the contacts as in `rest_rows`.  The response has
+    no displacements and no energies.
     """
     system, (n, m), count = assembly.system, (assembly.size, len(rows.C)), len(states)
     q, forces, loads = np.split(states, [n, n + m], axis=1)

@@ -44,8 +44,8 @@ BLOCK = 4096
 def load_potential(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
     """Potential energy (T,) in J of `loads` (T, i): minus the loads times the displacements of their points.
 
-    Without residual flexibility it is -q^T B f, with coordinates q and input matrix B (Weyrer et al., equation for
-    H(t)).
+    `trajectory` has the body's coordinates and contact forces.  Without residual flexibility the energy is -q^T B f,
+    with coordinates q and input matrix B (Weyrer et al., equation for H(t)).
     """
     motion = np.asarray(trajectory.q @ body.B)
     if body.flexibility is not None:
@@ -56,7 +56,7 @@ def load_potential(body: SlidingBody, trajectory: Trajectory, loads: Array) -> A
 def energy_surplus(stored: Array, work: Array, least: float = 0.0, since_start: bool = False) -> float:
     """Largest rise of energy minus work, divided by the largest energy.
 
-    It is from 0 to slightly more than 1, and infinite if the energy overflows.
+    The result is from 0 to slightly more than 1, and infinite if the energy overflows.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ PLACES = 65
 
 
 def contact_frequency(system: System, excitation: Excitation) -> float:
-    """Largest omega in rad/s of contacts that only push, along the paths; 0 if there are none, or if they are rigid.
+    """Largest omega in rad/s of contacts that only push, along the paths; 0 without such contacts or if they are rigid.
 
     Errors as `pmr.simulation.excitation.side_positions`.
     """
@@ -116,7 +116,7 @@ def part_counts(omega: float, stepping: TimeStepping) -> tuple[int, ...]:
 
 
 def with_schedule(stepping: TimeStepping, parts_of_steps: Indices | None, omega: float) -> TimeStepping:
-    """Time grid whose steps have the numbers of parts `parts_of_steps` (T + 1,) of another simulation.
+    """Time grid `stepping` with the numbers of parts `parts_of_steps` (T + 1,) of another simulation in its steps.
 
     The first number, of t = 0, is ignored.  If the numbers are None, every step has the number of parts that `omega` in
     rad/s needs.  The grid is unchanged if `omega` is 0 or the grid has parts.
@@ -132,7 +132,7 @@ def summary(omega: float, stepping: TimeStepping) -> dict[str, object]:
     """Entry ``contact`` of summary.json, for contacts of circular frequency `omega` in rad/s; empty if `omega` is 0.
 
     The keys are ``omega`` in rad/s; ``parts``, the largest number of parts of a step; ``h_omega``, the length of such a
-    part times omega; and, with a schedule, ``mean_parts``, the mean number of parts of a step.
+    part times omega; and, if `stepping` has a schedule, ``mean_parts``, the mean number of parts of a step.
     """
     if omega == 0.0:
         return {}
@@ -146,8 +146,8 @@ def summary(omega: float, stepping: TimeStepping) -> dict[str, object]:
 def warnings(omega: float, stepping: TimeStepping) -> list[str]:
     """Warning, in a list, if even a part of a step is too long for contacts of frequency `omega` in rad/s.
 
-    The list is empty if the parts are short enough.  A part is taken as short as it may be, whatever the schedule says:
-    another run chose the schedule by the error of its steps.
+    The list is empty if the parts are short enough.  The schedule of `stepping` does not matter, as another run chose
+    it by the error of its steps: the parts in question are the shortest ones that are allowed.
     """
     stepping = replace(stepping, schedule=())
     count = count_parts(omega, stepping)
@@ -176,7 +176,7 @@ class StepParts:
 
     @classmethod
     def for_contacts(cls, stepping: TimeStepping, omega: float) -> StepParts:
-        """Numbers of parts of the schedule, or those that contacts of frequency `omega` in rad/s need.
+        """Numbers of parts of the schedule of `stepping`, or those that contacts of frequency `omega` in rad/s need.
 
         Each step has one part if `omega` is 0.
         """

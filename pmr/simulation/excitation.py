@@ -95,7 +95,7 @@ class Excitation:
 
     @cached_property
     def rates(self) -> Array:
-        """Path velocities (T, P) in m/s at the steps; at a kink the velocity right after it."""
+        """Path velocities (T, P) in m/s at the steps; at a kink the velocity right after the kink."""
         rates = [path.rate(self.times) for path in self.paths.values()]
         return np.column_stack([np.empty((len(self.times), 0)), *rates])
 
@@ -116,7 +116,7 @@ class Excitation:
     def forces(self, names: Sequence[str], t: Array | None = None) -> Array:
         """Loads (T, i) in N or N m, one column for each of the inputs `names`, in this order.
 
-        They are sampled at the steps or, if given, at other times t (T,) in s.  Errors as `signals_in_order`.
+        The loads are sampled at the steps if t is None, else at times t (T,) in s.  Errors as `signals_in_order`.
         """
         signals = signals_in_order(self.loads, names)
         return self.f if t is None and tuple(names) == tuple(self.loads) else self._columns(signals, t)
@@ -129,7 +129,7 @@ class Excitation:
     def amplitudes(self, names: Sequence[str], t: Array | None = None) -> Array:
         """Amplitudes c (T, k), one column for each of the terms `names`, in this order.
 
-        They are sampled at the steps or, if given, at other times t (T,) in s.  Errors as `signals_in_order`.
+        The amplitudes are sampled at the steps if t is None, else at times t (T,) in s.  Errors as `signals_in_order`.
         """
         return self._columns(signals_in_order(self.terms, names, "term"), t)
 
@@ -141,18 +141,18 @@ class Excitation:
         return [*paths, *loads, *((f"term {name}", term) for name, term in self.terms.items())]
 
     def with_stepping(self, stepping: TimeStepping) -> Excitation:
-        """Excitation with the same signals on another time grid."""
+        """Excitation with the same signals on another time grid, `stepping`."""
         return self if stepping == self.stepping else replace(self, stepping=stepping)
 
     def on_grid(self, stepping: TimeStepping) -> Excitation:
-        """Excitation on another time grid, with accelerations in loads and terms averaged over this grid's steps."""
+        """Excitation on another time grid `stepping`, with accelerations in loads and terms averaged over its steps."""
         loads = {name: load.on_steps(stepping.step) for name, load in self.loads.items()}
         terms = {name: term.on_steps(stepping.step) for name, term in self.terms.items()}
         hoist = {name: signal.on_steps(stepping.step) for name, signal in self.hoist.items()}
         return replace(self, loads=loads, terms=terms, hoist=hoist, stepping=stepping)
 
     def _columns(self, signals: Iterable[SignalBase], t: Array | None = None) -> Array:
-        """Values (T, k) of k signals at the steps or at other times t (T,) in s, one column for each signal."""
+        """Values (T, k) of k signals, one column each, at the steps if t is None, else at times t (T,) in s."""
         at = self.times if t is None else t
         return np.column_stack([np.empty((len(at), 0)), *(signal.value(at) for signal in signals)])
 
@@ -210,7 +210,7 @@ def side_positions(
 ) -> Array:
     """Positions x (T, sides) in m of the sides of all contacts, at all steps or at the `steps`.
 
-    They are those of `System.side_coordinates`.
+    The positions follow from the paths by `System.side_coordinates`.
 
     Raises
     ------

@@ -147,8 +147,9 @@ class FrameAmplitude(FrameSignal):
     def highest_frequency(self, start: float, end: float) -> float:
         """Highest frequency in Hz of the amplitude from `start` to `end` in s, an estimate.
 
-        It is twice the highest frequency of angles, gravity and paths, because these enter as squares and products.  If
-        a load or the base moves, it is at least the sum of its highest frequency and that of angles, gravity and paths.
+        The estimate is twice the highest frequency of angles, gravity and paths, as the amplitude has their squares and
+        products.  If a load or the base moves, the estimate is at least the sum of that motion's highest frequency and
+        that of angles, gravity and paths.
         """
         slow, fast = (
             max((signal.highest_frequency(start, end) for signal in signals), default=0.0)
@@ -292,7 +293,7 @@ def inertia_loads(scene: Scene, member: Member) -> dict[str, SignalBase]:
 
 
 def term_signals(scene: Scene, which: Iterable[FrameTerm] | None = None) -> dict[str, SignalBase]:
-    """Amplitudes of terms (`pmr.scene.mechanism`) by the term's name; without `which`, of all terms of the scene."""
+    """Amplitudes of terms (`pmr.scene.mechanism`) by the term's name: of those in `which`, or of all if it is None."""
     return {term.name: _term_signal(scene, term) for term in (frame_terms(scene) if which is None else which)}
 
 
@@ -312,9 +313,9 @@ def _term_signal(scene: Scene, term: FrameTerm) -> SignalBase:
 
 
 def _over_length(scene: Scene, of: SignalBase, term: FrameTerm) -> FrameAmplitude:
-    """Amplitude of the force of a cylinder, divided by the cylinder's length.
+    """Amplitude of the force of a cylinder, the one of `term`, divided by the cylinder's length.
 
-    The force is caused by `of`, which is a load on what the cylinder carries, or an acceleration of it.
+    The force is caused by `of`, which is a load on what the cylinder carries, or an acceleration of what it carries.
     """
     name, over = input_name(term.carried_section, term.component), ("over", term.number)
     products = tuple(product.times(1.0, over) for product in products_of(of, name))

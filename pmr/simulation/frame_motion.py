@@ -42,7 +42,10 @@ class Derived(SignalBase):
         """Signals from which this one follows."""
 
     def rate(self, t: ArrayLike) -> Array:
-        """Difference quotient over the step from t - h/2, but at least 0, to t + h/2, at the times t (...) in s."""
+        """Difference quotient over a step around the times t (any shape) in s, in the shape of t.
+
+        The step is from t - h/2, but at least 0, to t + h/2.
+        """
         t, half = np.asarray(t, float), self.step / 2.0
         before = np.maximum(t - half, 0.0)
         return np.asarray((self.value(t + half) - self.value(before)) / (t + half - before))
@@ -52,7 +55,7 @@ class Derived(SignalBase):
 
     @property
     def breaks(self) -> Floats:
-        """Breaks of all signals from which this one follows."""
+        """Times in s of the breaks of all signals from which this signal follows, ascending."""
         return tuple(sorted({b for signal in self.signals for b in signal.breaks}))
 
 
@@ -120,9 +123,10 @@ class FrameRotation:
     def from_signals(
         cls, luffing: SignalBase, slewing: SignalBase, t: Array, rocking: Sequence[SignalBase] = ()
     ) -> FrameRotation:
-        """Rotation of the frame at the times t (T,) in s.
+        """Rotation of the frame by the signals of its angles at the times t (T,) in s.
 
-        `rocking` are the angles roll, pitch, yaw of its base; it is empty if the base does not turn.
+        `luffing` and `slewing` are signals in rad; `rocking` are those of roll, pitch, yaw of the frame's base, empty
+        if the base does not turn.
         """
         return cls.from_angles(
             _motion_of(luffing, t), _motion_of(slewing, t), [_motion_of(angle, t) for angle in rocking]
@@ -295,7 +299,7 @@ class ComputedMotion(SignalBase):
         return Interval(float(some.min()), float(some.max()))
 
     def _interpolate(self, t: ArrayLike, order: int) -> Array:
-        """Value (`order` 0), rate (1) or second rate (2) at the times t (...) in s."""
+        """Value (`order` 0), rate (1) or second rate (2) at the times t (any shape) in s, in the shape of t."""
         of: MotionSamples = self.samples
         at = np.clip(np.asarray(t, float), of.times[0], of.times[-1])
         k = np.clip(np.searchsorted(of.times, at, "right") - 1, 0, len(of.times) - 2)
@@ -320,12 +324,12 @@ class ComputedInput(SignalBase):
     name: str
 
     def value(self, t: ArrayLike) -> Array:
-        """Value at the times t (...) in s, on the line between two samples."""
+        """Value at the times t (any shape) in s, on the line between two samples, in the shape of t."""
         of: MotionSamples = self.samples
         return np.asarray(np.interp(np.asarray(t, float), of.times, of.inputs[self.name]))
 
     def rate(self, t: ArrayLike) -> Array:
-        """Slope of the line at the times t (...) in s; at a sample, the slope of the line after it."""
+        """Slope of the line at the times t (any shape) in s, in the shape of t; at a sample, of the line after it."""
         of: MotionSamples = self.samples
         lengths = np.diff(of.times)
         k = np.searchsorted(of.times, np.asarray(t, float) + SAME * lengths.min(), "right") - 1
@@ -354,7 +358,7 @@ def computed_inputs(scene: Scene) -> dict[str, SignalBase]:
 
 
 def computed_parts(scene: Scene) -> tuple[int, ...]:
-    """Numbers of parts into which the steps were divided that computed a free extension; empty if they were not."""
+    """Numbers of parts into which steps were divided when a free extension was computed; empty without division."""
     samples = (path.samples for path in scene.paths.values() if isinstance(path, ComputedMotion))
     return next((of.parts for of in samples if len(of.parts) == scene.time.steps), ())
 
@@ -378,7 +382,7 @@ class MachineMotion:
 
 
 def with_computed_motion(scene: Scene, track: MachineMotion) -> Scene:
-    """Scene whose frame has a base with the computed motion `track`, in place of the base it had, and no machine."""
+    """Scene whose frame has a base with the computed motion `track` in place of its former base, and no machine."""
     frame = scene.frame
     assert frame is not None  # of a scene with a machine
     angle, times = frame.radian, track.step * np.arange(track.values.shape[1])

@@ -117,7 +117,7 @@ class Shortening:
     cylinder: int | None = None
 
     def factor(self, extended: Extensions) -> list[float]:
-        """Factor f, its rate, and the second rate that f has if the extension has a constant rate."""
+        """Factor f with sections as `extended`, its rate, and its second rate for a constant rate of the extension."""
         if self.cylinder is None:
             return [1.0, 0.0, 0.0]
         l, v = extended.value[self.cylinder], extended.rate[self.cylinder]
@@ -156,7 +156,7 @@ class Boom:
         return float(self.masses.sum())
 
     def tails(self, extended: Extensions) -> Array:
-        """Positions d (S, 3) in m of the sections' tails from the pivot."""
+        """Positions d (S, 3) in m of the tails of the sections, as far `extended` as these are, from the pivot."""
         return self.place + np.outer(np.cumsum(extended.value[: len(self.masses)]), np.eye(3)[0])
 
 
@@ -221,7 +221,7 @@ def base_equations(
     of :math:`V^T (A\, y + \ddot\mu + 2\, \omega \times \dot\mu) + J^T y`, with the :math:`y` of `accelerations`.  The
     matrices T and N of the frame's rotation add what is quadratic in u.
 
-    `rate` are the rates of q; `moments` are those of the boom if None.
+    `rate` (n,) are the rates of q.  `moments` replace the boom's moments unless None.
     """
     n, e, spin = len(q), np.eye(3), skew(motion.omega)
     S, P = len(boom.masses), len(extended.value)
@@ -329,7 +329,8 @@ class FreeBase:
     def inertia(self, motion: FrameMotion, driven: Array, extended: Extensions, loads: Array) -> Array:
         """The `loads` (i,) with the inertia inputs replaced by the loads of the frame's accelerations.
 
-        `driven` (6,) is the acceleration of O and the angular acceleration of the frame.
+        `motion` is that of the frame, and the sections are `extended`.  `driven` (6,) is the acceleration of O and the
+        angular acceleration of the frame.
         """
         changed, y = loads.copy(), accelerations(self.boom, motion, extended, np.append(driven, extended.second))
         for at, column in self.fields.items():
@@ -348,13 +349,16 @@ class FreeBase:
                     yield (term.number if term.kind == "cylinder load" else None), self._terms[term.name].toarray()
 
     def loads(self, f: Array, extended: Extensions) -> Array:
-        """Force and moment about O (6,) by loads f (i,) on the undeformed boom, without inertia."""
+        """Force and moment about O (6,) by loads f (i,) on the undeformed boom, as far as `extended`.
+
+        Loads by inertia are left out.
+        """
         wrenches = self.boom.loads @ f
         wrenches[:, 3:] += np.cross(self.boom.tails(extended), wrenches[:, :3])
         return np.asarray(wrenches.sum(axis=0))
 
     def path_forces(self, f: Array) -> Array:
-        """Forces (P,) along the P paths by loads f (i,): on a path's section and all sections after it.
+        """Forces (P,) in N along the P paths by loads f (i,): those on a path's section and all sections after it.
 
         The force is zero for a path that moves no section.
         """
@@ -377,9 +381,10 @@ def _inertia_inputs(body: ReducedModel, first: int) -> Iterator[tuple[str, str, 
 def _rigid_section(scene: Scene, number: int, body: ReducedModel, assembly: Assembly) -> dict[str, Array | float]:
     """Return the rigid-body properties of section `number`, for `Boom`.
 
-    The keys are ``masses``, ``first``, ``inertia`` and ``loads``, the force and moment by each input.  Mass properties
-    follow from the work of the section's inertia loads on its six rigid motions; the columns of these inputs in
-    ``loads`` are zero.  Raises InputError for planar sections, and if the work on rigid motions is not known.
+    The keys are ``masses``, ``first``, ``inertia`` and ``loads``, the force and moment by each input; the shapes are
+    those in `Boom` for one section.  Mass properties follow from the work of the section's inertia loads on its six
+    rigid motions; the columns of these inputs in ``loads`` are zero.  Raises InputError for planar sections, and if the
+    work on rigid motions is not known.
     """
     name, W = scene.names[number], body.rigid_work
     if set(motion_directions(member_at(scene, number))) != {"x", "y", "z", "rx", "ry", "rz"}:

@@ -94,7 +94,7 @@ class ModalForm:
     def omega2(self) -> Array:
         """Squares (r,) in (rad/s)^2 of the natural circular frequencies without the rows.
 
-        They are ascending; coordinates without inertia come last.
+        The squares are ascending; those of coordinates without inertia come last.
         """
         return np.diagonal(self.body.K)
 
@@ -142,8 +142,8 @@ def modal_form(body: SlidingBody) -> ModalForm:
 def support_forces(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
     r"""Forces (T, h) in N or N m of a body on its rigid supports, under loads (T, i).
 
-    The equations and symbols are those of `pmr.system.body_matrices`, with the accelerations from the equations of
-    motion:
+    `trajectory` has the body's coordinates, rates and contact forces.  The equations and symbols are those of
+    `pmr.system.body_matrices`, with the accelerations from the equations of motion:
 
     .. math::
         \lambda_f = (\Phi^T - P V^T) B f - (\Phi^T D V - P D_r) \dot p - (\Phi^T K V - P K_r) p
@@ -162,7 +162,7 @@ def support_forces(body: SlidingBody, trajectory: Trajectory, loads: Array) -> A
 
 
 def inertia_share(body: SlidingBody, reactions: Reactions) -> Array:
-    """Matrix P (h, n) of `support_forces`; zero for coordinates that supports hold."""
+    """Matrix P (h, n) of `support_forces` for the h supports of `reactions`; zero for held coordinates."""
     free, P = np.setdiff1d(np.arange(body.size), list(body.held.values())), np.zeros((len(reactions.names), body.size))
     M, right = body.M[np.ix_(free, free)], reactions.inertia[:, free].T
     shares = spsolve(sp.csc_matrix(M), right).reshape(right.shape) if sp.issparse(M) else np.linalg.solve(M, right)
@@ -171,7 +171,7 @@ def inertia_share(body: SlidingBody, reactions: Reactions) -> Array:
 
 
 def forces_without_rows(body: SlidingBody, reactions: Reactions, trajectory: Trajectory, loads: Array) -> Array:
-    """Forces (T, h) of `support_forces` under `loads` (T, i), without the summand of the multipliers lambda."""
+    """Forces (T, h) of `support_forces` under `loads` (T, i), without the part of the multipliers lambda."""
     r, P = body.size, inertia_share(body, reactions)
     forces = loads @ (reactions.inputs - P @ body.B).T - trajectory.v @ (reactions.damping[:, :r] - P @ body.D).T
     return np.asarray(forces - trajectory.q @ (reactions.stiffness[:, :r] - P @ body.K).T)

@@ -131,7 +131,7 @@ def _read_boom_scene(scene: Any, system: System, free: bool) -> StoredScene:
 
 
 def held_at_start(scene: Scene) -> Scene:
-    """Scene whose free luffing angle or extension is prescribed instead, and stays as it begins."""
+    """Scene with a prescribed luffing angle or extension, constant at its start, in place of the free one."""
     frame = scene.frame
     assert frame is not None  # of a scene with a free luffing angle or extension
     if scene.free_extensions:
@@ -145,7 +145,7 @@ def held_at_start(scene: Scene) -> Scene:
 
 
 def _check_steps(stepping: TimeStepping) -> TimeStepping:
-    """The time grid `stepping` itself; a ValueError is raised if it has more than `MOST_STEPS` steps."""
+    """Return the time grid `stepping` itself; raise a ValueError if the grid has more than `MOST_STEPS` steps."""
     if stepping.steps > MOST_STEPS:
         raise ValueError(f"{stepping.steps} steps, at most {MOST_STEPS:,} steps are allowed")
     return stepping
@@ -321,9 +321,9 @@ class MovingFrame:
 def _products(
     names: tuple[str, ...], signals: Mapping[str, SignalBase], loads: Mapping[str, str]
 ) -> tuple[Products, ...]:
-    """Products of each of the inputs or terms `names`, from its signal; `loads` maps names to names of loads.
+    """Products of each of the inputs or terms `names`, from its signal in `signals`.
 
-    Raises InputError if a name has no signal.
+    `loads` maps names to names of loads.  Raises InputError if a name has no signal.
     """
     products = list[Products]()
     for name in names:
@@ -336,7 +336,7 @@ def _products(
 
 
 def _scene_loads(scene: Scene) -> dict[str, SignalBase]:
-    """Signals of the loads by input name, as the scene gives them, and of the gravity."""
+    """Signals of the loads by input name, as they are written in the scene, and of the gravity."""
     signals = dict[str, SignalBase]()
     for name, member in zip(scene.names, members(scene), strict=True):
         as_written = {load.name: load.signal for load in member.part.loads if load.acts != "wind"}

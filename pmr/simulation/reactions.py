@@ -114,7 +114,7 @@ def with_support_reactions(response: Response, system: System, trajectory: Syste
 
 
 def with_row_multipliers(system: System, body: SlidingBody, motion: Trajectory) -> Trajectory:
-    """Motion of a single body, with the path coordinate s (T,) and multipliers of all rows of the body."""
+    """Return `motion` of a single body with the path coordinate s (T,) and the multipliers of all rows of the body."""
     multipliers = np.zeros((len(motion.t), len(body.row_names)))
     moving = 0
     for k, side in enumerate(system.sides):
@@ -127,7 +127,8 @@ def with_row_multipliers(system: System, body: SlidingBody, motion: Trajectory) 
 def _term_forces(system: System, name: str, P: Array, trajectory: SystemTrajectory) -> Array | float:
     """Part (T, h) of the forces on a body's h rigid supports that terms which vary in time cause; 0.0 without terms.
 
-    P (h, n) is the matrix that `inertia_share` returns; `name` is the body's.
+    `trajectory` has the amplitudes of the terms.  P (h, n) is the matrix that `inertia_share` returns; `name` is the
+    body's.
     """
     total: Array | float = 0.0
     if trajectory.amplitudes is None:
@@ -261,7 +262,7 @@ def outputs_of_ground(scene: Scene) -> tuple[Output, ...]:
 def machine_wrench(scene: Scene, t: Array) -> Array:
     """Force and moment about the pivot (T, 6), in N and N m, by weight and inertia of the machine's masses.
 
-    They are along the axes of the machine, at times t (T,) in s; `scene` has a frame with a ground.
+    The components are along the axes of the machine, at times t (T,) in s; `scene` has a frame with a ground.
     """
     frame = scene.frame
     assert frame is not None and frame.ground is not None  # the caller has checked it
@@ -279,9 +280,9 @@ def machine_wrench(scene: Scene, t: Array) -> Array:
 
 
 def _winch_wrench(scene: Scene, response: Response) -> Array:
-    """Force and moment about the pivot (T, 6) by which the hoist's rope pulls a winch on the machine.
+    """Force and moment about the pivot (T, 6), in N and N m, by which the hoist's rope pulls a winch on the machine.
 
-    They are zero if no winch is on the machine.
+    The result is zero if no winch is on the machine.
     """
     hoist, frame = scene.hoist, scene.frame
     if hoist is None or hoist.winch.section or frame is None:

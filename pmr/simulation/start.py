@@ -119,12 +119,12 @@ def _release_supports(body: SlidingBody, v: Array) -> Array:
 
 
 def check_state(initial: InitialState, size: int) -> InitialState:
-    """State as float arrays; an InputError is raised if q or v are not `size` finite values."""
+    """Return the state `initial` as float arrays; raise an InputError if q or v are not `size` finite values."""
     return InitialState(*(_vector(name, getattr(initial, name), size) for name in ("q", "v")))
 
 
 def velocity_violation(C: Array, C_t: Array, start: InitialState) -> Array | None:
-    """Violation C v + C_t q (m,) in m/s by `start` of rows C (m, n) with rates C_t (m, n); None if it is round-off."""
+    """Violation C v + C_t q (m,) in m/s by `start` of rows C (m, n) with rates C_t (m, n); None for round-off."""
     drift = C @ start.v + C_t @ start.q
     scale = _magnitude(C, start.v) + _magnitude(C_t, start.q)
     return None if np.all(np.abs(drift) <= ROW_TOLERANCE * scale) else np.asarray(drift)
@@ -176,7 +176,7 @@ def _magnitude(C: Array, q: Array, largest: float = 0.0) -> Array:
 
 
 def _vector(name: str, values: ArrayLike, size: int) -> Array:
-    """`values` as a float array (size,); InputError about `name` if they have another size or are not finite."""
+    """Return `values` as a float array (size,); raise an InputError about `name` if they don't fit or aren't finite."""
     vector = np.asarray(values, dtype=float)
     if vector.shape != (size,) or not np.all(np.isfinite(vector)):
         allowed = f"{size} finite values are allowed, found an array of shape {vector.shape}"
@@ -202,7 +202,7 @@ class Grip:
     def at_start(cls, contacts: Sequence[Contact], s: Array, multipliers: Array) -> Grip:
         """State at t = 0 without friction, with paths at s (J,) m and contact forces `multipliers` (m,) in N.
 
-        Its arrays are empty if no contact has friction.
+        The arrays of the result are empty if none of `contacts` has friction.
         """
         law = Friction.from_contacts(contacts)
         if law is None:
@@ -274,7 +274,7 @@ def describe_unsettled(names: Sequence[str], pushes: Mask) -> str:
 def describe_divergence(term_names: Sequence[str], contacts: Sequence[Contact]) -> str:
     """Text about forces of terms, friction or a hoist rope that have not converged in a step or at the start.
 
-    It names `term_names` and the joints of `contacts` with friction; if there are neither, it names the hoist rope.
+    The text names `term_names` and the joints of `contacts` with friction; without either, it names the hoist rope.
     """
     causes = [*term_names, *(f"friction of {joint}" for joint in friction_joints(contacts))] or ["the hoist rope"]
     further = len(causes) - MOST_NAMES

@@ -88,9 +88,9 @@ STEPS_A_PERIOD = 7
 
 
 def describe_lost_features(signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
-    """Warnings, one line for each feature of a signal that is lost between the steps; empty if none is lost.
+    """Warnings, one line for each feature of a signal that is lost between the steps.
 
-    `signals` are pairs of a name and a signal.
+    `signals` are pairs of a name and a signal, `stepping` the time grid.  The list is empty if nothing is lost.
     """
     return [f"{name}: {what}" for name, signal in signals for what in _describe_loss(signal, stepping)]
 
@@ -109,7 +109,7 @@ def describe_overshoots(signals: Sequence[tuple[str, SignalBase]], stepping: Tim
 
 
 def is_aliased(signal: SignalBase, stepping: TimeStepping) -> bool:
-    """Whether the signal has a tone of at least half the sampling rate, so that it looks slower at the steps."""
+    """Whether the signal has a tone of at least half the sampling rate, which looks slower at the steps."""
     return 2.0 * signal.highest_frequency(0.0, stepping.end) * stepping.step >= 1.0
 
 
@@ -133,7 +133,7 @@ def _describe_loss(signal: SignalBase, stepping: TimeStepping) -> Iterator[str]:
 
 
 def _describe_table_overshoot(part: SignalBase, stepping: TimeStepping) -> Iterator[str]:
-    """Yield a line if a signal is a table whose curve exceeds its values between the knots."""
+    """Yield a line if a signal is a table whose curve exceeds the table's values between two knots."""
     if not isinstance(part, Table):
         return
     knots = [0.0, *(t for t in part.times if 0.0 < t < stepping.end), stepping.end]
@@ -154,7 +154,7 @@ def _describe_needed_step(f: float) -> str:
 
 
 def _overshoot(signal: SignalBase, stepping: TimeStepping) -> list[float]:
-    """Largest overshoot of a signal at its breaks beyond its values at the neighbouring steps, and its time in s.
+    """Largest overshoot of a signal at its breaks beyond its values at the neighbouring steps, with the time in s.
 
     The overshoot is a share of the signal's whole range; both are 0 if the signal has no breaks or is constant.
     """

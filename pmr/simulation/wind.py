@@ -104,7 +104,10 @@ class WindOnSection(FrameSignal):
 
 @lru_cache(maxsize=8)
 def _amplitudes(wind: WindOnSection, t: bytes) -> Array:
-    """Amplitudes (2, `POLYNOMIALS`, T) in N/m of all polynomials along y and z, at T times."""
+    """Amplitudes (2, `POLYNOMIALS`, T) in N/m of all polynomials of the wind along y and z, at T times.
+
+    `t` holds the times in s as the bytes of an array.
+    """
     times, section, load = np.frombuffer(t), wind.section, wind.load
     luffing, slewing, *rocking = wind.angles
     turning = FrameRotation.from_signals(luffing, slewing, times, rocking)

@@ -36,7 +36,7 @@ class _Knots(SignalBase):
     @field_validator("times")
     @classmethod
     def _check_times(cls, times: Floats) -> Floats:
-        """Refuse times that do not increase by at least `CLOSEST`."""
+        """Refuse times (k,) in s that do not increase by at least `CLOSEST`."""
         if not np.all(np.diff(times) >= CLOSEST):
             raise ValueError(f"times must increase, by at least {CLOSEST:g} s")
         return times
@@ -64,9 +64,9 @@ class _Knots(SignalBase):
 
     @cached_property
     def _curves(self) -> tuple[PPoly, ...]:
-        """Piecewise polynomial through the knots, and its two derivatives; made once, as it may be called step by step.
+        """Piecewise polynomial through the knots, and its two derivatives, computed at the first call alone.
 
-        It is constant before the first and after the last knot.
+        The polynomial is constant before the first and after the last knot.
         """
         between = self._coefficients()
         held = np.zeros((len(between), 2))
@@ -152,7 +152,7 @@ class Table(_Knots):
     @model_validator(mode="before")
     @classmethod
     def _read(cls, data: object) -> object:
-        """Read times and values from a table's file; raises ValueError if it is not two columns of numbers."""
+        """Read times and values from a table's file; raise a ValueError unless the file has two columns of numbers."""
         if not (isinstance(data, dict) and "file" in data):
             return data
         content = dict(data)
@@ -188,7 +188,7 @@ class Table(_Knots):
         return self.interpolation == "linear" or len(self.times) == 2
 
     def _coefficients(self) -> Array:
-        """Return the coefficients of Akima's curve or of straight lines between knots."""
+        """Return the coefficients (powers, intervals) of Akima's curve or of straight lines between knots."""
         if self._is_straight:
             return super()._coefficients()
         return np.asarray(Akima1DInterpolator(self.times, self.values).c)
@@ -259,7 +259,7 @@ class Sum(SignalBase):
     def _samples(self, parts: list[SignalBase], start: float, end: float) -> Array:
         """Return sample times (S,) in s from `start` to `end`, with the breaks and the last number before each break.
 
-        They are as dense as the highest frequency of the `parts` needs.
+        The times are as dense as the highest frequency of the `parts` needs.
         """
         fastest = max(part.highest_frequency(start, end) for part in parts)
         count = 1 + min(MOST_SAMPLES, max(FEWEST_SAMPLES, int(SAMPLES_A_PERIOD * fastest * (end - start))))
@@ -300,7 +300,7 @@ def _constant_from_number(data: object) -> object:
 
 
 def _plugin_signal(data: object, check: Callable[[object], SignalBase]) -> SignalBase:
-    """Return a signal of a kind that an installed plug-in adds, and import it; `check` validates all other kinds."""
+    """Return a signal of a kind that an installed plug-in adds, imported for it; `check` validates all other kinds."""
     if not isinstance(data, dict) or data.get("kind") in (None, *_OWN):
         return check(data)
     offered = environment.plugin_objects("pmr.signals", _OWN)

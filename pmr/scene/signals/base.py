@@ -58,29 +58,29 @@ class SignalBase(BaseModel):
 
     @abstractmethod
     def value(self, t: ArrayLike) -> Array:
-        """Return the values at the times t in s; shape of t."""
+        """Return the values at the times t (any shape) in s, in the shape of t."""
 
     @abstractmethod
     def rate(self, t: ArrayLike) -> Array:
-        """Return the time derivatives at times t in s, shape of t; at a kink those of the interval that follows it."""
+        """Return the time derivatives at times t (any shape) in s, in the shape of t; at a kink those just after it."""
 
     def second_rate(self, t: ArrayLike) -> Array:
-        """Return the second time derivatives at times t in s, in the shape of t.
+        """Return the second time derivatives at times t (any shape) in s, in the shape of t.
 
-        At a break they are the derivatives just after it.  Raises NotImplementedError for a kind of signal that has
-        none.
+        At a break the derivatives are those just after the break.  Raises NotImplementedError for a kind of signal that
+        has none.
         """
         raise NotImplementedError(f"there is no second rate of {type(self).__name__}")
 
     @property
     def breaks(self) -> Floats:
-        """Times in s at which the value or its rate may jump; empty unless a kind of signal overrides it."""
+        """Times in s at which the value or its rate may jump; empty unless a kind of signal overrides this property."""
         return ()
 
     def kinks(self, end: float) -> dict[float, float]:
         """Return by how much the rate jumps at each kink, by the kink's time in s; only times within (0, end] count.
 
-        Empty without kinks.
+        The result is empty without kinks.
         """
         at = np.array([b for b in self.breaks if 0.0 < b <= end])
         if not len(at):
@@ -98,7 +98,7 @@ class SignalBase(BaseModel):
 
     @property
     def strands(self) -> tuple[Strand, ...]:
-        """Pieces of polynomials and sines whose sum the signal is; raises NotImplementedError if it is no such sum."""
+        """Pieces of polynomials and sines whose sum the signal is; raises NotImplementedError for any other signal."""
         raise NotImplementedError(f"{type(self).__name__} is no sum of polynomials and sines")
 
     def on_steps(self, step: float) -> SignalBase:
@@ -112,8 +112,8 @@ class SignalBase(BaseModel):
     def bounds(self, start: float, end: float) -> Interval:
         """Return the smallest and largest value within [start, end] s.
 
-        This method is right for signals whose extremes are at the ends or at a break, on either side of it; others
-        override it.
+        This method is right for signals whose extremes are at the ends, or just before or after a break; signals of
+        another kind override it.
         """
         breaks = [b for b in self.breaks if start <= b <= end]
         before = [max(start, float(np.nextafter(b, -np.inf))) for b in breaks]
@@ -175,7 +175,7 @@ class Sine(SignalBase):
     offset: Real = Field(default=0.0, description="Mean value")
 
     def _angle(self, t: ArrayLike) -> Array:
-        """Return the argument of the sine in rad at the times t in s."""
+        """Return the argument of the sine in rad at the times t (any shape) in s, in the shape of t."""
         return 2.0 * np.pi * self.frequency * np.asarray(t, dtype=float) + self.phase
 
     def value(self, t: ArrayLike) -> Array:
@@ -225,11 +225,11 @@ class Chirp(SignalBase):
         return self
 
     def frequency(self, t: ArrayLike) -> Array:
-        """Return the instantaneous frequency (...) in Hz at the times t (...) in s."""
+        """Return the instantaneous frequency in Hz at the times t (any shape) in s, in the shape of t."""
         return np.interp(np.asarray(t, dtype=float), self.times, self.frequencies)
 
     def _angle(self, t: ArrayLike) -> Array:
-        """Return the argument of the sine in rad at the times t in s."""
+        """Return the argument of the sine in rad at the times t (any shape) in s, in the shape of t."""
         t = np.asarray(t, dtype=float)
         knots, f = np.array(self.times), np.array(self.frequencies)
         cycles = np.concatenate([[0.0], np.cumsum(np.diff(knots) * (f[1:] + f[:-1]) / 2.0)])

@@ -91,7 +91,7 @@ class Cable:
 
 
 def values(cable: Cable, q: Array, x: Array) -> Array:
-    """Displacements (T, o, 2) in m at the material points x (o,) in m.
+    """Displacements (T, o, 2) in m of a cable at the material points x (o,) in m.
 
     q (T, N, 4) are the coordinates of all N nodes.  With the nodes' velocities as q, the result is velocities in m/s.
     """
@@ -99,9 +99,9 @@ def values(cable: Cable, q: Array, x: Array) -> Array:
 
 
 def curvature(cable: Cable, q: Array, x: Array) -> Array:
-    """Material curvature K (T, o) in 1/m at the material points x (o,) in m; at a node the mean of both elements.
+    """Material curvature K (T, o) in 1/m of a cable at the material points x (o,) in m.
 
-    q (T, N, 4) are the coordinates of all N nodes.
+    At a node, the result is the mean of both elements.  q (T, N, 4) are the coordinates of all N nodes.
     """
     before, after = (_curvature(cable, q, x, e) for e in (cable.left_elements(x), cable.right_elements(x)))
     return (before + after) / 2.0
@@ -231,7 +231,7 @@ def _trapezoid(y: Array, x: Array) -> Array:
 
 
 def _settings(cable: Cable, stepping: TimeStepping) -> exu.SimulationSettings:
-    """Solver settings: modified Newton, which rarely needs a new Jacobian, and a tolerance above round-off.
+    """Solver settings for a cable: modified Newton, which rarely needs a new Jacobian, and a tolerance above round-off.
 
     Axial forces follow from differences of positions, which are of the order of the length L, over the length h of an
     element.  With the machine precision eps, their round-off is eps EA L / h in N.
@@ -302,7 +302,7 @@ def add_force(mbs: exu.MainSystem, cable: Cable, items: CableItems, at: float, f
 
 
 def _fix(mbs: exu.MainSystem, mGround: exu.MarkerIndex, node: exu.NodeIndex, coordinate: int) -> exu.ObjectIndex:
-    """Add a constraint of one coordinate of a node to the ground, and return its number."""
+    """Add a constraint of one coordinate of a node to the ground's marker `mGround`, and return its number."""
     marker = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=node, coordinate=coordinate))
     return mbs.AddObject(ObjectConnectorCoordinate(markerNumbers=[mGround, marker]))
 

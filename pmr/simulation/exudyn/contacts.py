@@ -68,7 +68,7 @@ class Contacts:
         return self._equations.rows(x).select(self.gives)
 
     def forces(self, rows: ContactRows, q: Array, f: Array) -> Array:
-        """Forces (T, m') in N of contacts that give way, at T times, by coordinates q (T, n) and loads f (T, i).
+        """Forces (T, m') in N of contacts that give way, by `rows` at T times, coordinates q (T, n) and loads f (T, i).
 
         Raises SimulationError if contacts depend on each other, or if it can't be settled which contacts are closed.
         """
@@ -80,7 +80,7 @@ class Contacts:
         )
 
     def forces_by_motion(self, rows: ContactRows, motion: Array) -> Array:
-        """Forces (m',) in N of contacts that give way at one time, by `motion` = C q + H f (m',) in m.
+        """Forces (m',) in N of contacts that give way with `rows` at one time, by `motion` = C q + H f (m',) in m.
 
         The closed contacts are stored for the next call.  Raises SimulationError as `forces`.
         """
@@ -135,8 +135,7 @@ class Balance:
 def balance_energy(equations: Equations, contacts: Contacts, motion: Motion) -> Balance:
     """Compute stored energy and work of a motion, and fill in the forces of soft contacts, in place.
 
-    With friction these forces are already known and are not computed again.  Some thousand times are evaluated
-    together.
+    If pads rub, these forces are already known and are not computed again.  Some thousand times are evaluated together.
     """
     m, (n, i) = len(equations.system.contacts), equations.B.shape
     N, block = len(motion.q), max(2, ENTRIES // max(1, m * (n + m + i)))
@@ -154,7 +153,7 @@ def balance_energy(equations: Equations, contacts: Contacts, motion: Motion) -> 
 
 
 def _energy_and_work(equations: Equations, rows: ContactRows, motion: Motion) -> Balance:
-    """Stored energy at T times, and work since the first of them, with the contacts there."""
+    """Stored energy in J at T times, and work in J since the first of these, with the contacts' `rows` at the times."""
     q, f, forces = motion.q, motion.f, motion.forces
     load_gaps, bent = np.einsum("tmi,ti->tm", rows.H, f), np.einsum("tmn,tn->tm", rows.F, forces)
     stored = half_form(equations.M, motion.v) + half_form(equations.K, q) + row_products(forces, bent / 2.0 - load_gaps)
@@ -233,17 +232,20 @@ class Pads:
         return Rows(giving, assembly.row_slopes(x[0]), assembly.contact_motions_by_moments(x[0]), s)
 
     def answers(self, rows: Rows, f: Array) -> Array:
-        """Response F^-1 H f (m',) in N of contacts that give way to loads f (i,)."""
+        """Response F^-1 H f (m',) in N to loads f (i,) of the contacts in `rows` that give way."""
         displacements = rows.giving.H @ f
         return np.asarray(np.linalg.solve(rows.giving.F, displacements)) if f.any() else displacements
 
     def begin(self, rows: Rows, q: Array, f: Array) -> None:
-        """Set the state at t = 0, at rest without friction, with coordinates q (n,) under loads f (i,) in N."""
+        """Set the state at t = 0, at rest without friction, with coordinates q (n,) and loads f (i,) in N.
+
+        `rows` are the contact rows at t = 0.
+        """
         self.t = 0.0
         self.grip = Grip.at_start(self._equations.system.contacts, rows.s, self._multipliers(rows, q, f, 0.0))
 
     def end(self, rows: Rows, q: Array, f: Array, t: float) -> PadState:
-        """End the step at t s with coordinates q (n,) and loads f (i,), and return the state of the contacts.
+        """End the step at t s with `rows`, coordinates q (n,) and loads f (i,), and return the state of the contacts.
 
         The next step starts from the friction in this state.  Arguments and errors are those of `state`.
         """
@@ -254,7 +256,7 @@ class Pads:
     def state(self, rows: Rows, q: Array, f: Array, t: float) -> PadState:
         """State at the end of the present step at t s, with coordinates q (n,) under loads f (i,) in N.
 
-        Raises SimulationError if friction does not settle.
+        `rows` are the contact rows at t.  Raises SimulationError if friction does not settle.
         """
         law, grip, gap = self.law, self.grip, np.zeros(len(self.gives))
         if law is None:
@@ -273,7 +275,7 @@ class Pads:
         raise SimulationError(f"friction of the pads along {', '.join(law.joints)} does not settle")
 
     def add_friction(self, motion: Motion, t: Array) -> Motion:
-        """Motion at t (N,) in s with friction and with the forces of soft contacts, step by step."""
+        """Return `motion` at t (N,) in s with friction and the forces of soft contacts, computed step by step."""
         rows = self.rows(motion.x[:1])
         self.begin(rows, motion.q[0], motion.f[0])
         begun = self._multipliers(rows, motion.q[0], motion.f[0], 0.0)
@@ -293,7 +295,10 @@ class Pads:
         )
 
     def stiffness(self, rows: Rows, state: PadState) -> Array:
-        """Stiffness (n, n) in N/m of closed contacts and of pads: the derivative by q of C^T lambda - w."""
+        """Stiffness (n, n) in N/m of closed contacts and of pads in a `state`: the derivative by q of C^T lambda - w.
+
+        C are the contact `rows`, lambda the contact forces and w the generalised forces of friction.
+        """
         law, multipliers, m = self.law, state.multipliers, len(self.gives)
         F, C, M = np.zeros((m, m)), np.zeros_like(rows.slopes), np.zeros((m, m))
         F[np.ix_(self.gives, self.gives)], C[self.gives] = rows.giving.F, rows.giving.C
@@ -318,7 +323,7 @@ class Pads:
     def _multipliers(self, rows: Rows, q: Array, f: Array, gap: Array | float) -> Array:
         """Contact forces (m,) in N, by the coordinates q (n,), the inputs f (i,) and clearances `gap` (m,) in m.
 
-        They are zero for rigid contacts.
+        The forces are zero for rigid contacts.
         """
         multipliers = np.zeros(len(self.gives))
         gaps = np.broadcast_to(gap, multipliers.shape)[self.gives]

@@ -63,7 +63,7 @@ class SystemObserver:
         return np.asarray(at.multipliers + self._items.parts.rubbing.law.cylinder_forces(at.friction))
 
     def outputs(self, t: float, configuration: exu.ConfigurationType) -> Array:
-        """Outputs y = O q + W f - X lambda (o,) at t s, with the effect of the moments of friction."""
+        """Outputs y = O q + W f - X lambda (o,) at t s in a `configuration`, with the effect of friction's moments."""
         equations, q = self._items.parts.equations, self._items.coordinates(self._mbs, configuration)
         at = self._contact_state(t, q)
         y = equations.outputs @ q + equations.assembly.direct @ self._acting_loads(t) - at.rows.X @ at.multipliers
@@ -127,8 +127,8 @@ class Tube:
 def add_drawing(mbs: exu.MainSystem, items: SystemItems, scene: Scene, scale: float = 1.0) -> exu.ObjectIndex:
     """Draw a boom that was added by `simulator.add_system`, with deflections `scale` times as large.
 
-    Returns the number of the ObjectGround that draws it, in the mbs' axes: on the body that carries the boom, or where
-    the scene's frame puts it.  Its user function is called whenever the picture changes.
+    Returns the number of the ObjectGround that draws the boom, in the mbs' axes: on the body that carries the boom, or
+    where the scene's frame puts it.  The object's user function is called whenever the picture changes.
 
     Raises InputError if a section is observed at less than two points along it.
     """

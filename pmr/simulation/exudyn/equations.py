@@ -229,7 +229,7 @@ Driving: TypeAlias = SignalBase | Callable[[exu.MainSystem, float], float]
 
 
 def driving_value(driving: Driving, mbs: exu.MainSystem, t: float) -> float:
-    """Value of a signal, or of a function of the mbs, at t s."""
+    """Value of `driving`, a signal or a function of the mbs, at t s."""
     return float(driving.value(t) if hasattr(driving, "value") else driving(mbs, t))
 
 

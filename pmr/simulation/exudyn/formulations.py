@@ -105,10 +105,10 @@ def _contact_functions(
 ) -> ContactFunctions:
     """Return the user functions of ObjectGenericODE2 for contacts that push or rub, and a function `finish`.
 
-    ``finish(mbs, items, t)`` is to be called before each step, with the time t in s at which that step will end.  It
-    ends the friction of the step before; at t = 0 friction begins anew in the bodies' states `start`.  It does nothing
-    if contacts do not rub.  The Jacobian raises an InputError (``steps.check``) if rows and loads were not set for its
-    step.
+    ``finish(mbs, items, t)`` is to be called before each step, with the time t in s at which that step will end.
+    `finish` ends the friction of the step before; at t = 0 friction begins anew in the bodies' states `start`.  The
+    function does nothing if contacts do not rub.  The Jacobian raises an InputError (``steps.check``) if rows and loads
+    were not set for its step.
     """
     stored_rows: tuple[int, Rows] | None = None
     begun = np.concatenate([state.q for state in start.values()])

@@ -112,8 +112,9 @@ class ExtendingBoom:
     def forces_and_stiffness(self, s: Array, q: Array, f: Array) -> ForcesAndStiffness:
         """Restoring forces (n + S,) and stiffness (n + S, n + S) on n coordinates and S extensions.
 
-        The forces stand on the left-hand side of the equations of motion, beside the inertia.  They are those at the
-        extensions s (S,) in m and the coordinates q (n,), under the loads f (i,) in N of the inputs.
+        The forces stand on the left-hand side of the equations of motion, beside the inertia.  The forces and the
+        stiffness are those at the extensions s (S,) in m and the coordinates q (n,), under the loads f (i,) in N of the
+        inputs.
         """
         n, S, numbers = len(q), len(s), self._numbers
         near = self._along.evaluate(s)
@@ -253,7 +254,7 @@ class Base:
         return self.paths.extensions(t, z, z_t)
 
     def split(self, t: float, z: Array) -> Coordinates:
-        """Coordinates at t s, from z (k + n + m,) of all nodes, as a marker returns them with reference values."""
+        """Coordinates at t s, from z (k + n + m,) of all nodes as a marker returns them, reference values included."""
         k, n, x = self.count, self.boom.size, z.copy()
         x[:k] -= self.reference
         x[k + n :] -= self.paths.reference
@@ -277,8 +278,8 @@ class Base:
     def inertia(self, mbs: exu.MainSystem, t: float) -> Array:
         """Loads (i,) of the boom's inertia and weight by the body's current motion, at t s.
 
-        These loads deform contacts that give way immediately.  They are zero if no contact gives way, or if pads only
-        push.
+        These loads deform contacts that give way immediately.  The result is zero if no contact gives way, or if pads
+        only push.
         """
         loads = np.zeros(self._inputs)
         if not self._gives:
@@ -318,7 +319,7 @@ class Base:
 
 
 def driven_by_base(system: System, loads: Mapping[str, Driving]) -> dict[str, Driving]:
-    """Loads by name, with zero for the inertia inputs, since the base adds the boom's inertia."""
+    """Return the `loads` by name, with zero for the inertia inputs, since the base adds the boom's inertia."""
     nothing = Constant(amount=0.0)
     return dict(loads) | {name: nothing for name in system.input_names if INERTIA in name}
 
@@ -326,8 +327,8 @@ def driven_by_base(system: System, loads: Mapping[str, Driving]) -> dict[str, Dr
 def terms_on_base(loads: Mapping[str, Driving], paths: Mapping[str, Driving], on: OnBody) -> dict[str, Driving]:
     """Amplitudes by name of the terms of the bodies `on` a base; only terms of loads that stress the boom are not zero.
 
-    The base adds the other terms.  Terms of a cylinder are zero, too, if its extension is a coordinate of a node.
-    Raises InputError for a path that is no extension.
+    `loads` and `paths` are those of the bodies.  The base adds the other terms.  Terms of a cylinder are zero, too, if
+    its extension is a coordinate of a node.  Raises InputError for a path that is no extension.
     """
     for name in dict.fromkeys((*on.scene.names[1:], *paths)):
         check_path(name, paths.get(name))
@@ -348,12 +349,12 @@ def terms_on_base(loads: Mapping[str, Driving], paths: Mapping[str, Driving], on
 
 
 def _cylinder_load(load: Driving, extension: Driving, mbs: exu.MainSystem, t: float) -> float:
-    """Load along a cylinder divided by the cylinder's length, in N/m, at t s."""
+    """Force in N along a cylinder by `load`, divided by the cylinder's length `extension`, in N/m, at t s."""
     return driving_value(load, mbs, t) / driving_value(extension, mbs, t)
 
 
 def with_base(mbs: exu.MainSystem, items: SystemItems, base: Base, inputs: Inputs) -> SystemItems:
-    """Add the object that couples a boom's items with the body below it; return the items with this object."""
+    """Add the object that couples a boom's items with the body below it; return the items and this object together."""
     nodes = [base.node, *items.nBodies.values(), *base.paths.nodes]
     count = sum(len(mbs.GetNode(node)["referenceCoordinates"]) for node in nodes)
     evaluated_at, evaluated = None, AddedEquations(*(np.empty(0),) * 3)
@@ -388,7 +389,7 @@ def with_base(mbs: exu.MainSystem, items: SystemItems, base: Base, inputs: Input
 
 
 def _with_rows(mbs: exu.MainSystem, items: SystemItems, base: Base, extending: ExtendingBoom) -> SystemItems:
-    """Add a connector for rigid contacts along extensions that are coordinates; return the items."""
+    """Add a connector for rigid contacts along extensions that are coordinates of nodes; return the items with it."""
     k, n = base.count, base.boom.size
 
     def gap(t: float, z: Array) -> Array:

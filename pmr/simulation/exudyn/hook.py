@@ -63,7 +63,7 @@ class Hook:
 def add_hook(mbs: exu.MainSystem, items: SystemItems, loads: tuple[str, str, str], mass: float) -> Hook:
     """Add a point of mass `mass` in kg at the point where three of the boom's loads act.
 
-    It starts at this point of the boom, as it is without the hook's force, and with the point's velocity.
+    The hook starts with the velocity of this point, and where the point is without the hook's force.
 
     Parameters
     ----------
@@ -207,8 +207,8 @@ class _Joint:
     def start(self, z: Array, z_t: Array) -> Array:
         """Position in m and velocity in m/s, (2, 3), that the boom's point has in space at t = 0 without the hook.
 
-        z and z_t are coordinates and rates of base, boom and nodes of extensions, in this order.  Those of the hook,
-        and of w, by which the boom's point gives way to the hook, are not among them.
+        z and z_t are coordinates and rates of base, boom and nodes of extensions, in this order.  Coordinates of the
+        hook, and of w, by which the boom's point gives way to the hook, are left out.
         """
         base, k, n = self._base, self._base.count, self._base.boom.size
         x, q, s = base.split_displacements(0.0, z)

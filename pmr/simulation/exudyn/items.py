@@ -99,8 +99,8 @@ class SystemItems:
     def add_object(self, mbs: exu.MainSystem, part: str, equations: Equations, **parameters: Any) -> exu.ObjectIndex:
         """Add an ObjectGenericODE2 on the nodes of all bodies and return its number.
 
-        `part` is the end of its name.  Its mass matrix and Jacobian are zero unless `parameters`, which are passed to
-        ObjectGenericODE2, say otherwise.
+        `part` is the end of the object's name.  The object's mass matrix and Jacobian are zero unless `parameters`,
+        which are passed to ObjectGenericODE2, say otherwise.
         """
         empty = equations.matrix(sp.csr_matrix((equations.size,) * 2))
         nothing = {"massMatrix": empty, "jacobianUserFunction": lambda *arguments: empty}
@@ -209,10 +209,10 @@ def add_coordinates(mbs: exu.MainSystem, name: str, start: InitialState) -> exu.
 def with_contacts(
     mbs: exu.MainSystem, items: SystemItems, contacts: Indices, mOther: exu.MarkerIndex | None = None, **parameters: Any
 ) -> SystemItems:
-    """Add a connector for `contacts`, numbers among the system's, to the mbs, and return the items with it.
+    """Add a connector for `contacts` (k,), numbers of contacts of the system, to the mbs; return the items with it.
 
-    Without any contacts nothing is added.  The connector acts between the marker `mOther`, by default the ground, and
-    all bodies; `parameters` are passed to ObjectConnectorCoordinateVector.
+    If k is 0, nothing is added.  The connector acts between the marker `mOther`, by default the ground, and all bodies;
+    `parameters` are passed to ObjectConnectorCoordinateVector.
     """
     if not len(contacts):
         return items
@@ -242,7 +242,7 @@ class Steps:
     def check(self, t: float) -> None:
         """Raise InputError if a step ends at t (s) and the update of paths and loads was not called for this time.
 
-        This happens if another pre-step function has replaced the update.
+        The update is missing if another pre-step function has replaced it.
         """
         if t > self._reached + 1e-9 * abs(t):
             allowed = (
@@ -268,7 +268,7 @@ class Steps:
 
 
 def with_terms(mbs: exu.MainSystem, items: SystemItems, equations: Equations, inputs: Inputs) -> SystemItems:
-    """Add the object of the system's terms and return the items with it; unchanged items if there are no terms."""
+    """Add the object of the system's terms and return the items with it, or the items unchanged without terms."""
     if not equations.system.terms:
         return items
     assembly, amplitudes_set = equations.assembly, inputs.amplitudes(0.0)
@@ -300,7 +300,10 @@ def with_terms(mbs: exu.MainSystem, items: SystemItems, equations: Equations, in
 
 
 def with_quasi_static(mbs: exu.MainSystem, items: SystemItems, equations: Equations) -> SystemItems:
-    """Add the object of coordinates without inertia and return the items; unchanged if all coordinates have inertia."""
+    """Add the object of coordinates without inertia and return the items with it.
+
+    The items are returned unchanged if all coordinates have inertia.
+    """
     still, reached, begun = equations.quasi_static, 0.0, False
     if not len(still):
         return items

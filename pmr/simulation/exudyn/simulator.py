@@ -54,7 +54,7 @@ def add_system(
     terms: Mapping[str, Driving] | None = None,
     on: OnBody | None = None,
 ) -> SystemItems:
-    """Add a system to an mbs, with contact rows and loads set once a step, or as another `formulation` does it.
+    """Add a system to an mbs, with contact rows and loads set once a step, or by another `formulation`.
 
     Contacts that give way, at a pad or by the residual flexibility of reduced models, become springs that travel:
     stiffness and force vector are set once a step, and there is no constraint.  If some only push, Python is called in
@@ -134,7 +134,7 @@ def add_sliding_body(
 ) -> SystemItems:
     """Add a system of a single body on its `path`; the other arguments and errors are those of `add_system`.
 
-    `initial` is the body's initial state.
+    `initial` is the body's initial state; None stands for rest without deformation.
     """
     system, start = System.of(body), {} if initial is None else {ALONE: initial}
     return add_system(mbs, system, {SLIDER: path}, loads, start, formulation)
@@ -152,10 +152,10 @@ def simulate_system(
     All formulations follow the same trajectory, to Newton's tolerance; each refuses what it can't do.  The option
     `newton` of the excitation holds Exudyn's settings of Newton's method by their own names.
 
-    The initial accelerations are Exudyn's, which leave out the terms of moving rows (2 s' C' v and more).  They are
-    exact if paths start at rest, or bodies undeformed and at rest; otherwise the method is still of second order.  A
-    contact that only pushes opens as in Exudyn's generalized-alpha: the effect of its force on the next step is not
-    removed.  So the motion agrees with the compiled one in the limit of small steps.
+    The initial accelerations are Exudyn's, which leave out the terms of moving rows (2 s' C' v and more).  These
+    accelerations are exact if paths start at rest, or bodies undeformed and at rest; otherwise the method is still of
+    second order.  A contact that only pushes opens as in Exudyn's generalized-alpha: the effect of its force on the
+    next step is not removed.  So the motion agrees with the compiled one in the limit of small steps.
     """
     return SystemRun(system, excitation, initial or {}, formulation).trajectory(progress)
 
@@ -201,7 +201,10 @@ class SystemRun:
         self._of_contacts = None if connector is None else add_force_sensor(self._mbs, connector)
 
     def trajectory(self, progress: Progress | None) -> SystemTrajectory:
-        """Take all steps and return the trajectory; errors as `pmr.simulation.SystemSimulator`."""
+        """Take all steps and return the trajectory; errors as `pmr.simulation.SystemSimulator`.
+
+        `progress` is told how far the run is; None tells nobody.
+        """
         linear = exu.LinearSolverType.EigenSparse if self._equations.sparse else exu.LinearSolverType.EigenDense
         chosen = solver_settings(self._excitation.stepping.divide(self._lengths.finest), linear)
         chosen.timeIntegration.numberOfSteps = self._lengths.steps
@@ -221,7 +224,7 @@ class SystemRun:
         return ", ".join(f"{name} at {s:g} m" for name, s in at)
 
     def _motion(self) -> Motion:
-        """Motion that the sensors stored; forces of contacts without multipliers are zero until they are filled in."""
+        """Motion that the sensors stored, with zeros in place of the forces of contacts without multipliers."""
         q, v = (np.hstack([self._sensor_values(sensor) for sensor in sensors]) for sensors in self._of_nodes)
         forces = np.zeros((len(q), len(self.system.contacts)))
         if self._of_contacts is not None:
@@ -235,9 +238,10 @@ class SystemRun:
         return read_sensor(self._mbs, sensor, self._lengths, self._describe)
 
     def _trajectory(self, motion: Motion, balanced: Balance, seconds: float) -> SystemTrajectory:
-        """Trajectory at the steps, from the motion at the ends of all parts of steps; `seconds` is the wall time.
+        """Trajectory at the steps, from the motion at the ends of all parts of steps.
 
-        Raises GrowthError if the motion grows without bound.
+        `balanced` has the energy and work at these ends, and `seconds` is the wall time in s.  Raises GrowthError if
+        the motion grows without bound.
         """
         system, ends, parts = self.system, self._lengths.ends, self._lengths.parts
         pushes, t = ~np.isnan(system.clearance), self._excitation.times

@@ -29,7 +29,7 @@ _NO_CONVERGENCE = (
 def solver_settings(stepping: TimeStepping, linear_solver: exu.LinearSolverType) -> exu.SimulationSettings:
     """Exudyn's settings for generalized-alpha with a constant step and index-3 constraints.
 
-    Sensors store every step; no file is written.
+    The step is that of `stepping`.  Sensors store every step; no file is written.
     """
     chosen = exu.SimulationSettings()
     chosen.solution.file.write = False
@@ -47,7 +47,7 @@ def solver_settings(stepping: TimeStepping, linear_solver: exu.LinearSolverType)
 
 
 def override_newton(newton: exu.NewtonSettings, settings: Mapping[str, bool | float]) -> None:
-    """Overwrite Exudyn's settings of Newton's method by name, in place.
+    """Overwrite Exudyn's settings `newton` of Newton's method by the `settings` of the same names, in place.
 
     Raises InputError if Exudyn has no such setting, or refuses the value.
     """
@@ -122,7 +122,7 @@ def _step_function(times: Array) -> Callable[..., None]:
 
 
 def _report(mbs: exu.MainSystem, integration: exu.TimeIntegrationSettings, progress: Progress) -> None:
-    """Have `progress` called about a hundred times."""
+    """Have `progress` called about a hundred times during the time integration."""
     every, steps_done = max(1, integration.numberOfSteps // 100), 0
 
     def count(mbs: exu.MainSystem, t: float) -> bool:

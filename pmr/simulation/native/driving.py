@@ -96,7 +96,7 @@ class Drivers:
         return {path: self._values[k] for path, k in self._path_numbers.items() if isinstance(path, str)}
 
     def take_path(self, s: Values) -> None:
-        """Take path coordinates; they are clipped if they are slightly beyond the end of their range.
+        """Take path coordinates; those that are slightly beyond the end of their range are clipped.
 
         A warning is logged, once for each path, if it jumps in a step.  Raises InputError if a coordinate is farther
         beyond, if a rate crosses the whole range in a step, or if a path is missing at the start.
@@ -125,8 +125,8 @@ class Drivers:
     def _take_at_once(self, values: dict[Any, Any], limits: Limits) -> bool:
         """Take all values at once if each is a float (in a frame three floats) within `limits`; return whether taken.
 
-        This takes a third of the time.  Values that are refused here are read again by methods with a message for each
-        error.
+        Taking all at once needs a third of the time.  Values that are refused by this method are read again by methods
+        with a message for each error.
         """
         if self._in_parts or not self._started:
             return False
@@ -144,8 +144,8 @@ class Drivers:
     def _take_motions_at_once(self, motions: dict[Any, Any], limits: Limits) -> bool:
         """Take all `motions` of a frame at once and return True; or take none and return False.
 
-        They are taken if each is a float or a tuple of two or three floats, value, rate and second rate, within its
-        `limits`, with a second rate where inertia needs one.  Otherwise the caller takes one after the other.
+        The motions are taken if each is a float or a tuple of two or three floats, value, rate and second rate, within
+        its `limits`, with a second rate where inertia needs one.  Otherwise the caller takes one after the other.
         """
         written, rates, seconds, counts = self._values, self._rates, self._seconds, self._counts
         for name, motion in motions.items():
@@ -176,13 +176,13 @@ class Drivers:
         return True
 
     def take_loads(self, F: Values) -> None:
-        """Take loads, by their input names; in a frame, by their names in the scene."""
+        """Take loads F in N or N m, by their input names; in a frame, by their names in the scene."""
         if type(F) is dict and self._take_at_once(F, self._limits_of_loads):
             return
         self._write(self._read(F, self._load_numbers, "F", "one load for each input"))
 
     def take_frame(self, frame: Mapping[str, Motion]) -> None:
-        """Take motions of the frame; an InputError is raised for an angle of more than a turn, unless it is slewing.
+        """Take motions of the frame; raise an InputError for an angle, other than slewing, of more than a turn.
 
         A warning is logged, once for each angle, if it jumps in a step.
         """
@@ -211,7 +211,7 @@ class Drivers:
         rates[0], rates[1] = np.where(smooth, self._fill_in_start[1], mean), np.where(smooth, self.motions[1], mean)
 
     def end_step(self) -> None:
-        """End a step, or the start: values stay for the next step; rates stay only if they are given again."""
+        """End a step, or the start: values stay for the next step, but rates have to be given again."""
         if self._in_frame or self._in_parts:
             if self._in_parts:
                 self._fill_in_start[:], self._begun_rows[:] = self.motions, self.rows
@@ -246,10 +246,10 @@ class Drivers:
                 self._rates[k], self._seconds[k], self._counts[k] = rate, second, count
 
     def _read(self, values: Values, numbers: Mapping[str | int, int], key: str, what: str) -> list[Reading]:
-        """Read motions that are given by name, or all in their order; `key` and `what` are for messages.
+        """Read motions that are given by name, or all in their order; messages name `key` and `what` is allowed.
 
         Each result has the motion's number, its value, rate and second rate, and how many of these three were given;
-        the others are 0.
+        missing rates are 0.  `numbers` are the motions' numbers by their names and by their indices.
         """
         if not _is_mapping(values):
             in_order = _read_in_order(values, numbers, key, what).tolist()
@@ -271,12 +271,12 @@ class Drivers:
 
 
 def _motion_numbers(names: Sequence[str], numbers: Sequence[int]) -> dict[str | int, int]:
-    """Number of each motion among all drivers, by its name in `names` and also by its index in `names`."""
+    """The `numbers` of motions among all drivers, by the motion's name in `names` and also by its index there."""
     return dict(zip(names, numbers, strict=True)) | dict(enumerate(numbers))
 
 
 def number_of(name: str | int, names: Sequence[str], key: str) -> int:
-    """Position of `name` in `names`; a number is returned as it is.
+    """Position of `name` in `names`; if `name` is a number in range, the number itself.
 
     Raises InputError with the key `key` for a name that is not in `names` and a number out of range.
     """
@@ -299,7 +299,7 @@ def _motion_names(numbers: Mapping[str | int, int]) -> list[str]:
 
 
 def _read_in_order(values: Values, numbers: Mapping[str | int, int], key: str, what: str) -> Array:
-    """Values of all motions of a kind as a float array (m,), from a number or a sequence.
+    """Values of all m motions in `numbers` as a float array (m,), from a number or a sequence.
 
     Raises InputError about `key` if there are not m values, with `what` in words as allowed, or if a value is not
     finite.
@@ -317,7 +317,7 @@ def _read_in_order(values: Values, numbers: Mapping[str | int, int], key: str, w
 
 
 def _read_motion(value: Motion, key: str) -> list[float]:
-    """Value of a motion, with its rate and second rate if they are given, as a list of one to three floats.
+    """Value of a motion, then its rate and second rate as far as they are given, as a list of one to three floats.
 
     Raises InputError about `key` for other shapes and numbers that are not finite.
     """
@@ -348,13 +348,16 @@ class WatchedOutputs:
 
 
 def _greatest_length(system: System, scene: Scene) -> float:
-    """Length in m of the boom with all sections as far out as paths of the system may lead them."""
+    """Length in m of the boom with all sections as far out as the ranges of the system's paths permit."""
     ranges = system.ranges
     return scene.sections[-1].length + sum(ranges[name][1] for name in scene.names[1:])
 
 
 def watched_outputs(system: System, scene: Scene | None, names: Collection[str]) -> WatchedOutputs:
-    """Displacements in m and margins against tipping, as far as they are among `names`; empty without a frame."""
+    """Displacements in m and margins against tipping that are among the outputs `names`; empty without a frame.
+
+    `scene` is None if the system has no scene.
+    """
     limits, kinds, messages = dict[str, tuple[float, float]](), list[int](), list[str]()
     if scene is not None and scene.frame is not None:
         length = _greatest_length(system, scene)

@@ -88,7 +88,7 @@ class SystemForm:
 
     @cached_property
     def frame(self) -> MovingFrame | None:
-        """Frame of the system's scene; None if there is none, or if it drives other inputs and terms."""
+        """Frame of the system's scene; None without a frame, or if the frame drives other inputs and terms."""
         try:
             return MovingFrame.from_system(self.system)
         except InputError:
@@ -140,7 +140,7 @@ class SystemForm:
 
 
 def driver_signals(form: SystemForm, excitation: Excitation) -> list[SignalBase]:
-    """Signals of the kernel's N drivers in its order: paths, loads, amplitudes of terms, then drivers of a hoist.
+    """Signals of the kernel's N drivers in the kernel's order: paths, loads, amplitudes of terms, drivers of a hoist.
 
     A single body without a path is at the beginning of its domain.  Raises InputError if a path, a load or a term has
     no signal.
@@ -190,12 +190,12 @@ def begin(
     excitation: Excitation,
     initial: Mapping[str, InitialState] | None = None,
 ) -> tuple[Any, ...]:
-    """Start a kernel of `form` by ``start(kind, *modes)``; return the arguments with which it started.
+    """Start a kernel of `form` by ``start(kind, *modes)``; return these arguments.
 
-    It begins in the states `initial` of bodies by name, or, if that is None, as the excitation says: at rest or in
-    equilibrium.  In addition to the errors of `start`, a StepError is raised if no equilibrium with a hoist is found.
-    An InputError is raised if nothing holds the bodies, or if a system with a hoist has more than `DENSE_WITH_HOIST`
-    modes.
+    The kernel begins in the states `initial` of bodies by name, or, if that is None, at rest or in equilibrium, as the
+    excitation says.  In addition to the errors of `start`, a StepError is raised if no equilibrium with a hoist is
+    found.  An InputError is raised if nothing holds the bodies, or if a system with a hoist has more than
+    `DENSE_WITH_HOIST` modes.
     """
     system, modes, failed = form.system, form.kernel.modes, None
     if initial is None and excitation.start == "equilibrium":
@@ -220,7 +220,7 @@ def begin(
 
 
 def rest_states(assembly: Assembly, x: Array, f: Array, c: Array) -> dict[str, InitialState]:
-    """States of all bodies at rest in equilibrium, by the body's name.
+    """States of all bodies of `assembly` at rest in equilibrium, by the body's name.
 
     The sides of contacts are at x (sides,) in m; the loads are f (i,), and c (k,) are the amplitudes of terms.  Raises
     InputError as `equilibrium`.

@@ -98,7 +98,10 @@ ACCELERATION, STOP = "acceleration", "stop"
 
 
 def with_extension_data(frame: MovingFrame, scene: Scene, system: System, form: SystemForm) -> MovingFrame:
-    """Frame whose free extension the kernel computes; `scene` has the extension, `frame` the one where it begins."""
+    """Frame whose free extension the kernel computes.
+
+    `scene` has the free extension, and `frame` is the frame in which the extension stays at its start.
+    """
     (number, extension), *_ = scene.free_extensions.items()
     contacts, rubbing = form.modal.contact_names, Friction.from_contacts(system.contacts)
     joints = () if rubbing is None else rubbing.joints
@@ -145,7 +148,7 @@ class ExtensionRun:
         self.state = State(kernel, Settings(stepping.step, stepping.rho_inf, self._parts, omega, energy=False))
 
     def _reached(self, modal: System) -> Array:
-        """Positions (2, sides) in m of the contacts' sides at both ends of what the extension can reach."""
+        """Positions (2, sides) in m of the contacts' sides of `modal` at both ends of what the extension can reach."""
         low, high = self._extension.reach
         paths = {name: np.full(2, at) for name, at in zip(self._excitation.paths, self._excitation.s[0], strict=True)}
         for k, (ratio, offset) in moved_sections(self._scene, self._number).items():
@@ -201,9 +204,9 @@ class ExtensionRun:
 
 
 def cylinder_record(columns: Array, oil: Oil | None) -> dict[str, Array]:
-    """Columns (T,) of a cylinder by the names in `CYLINDER_UNITS`; columns of oil only if oil drives it.
+    """Columns (T,) of a cylinder by the names in `CYLINDER_UNITS`, those of oil only if `oil` drives the cylinder.
 
-    The argument `columns` has them in the order of `CYLINDER_COLUMNS`.
+    The argument `columns` (T, c) is in the order of `CYLINDER_COLUMNS`; `oil` is None for a cylinder without oil.
     """
     record = dict(zip(list(CYLINDER_COLUMNS)[: None if oil else 3], columns.T, strict=False))
     record["power"] = record["force"] * record["speed"]
@@ -298,9 +301,9 @@ class LuffingRun(MachineRun):
 def stepped_frame(system: System, source: str) -> MovingFrame | None:
     """Frame of a system's scene for steps one by one, in which an angle or extension may be free.
 
-    It is None if the system has no scene, or the scene no frame.  Errors as `MovingFrame.from_system`; an InputError
-    that names `source` is also raised for a free angle on a base that moves.  The system needs modes that all have
-    inertia.
+    None is returned if the system has no scene, or the scene no frame.  Errors as `MovingFrame.from_system`; an
+    InputError that names `source` is also raised for a free angle on a base that moves.  The system needs modes that
+    all have inertia.
     """
     stored = read_scene(system, source, free=True) if "scene" in system.provenance else None
     if stored is None or stored.free_scene is None or stored.scene is None:
@@ -324,7 +327,7 @@ def stepped_frame(system: System, source: str) -> MovingFrame | None:
 def luffing_arrays(machine: Fields, frame: MovingFrame) -> dict[str, Array]:
     """Arrays of a free luffing angle for the kernel, by the names that `read_luffing` in src/system.c reads.
 
-    The keys begin with ``luffing_``.
+    `machine` is the dict of the machine's data.  The keys begin with ``luffing_``.
     """
     cylinder = machine.get("cylinder", {})
     drive = next((k for k, name in enumerate(frame.loads) if name.startswith(DRIVE)), None)

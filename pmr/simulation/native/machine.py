@@ -102,7 +102,7 @@ def machine_of(
 def modes_in_bodies(form: SystemForm, size: int) -> Array:
     """Coordinates (n, r') of the assembled bodies by the kernel's r' modes, some of which are padding.
 
-    `size` is r'.
+    `size` is r', and `form` the system in modes.
     """
     assembly = Assembly(form.system)
     modes = np.zeros((assembly.size, size))
@@ -229,7 +229,7 @@ class MachineRun:
         )
 
     def _start(self) -> None:
-        """Set the initial state: as the scene gives it, or in equilibrium on the machine's springs."""
+        """Set the initial state: that of the scene, or equilibrium on the machine's springs."""
         motion = self._given.copy()
         motion[:2, self._free] += self._fill_in_start[:, self._free]
         if self._in_balance:

@@ -48,7 +48,7 @@ class Steps(NamedTuple):
     hoist: Array | None = None  # (T, 10): outputs of a hoist
 
     def at(self, rows: NDArray[np.int64] | slice) -> Steps:
-        """Return the steps that `rows` chooses: numbers, counted from 0, or a slice."""
+        """Return the steps that `rows` chooses: numbers (k,), counted from 0, or a slice."""
         return Steps._make(None if array is None else array[rows] for array in self)
 
 
@@ -97,7 +97,10 @@ class March:
             raise self._failure(error, 0) from None
 
     def _start(self, kind: Literal["rest", "given", "equilibrium"], *modes: Array) -> None:
-        """Set the kernel's state to t = 0; a StepError is raised if that fails."""
+        """Set the kernel's state to t = 0, at rest, in the given `modes` or in equilibrium, as `kind` says.
+
+        A StepError is raised if that fails.
+        """
         self._sampling = 0.0  # s: time spent to sample drivers, in the steps that follow
         if self._frame is None:
             self.state.start(kind, self._zero, *modes)
@@ -112,6 +115,7 @@ class March:
         """Take all steps; call `take` with the number of the first of some consecutive steps, and with the `Steps`.
 
         Raises GrowthError if more than `balance.GROWN` of the largest energy comes from neither loads nor moving rows.
+        `progress` is told how far the run is; None tells nobody.
         """
         paths, inputs, least = self.form.kernel.paths, self.form.kernel.inputs, 0.0
 
@@ -184,10 +188,10 @@ class March:
         return Steps(**arrays)
 
     def _advance(self, first: int, rows: int, every: int, record: Record) -> None:
-        """Take `rows` times `every` steps after the step number `first`, and record every `every`-th of them.
+        """Take `rows` times `every` steps after the step number `first`, and record each `every`-th step.
 
-        They are recorded in the rows 1 to `rows` of `record`; row 0 is the state at the step `first`, which does not
-        change.  Raises SimulationError if a step fails or a state is not finite.
+        The states are recorded in the rows 1 to `rows` of `record`; row 0 is the state at the step `first`, which does
+        not change.  Raises SimulationError if a step fails or a state is not finite.
         """
         steps = rows * every
         schedule = None if self._schedule is None else self._schedule[first : first + steps]

@@ -205,7 +205,7 @@ class Stepper:
         Returns
         -------
         (o,) array
-            The chosen outputs, in their units.  It may be the same array in every step: copy values that you keep.
+            The chosen outputs, in their units.  The array may be the same in every step: copy values that you keep.
 
         Raises
         ------
@@ -299,7 +299,7 @@ class Stepper:
 
     @property
     def states(self) -> dict[str, InitialState]:
-        """Coordinates of each body and their rates, by the body's name, as `initial` takes them."""
+        """Coordinates of each body and their rates, by the body's name, fit to be passed as `initial`."""
         return self._form.initial_states(self._state.z, self._state.v)
 
     @property
@@ -314,7 +314,7 @@ class Stepper:
 
     @property
     def multipliers(self) -> Array:
-        """Forces (m,) of the contacts in N, positive where they push; a cylinder's includes the friction of pads."""
+        """Forces (m,) of the contacts in N, positive where they push; a cylinder's force includes pads' friction."""
         return self._state.outputs()[1]
 
     @property
@@ -345,7 +345,7 @@ class Stepper:
             raise SimulationError(f"march failed at {self._step_text(0)}: not finite")
 
     def _start(self, initial: Mapping[str, InitialState] | None, static: bool) -> None:
-        """Set the state to t = 0: as `initial` says, in equilibrium if it is None and `static`, or at rest.
+        """Set the state to t = 0: to `initial`, or, if `initial` is None, to equilibrium if `static`, else to rest.
 
         Raises InputError for a system that the simulator does not support or nothing holds; SimulationError if a solve
         fails.
@@ -360,7 +360,7 @@ class Stepper:
             raise self._failure("t = 0 s", error) from None
 
     def _start_kernel(self, kind: Literal["rest", "given", "equilibrium"], *modes: Array) -> None:
-        """Start the kernel from given `modes`, at rest or in equilibrium; a StepError is raised if that fails."""
+        """Start the kernel from given `modes`, at rest or in equilibrium (`kind`); raise a StepError if that fails."""
         motions = self._bound.motions
         if self._state.kernel.motions:
             self._state.start_in_frame(kind, motions, self._bound.rows, *modes)
@@ -370,7 +370,7 @@ class Stepper:
     def _constant_excitation(self, paths: Mapping[str, float], u: Array, static: bool) -> Excitation:
         """Excitation of one step with constant `paths` in m, loads and amplitudes of terms, by drivers u (N,).
 
-        It starts in equilibrium if `static`, or at rest.
+        The excitation starts in equilibrium if `static`, or at rest.
         """
         names, first = (self._system.input_names, self._system.term_names), len(paths)
         split = np.split(u[first : first + len(names[0]) + len(names[1])], [len(names[0])])
@@ -394,7 +394,8 @@ class Stepper:
     def _levels(self, parts: int, scene: StoredScene | None) -> tuple[tuple[int, ...], float]:
         """Numbers of parts among which a step chooses, and the contact frequency in rad/s.
 
-        The frequency is 0 unless contacts only push and `parts` is 0.
+        The frequency is 0 unless contacts only push and `parts` is 0.  `scene` is the stored scene of the system, None
+        if it has none.
         """
         modal = self._form.modal
         if np.isnan(modal.clearance).all():
@@ -408,7 +409,7 @@ class Stepper:
         return part_counts(omega, TimeStepping(self._step, self._step, parts=parts)), omega
 
     def _refuse_moved(self, s: Values) -> None:
-        """Raise InputError if path coordinates `s` contain a free extension or an extension that follows it."""
+        """Raise InputError if path coordinates `s` contain a free extension or one that follows a free extension."""
         if not isinstance(s, Mapping):
             raise InputError("stepper", "s", None, "a mapping without the free extension is allowed after the start")
         for path in self._moved:
@@ -417,7 +418,7 @@ class Stepper:
                 raise InputError("stepper", f"s.{path}", s[path], allowed)
 
     def _check_followers(self) -> None:
-        """Raise InputError unless sections that follow a free extension begin where they follow it."""
+        """Raise InputError unless all sections that follow a free extension begin at the extension they follow."""
         at = dict(zip(self._drivers.paths, self._bound.motions[0].tolist(), strict=False))
         first = next(iter(self._moved), "")
         for path, (ratio, offset) in self._moved.items():

@@ -46,8 +46,9 @@ def simulate(
 ) -> SystemTrajectory:
     """Simulate all bodies from t = 0 on, and return the trajectory of each `every`-th step.
 
-    Arguments and errors as `pmr.simulation.SystemSimulator`; without `initial` bodies start at rest.  The trajectory's
-    `seconds` are the wall time of the steps in modal coordinates, without diagonalisation and transformation to q.
+    Arguments and errors as `pmr.simulation.SystemSimulator`; without `initial` bodies start at rest.  `progress` is
+    told how far the run is; None tells nobody.  The trajectory's `seconds` are the wall time of the steps in modal
+    coordinates, without diagonalisation and transformation to q.
     """
     return simulate_form(SystemForm.of(system), excitation, initial or {}, progress, every)
 
@@ -116,7 +117,7 @@ def _trajectory(march: March, first: int, steps: Steps, every: int = 1, modal: b
 def observe(
     form: SystemForm, excitation: Excitation, outputs: Sequence[int] | None = None, every: int = 1
 ) -> Observation:
-    """Simulate from the excitation's start, and record the outputs and contact forces of each `every`-th step alone.
+    """Simulate `form` from the excitation's start; record outputs and contact forces of each `every`-th step alone.
 
     `outputs` are ascending indices among the outputs of all bodies, one body after the other; None records all.  A long
     simulation of a large body needs little memory, as no coordinates are stored.  The energy balance of `simulate` is
@@ -144,8 +145,8 @@ def displacements(
 ) -> dict[str, Array]:
     """Outputs O q + W f - X lambda (T, o) of each body by name, with the effect of the moments of friction.
 
-    q are a body's coordinates, f its loads, lambda the contact forces on it.  `outputs` are ascending indices among the
-    outputs of all bodies, one body after the other; None returns all.
+    `trajectory` has a body's coordinates q, its loads f and the contact forces lambda on the body.  `outputs` are
+    ascending indices among the outputs of all bodies, one body after the other; None returns all.
     """
     outputs_of_bodies, first = {}, 0
     for name, chosen in outputs_by_body(system, outputs).items():
@@ -161,7 +162,7 @@ def displacements(
 
 
 def outputs_by_body(system: System, outputs: Sequence[int] | None) -> dict[str, Indices | slice]:
-    """Indices of the chosen `outputs` among the outputs of each body alone, by the body's name.
+    """Indices (k,) of the chosen `outputs` among the outputs of each body alone, or a slice, by the body's name.
 
     `outputs` are ascending indices among the outputs of all bodies, one body after the other; None selects all.
     """

@@ -46,7 +46,7 @@ class Prediction:
 
     @classmethod
     def from_shares(cls, factors: SchemeFactors, share: Array, force: Array) -> Prediction:
-        """Contributions to the next prediction by acceleration-like variables `share` and accelerations `force`."""
+        """Contributions (n,) to the next prediction by the variables `share` (n,) and accelerations `force` (n,)."""
         return cls(
             q=factors.z_from_share * share + factors.z_from_force * force,
             v=factors.v_from_share * share + factors.v_from_force * force,
@@ -79,7 +79,8 @@ class ContactState:
 
         `matrix` (m, m) in m/N is what the contacts give way under a multiplier of 1 N.
 
-        Raises ContactError if contacts depend on each other, or if it can't be settled which contacts are closed.
+        Collective, as all ranks take the same result.  Raises ContactError if contacts depend on each other, or if it
+        can't be settled which contacts are closed.
         """
 
         def solution() -> ContactForces:
@@ -178,7 +179,7 @@ class Constraint:
             raise SimulationError(describe_dependence(C[:, np.unique(C.indices)].toarray(), names)) from None
 
     def correction(self, multipliers: Array) -> Array:
-        """This rank's rows (n_local,) of S^{-1} C^T lambda with lambda = `multipliers` (m,)."""
+        """Rows of this rank (n_local,) of S^{-1} C^T lambda, with the contact forces lambda = `multipliers` (m,)."""
         if self._stored is not None:
             return np.concatenate([stored.correction(self.rows, multipliers) for stored in self._stored])
         return self._factor.solve(self.rows.apply_transposed(multipliers))
@@ -208,12 +209,12 @@ def solve_for_carriers(factor: MatrixFactor, E: sp.csr_matrix, comm: MPI.Comm, s
 
 
 def compliances(system: FullSystem, factor: BlockFactor, visited: VisitedCarriers) -> Sequence[Array]:
-    """Matrices P = E^T S^{-1} E (p, p) of all bodies, from the factors of their matrices S."""
+    """Matrices P = E^T S^{-1} E (p, p) of all bodies, for the `visited` carriers E, from the factors of matrices S."""
     parts = zip(factor.of_bodies, visited.of_bodies, strict=True)
     return [solve_for_carriers(S, E, system.comm, False).compliance for S, E in parts]
 
 
 def rows_on_paths(system: FullSystem, x: Array, step: int = 0) -> PathRows:
-    """The system's rows with its q sides at x (T, q) in m, set to one of the T steps."""
+    """The system's rows with its q sides at x (T, q) in m, set to number `step` of the T steps."""
     course = Course(system, x)
     return PathRows(course, VisitedCarriers(system, course), step)

@@ -176,9 +176,10 @@ class _Body:
         self._b = self._right.duplicate()
 
     def free(self, scaled: Array, v: Array, f: Array) -> Array:
-        """This rank's rows (n_local,) of b_free.
+        """Rows (n_local,) of this rank of the solution b_free without contact forces.
 
-        `scaled` and v are this rank's rows of q* / dq and v*; f (i,) are the loads.
+        `scaled` (n_local,) and v (n_local,) are this rank's rows of q* / dq and v*, as in `Integrator`; f (i,) are the
+        loads.
         """
         w = self._v_gain * scaled - v
         self._x.getArray()[:] = scaled + self._damped.of_mass * w
@@ -206,7 +207,10 @@ class _RayleighCoefficients:
 
 
 def contact_frequency(system: FullSystem, x: Array, mass: BlockFactor) -> float:
-    """Largest omega in rad/s of contacts that only push, with the sides at x (T, q) in m; collective."""
+    """Largest omega in rad/s of contacts that only push, with the sides at x (T, q) in m; collective.
+
+    `mass` is the factor of M.
+    """
     pushing, largest = np.flatnonzero(~np.isnan(system.clearance)), 0.0
     steps = np.unique(np.linspace(0, len(x) - 1, contact_step.PLACES).astype(int))
     rows = rows_on_paths(system, x[steps])

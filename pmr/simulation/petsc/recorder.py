@@ -147,7 +147,7 @@ class Recorder:
         self.q, self.v = np.zeros((len(self.state_steps), n)), np.zeros((len(self.state_steps), n))
 
     def follow(self, state: State, rows: PathRows, x: Array, f: Array, c: Array) -> None:
-        """Update peaks and work by a step, or by a part of a step.
+        """Update peaks and work by the `state` after a step, or after a part of a step.
 
         At the end of the step the sides are at x (q,) in m, with loads f (i,) and amplitudes c (K,) of terms.
         """
@@ -168,9 +168,9 @@ class Recorder:
         self._peak, self._work = np.full_like(self._peak, -np.inf), 0.0
 
     def record(self, step: int, state: State, rows: PathRows, at: SampledExcitation) -> None:
-        """Record the state after step number `step`, of which `follow` has told; `at` has paths and loads at steps.
+        """Record the state after step number `step`, for which `follow` was called before.
 
-        Peak forces and work are those within this step alone.
+        `at` has paths and loads at steps.  Peak forces and work are those within this step alone.
         """
         peak, work, self._work = self._peak, self._work, 0.0
         if self._pushes:
@@ -201,7 +201,7 @@ class Recorder:
     def history(self, at: SampledExcitation, seconds: WallTimes) -> History:
         """History of all records, in a run under the excitation `at`; collective.
 
-        The violation of velocities is NaN if a contact gives way.
+        `seconds` are the wall times in s.  The violation of velocities is NaN if a contact gives way.
         """
         system = self._system
         sums = system.comm.allreduce(self.sums)
@@ -271,7 +271,7 @@ class _StepWork:
 
 
 def _work(a: _StepWork, b: _StepWork) -> float:
-    """Work in J of loads, terms and travelling contacts from one step to the next; this rank's contribution."""
+    """Work in J of loads, terms and travelling contacts from the step `a` to the next, `b`, as this rank's part."""
     of_loads = (a.f + b.f) @ (b.motion - a.motion) / 2.0
     of_terms = (a.of_terms + b.of_terms) @ (b.q - a.q) / 2.0 - (a.multipliers + b.multipliers) @ (b.gap - a.gap) / 2.0
     return float(of_loads + of_terms + ((a.force + b.force) / 2.0) @ ((a.slope + b.slope) / 2.0 * (b.x - a.x)))

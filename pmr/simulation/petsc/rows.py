@@ -225,7 +225,7 @@ class PathCompliance:
         self._of_powers = np.zeros((len(rows.layout.side_of_power),) * 2)
 
     def of_rows(self, rows: PathRows) -> Array:
-        """Matrix C S^{-1} C^T (m, m) at the current step."""
+        """Matrix C S^{-1} C^T (m, m) in m/N of the contact rows C at the current step of `rows`."""
         self._update(rows)
         if rows.course.contacts == 0:
             return np.zeros((0, 0))
@@ -235,7 +235,7 @@ class PathCompliance:
         return np.asarray((A + A.T) / 2.0)
 
     def _update(self, rows: PathRows) -> None:
-        """Compute the blocks of those sides that have entered another interval."""
+        """Compute the blocks of those sides that have entered another interval of their path in `rows`."""
         changed, self._interval = np.flatnonzero(rows.interval != self._interval).tolist(), rows.interval
         at, entries, powers, body = rows.columns, rows.layout.entries, rows.layout.powers, rows.course.body
         for k, l in {(min(i, j), max(i, j)) for i in changed for j in rows.course.on[body[i]]}:
@@ -267,7 +267,7 @@ class StoredAnswers:
         return np.asarray(self._of_powers @ weights[self._powers])
 
     def _update(self, rows: PathRows) -> None:
-        """Compute the columns of those sides that have entered another interval."""
+        """Compute the columns of those sides that have entered another interval of their path in `rows`."""
         for k, at in self._at.items():
             if rows.interval[k] != self._interval[k]:
                 entries, powers = rows.layout.entries[k], rows.layout.powers[k]
@@ -277,7 +277,10 @@ class StoredAnswers:
 
 
 def contact_rows(system: FullSystem, x: Array, rates: Array | None = None) -> sp.csr_matrix:
-    """Contact rows C (m, n) on all n coordinates, with the sides at x (q,) in m; with `rates` (q,) in m/s, dC/dt."""
+    """Contact rows C (m, n) on all n coordinates, with the sides at x (q,) in m.
+
+    If `rates` (q,) in m/s are not None, the result is dC/dt.
+    """
     bodies, rows = list(system.bodies), sp.csr_matrix((len(system.contacts), system.size))
     weight = [1.0] * len(x) if rates is None else rates.tolist()
     for side, row, at, rate in zip(system.sides, system.side_rows, x, weight, strict=True):

@@ -103,7 +103,10 @@ class _Run:
         self._lengths = StepParts.for_contacts(excitation.stepping, omega)
 
     def history(self, progress: Progress | None, checkpoint: Checkpoint | None) -> History:
-        """Take all steps, or the steps after a checkpoint, and return the history."""
+        """Take all steps, or, if `checkpoint` has a file, the steps after that; return the history.
+
+        `progress` is told how far the run is.  Both arguments may be None.
+        """
         recorder, keeper, T = self._recorder, None, self._excitation.stepping.steps
         if checkpoint:
             run_identity = identity(self._system, self._excitation, self._at, recorder, self._initial)
@@ -223,7 +226,7 @@ def _differing_entries(stored: Mapping[str, object], expected: Mapping[str, obje
 
 
 def _entries_agree(a: object, b: object) -> bool:
-    """Whether a stored entry of an identity agrees with the expected one, lists of numbers to `SAME`."""
+    """Whether a stored entry `a` of an identity agrees with the expected entry `b`, lists of numbers to `SAME`."""
     if isinstance(b, list):
         return isinstance(a, list) and len(a) == len(b) and np.allclose(a, b, rtol=SAME, atol=0.0)
     return bool(a == b)
@@ -244,8 +247,8 @@ def identity(
     """Digests and numbers that distinguish this simulation from others, by name; collective.
 
     Each matrix A is represented by x^T A x with a fixed random vector x.  `at` are paths, loads and terms at the steps,
-    and `initial` are the initial states of bodies by name.  As steps may be divided into parts, paths, loads and terms
-    in the middle of each step count, too.
+    `recorder` has the times of recorded states, and `initial` are the initial states of bodies by name.  As steps may
+    be divided into parts, paths, loads and terms in the middle of each step count, too.
     """
     stepping, between = excitation.stepping, 0.5 * (excitation.times[:-1] + excitation.times[1:])
     forms = []
@@ -300,7 +303,7 @@ class CheckpointFile:
         return self._comm.rank == 0 and time.monotonic() - self._last >= self._checkpoint.seconds
 
     def save(self, reached: ReachedState, recorder: Recorder) -> None:
-        """Write a checkpoint after a step; it replaces the earlier checkpoint in one operation.
+        """Write a checkpoint after a step, in place of the earlier checkpoint, in one operation; collective.
 
         If the disk is full, a warning is logged, and the earlier checkpoint is kept.
         """
@@ -321,7 +324,7 @@ class CheckpointFile:
         self._last = time.monotonic()
 
     def load(self, recorder: Recorder) -> ReachedState | None:
-        """State of the last checkpoint, with the recorder filled in place; None if there is no checkpoint.
+        """State of the last checkpoint, with the recorder filled in place; None without a checkpoint.  Collective.
 
         Raises
         ------
@@ -375,7 +378,7 @@ def read_checkpoint(file: Path, identity: Mapping[str, object]) -> StoredCheckpo
 
 
 def _friction_arrays(system: FullSystem) -> list[NDArray[np.generic]]:
-    """Arrays that define the friction of a system's pads; empty without friction."""
+    """List the arrays (pads,) that define the friction of a system's pads; empty without friction."""
     friction = Friction.from_contacts(system.contacts)
     return [] if friction is None else [friction.pads, friction.laws, friction.stiffness, friction.arms]
 

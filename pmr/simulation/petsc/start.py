@@ -96,7 +96,10 @@ class Terms:
         return bool(self._parts) or self._friction is not None
 
     def forces(self, q: Array, v: Array, c: Array) -> Array:
-        """This rank's part (n_local,) of w = -sum_k c_k (V_k v + G_k q), by its parts of q and v, and c (K,)."""
+        """Forces w = -sum_k c_k (V_k v + G_k q) by the terms with amplitudes c (K,), this rank's part (n_local,).
+
+        q and v are this rank's parts (n_local,) of the coordinates and rates.
+        """
         forces = np.zeros_like(q)
         for number, at, stiffness, damping in self._parts:
             for multiplied, state in ((stiffness, q), (damping, v)):
@@ -107,7 +110,7 @@ class Terms:
     def pad_friction(self, rows: PathRows, multipliers: Array, grip: Grip) -> PadFriction:
         """Friction at the rows' current positions, by contact forces `multipliers` (m,) and friction `grip`.
 
-        It is zero if no pad rubs.
+        The friction is zero if no pad rubs.
         """
         if self._friction is None:
             return PadFriction(0.0, np.zeros(0), np.zeros(len(multipliers)))
@@ -121,8 +124,9 @@ class Terms:
     def slide(self, old: Grip, rubbed: PadFriction, c: Array, h: float, multipliers: Array, matrix: Array) -> Grip:
         """Friction of the pads after a step of h s, from `old` at its beginning.
 
-        c are the amplitudes of the terms, followed by the joints' path coordinates at the step's end; `multipliers`
-        (m,) and `matrix` (m, m) as in `pmr.simulation.start.slide`.
+        `rubbed` is the friction of the last iteration.  c (K + J,) are the amplitudes of the K terms, followed by the
+        path coordinates of the J joints at the step's end; `multipliers` (m,) and `matrix` (m, m) as in
+        `pmr.simulation.start.slide`.
         """
         if self._friction is None:
             return old
@@ -134,9 +138,10 @@ class Terms:
             self._iteration.restart()
 
     def extrapolate(self, w: Array, old: PadFriction, new_w: Array, new: PadFriction) -> tuple[Array, PadFriction]:
-        """Forces and friction with which the next iteration begins.
+        """Forces and friction with which the next iteration begins; collective.
 
-        This iteration began with the forces w and the friction `old`; its results are `new_w` and `new`.
+        The last iteration began with the forces w (n_local,) and the friction `old`; its results are `new_w` (n_local,)
+        and `new`.
         """
         size, first = len(w), self._comm.rank == 0  # sums of joints count once
         if self._iteration is None:
@@ -149,14 +154,15 @@ class Terms:
         return following[:size], replace(new, sums=sums, gap=self._friction.compressions_by_totals(sums))
 
     def gaps_have_converged(self, old: PadFriction, new: PadFriction) -> bool:
-        """Whether the gaps by friction no longer change."""
+        """Whether the gaps by friction no longer change from `old` to `new`, the last two iterations."""
         self._widest = max(self._widest, float(np.abs(new.gap).max(initial=0.0)))
         return bool(np.abs(new.gap - old.gap).max(initial=0.0) <= CONVERGED * self._widest)
 
     def has_converged(self, old: Array, new: Array, times: int, rubbed: PadFriction) -> bool:
-        """Whether the forces no longer change from `old` to `new`, after `times` iterations.
+        """Whether the forces no longer change from `old` (n_local,) to `new`, after `times` iterations; collective.
 
-        Raises SimulationError if they diverge, or have not converged after `LIMIT` iterations.
+        `rubbed` is the friction of the last iteration.  Raises SimulationError if the forces diverge, or have not
+        converged after `LIMIT` iterations.
         """
         sums = self._comm.allreduce(np.array([np.sum((new - old) ** 2), np.sum(new**2), rubbed.at_limits]), MPI.SUM)
         change, size, at_limits = (float(np.sqrt(total)) for total in sums)
@@ -172,7 +178,10 @@ class Terms:
 
 
 def _product(system: FullSystem, bodies: tuple[str, ...], A: PETSc.Mat | sp.csr_matrix | None) -> Product | None:
-    """Function that returns this rank's rows of A x from its rows of x, of stacked bodies; None if A is None."""
+    """Function from this rank's rows of x, of stacked bodies, to its rows of A x; None if A is None.
+
+    A call of the function is collective.
+    """
     if A is None:
         return None
     if not (sp.issparse(A) or isinstance(A, np.ndarray)):
@@ -313,7 +322,7 @@ def stacked_start(system: FullSystem, initial: Mapping[str, InitialState]) -> In
 
 
 def _forces(system: FullSystem, f: Array, q: Array, v: Array) -> Array:
-    """This rank's rows (n_local,) of B f - D v - K q, from its parts of v and q and the loads f (i,)."""
+    """This rank's rows (n_local,) of B f - D v - K q, from this rank's parts of v and q and the loads f (i,)."""
     forces = np.empty_like(q)
     for (model, inputs), at in zip(_inputs(system), system.local_slices, strict=True):
         forces[at] = local_csr(model.inputs) @ f[inputs] - product(model.D, v[at]) - product(model.K, q[at])
@@ -348,8 +357,8 @@ class _HeldMass:
     def impulse(self, start: InitialState) -> Array:
         """This rank's rows (n_local,) of the velocity in `start` minus the consistent velocity.
 
-        Of all consistent velocities it is the one that is next in kinetic energy.  Raises InputError if the position
-        violates a rigid contact, or if rigid contacts depend on each other.
+        The consistent velocity taken is the one nearest to that in `start` in kinetic energy.  Raises InputError if the
+        position violates a rigid contact, or if rigid contacts depend on each other.
         """
         check_position(self._C, start.q, self._names)
         drift = velocity_violation(self._C, self._turning, start)
@@ -360,7 +369,7 @@ class _HeldMass:
         return np.asarray(self._answers @ impulse)
 
     def acceleration(self, force: Array) -> HeldAcceleration:
-        """Acceleration by this rank's part of a force."""
+        """Acceleration of the held bodies by this rank's part (n_local,) of a force; collective."""
         free = self._factor.solve(force)
         multipliers = np.linalg.lstsq(self._G, self._comm.allreduce(self._mine @ free), rcond=None)[0]
         return HeldAcceleration(free - self._answers @ multipliers, multipliers)

@@ -155,8 +155,8 @@ class _Contacts:
         """Equilibrium with a stiffness K (n, n) under forces `push` (n,), with a search for the closed contacts.
 
         K has to be positive definite even with all contacts open.  The search starts from the mask `closed` (m,), by
-        default all contacts.  It stops after `limit` solves at the latest, when some contacts may still be on the wrong
-        side.
+        default all contacts.  The search stops after `limit` solves at the latest, when some contacts may still be on
+        the wrong side.
         """
         closed = self.all_closed if closed is None else closed
         search = ContactSearch()
@@ -183,9 +183,9 @@ class _Contacts:
     def is_confirmed(self, state: Equilibrium, almost: Equilibrium, K: sp.csr_matrix, stable: bool) -> bool:
         """Return whether `state`, solved with the stiffness K (n, n) alone, is a valid equilibrium.
 
-        It is if these hold:
+        The conditions are:
 
-        - it agrees to `UNCHANGED` with `almost`, which is solved with K plus a multiple of the mass matrix;
+        - the state agrees to `UNCHANGED` with `almost`, which is solved with K plus a multiple of the mass matrix;
         - its strain energy exceeds round-off;
         - no contact is on the wrong side.
 
@@ -213,23 +213,23 @@ class _Contacts:
         return _is_definite((K + K.T) / 2.0 + C.T @ springs @ C)
 
     def wrong_contacts(self, state: Equilibrium) -> Mask:
-        """Mask (m,) of closed contacts that pull although they only push, and of open ones whose bodies overlap."""
+        """Mask (m,) of closed contacts that pull in a `state` though they only push, and of open ones that overlap."""
         forces, size = state.forces, np.abs(self.rows.C) @ np.abs(state.q) + self._clearance
         pulls = state.closed & self._pushes & (forces < -ROUND_OFF * np.abs(forces).max(initial=0.0))
         return np.asarray(pulls | ~state.closed & (-self._gaps(state) > ROUND_OFF * size))
 
     def touching(self, state: Equilibrium) -> Mask:
-        """Mask (m,) of contacts that only push and have no gap but round-off."""
+        """Mask (m,) of contacts that only push and have no gap but round-off in a `state`."""
         gaps = self._gaps(state)
         return np.asarray(self._pushes & (gaps <= TOUCH * np.abs(gaps).max(initial=0.0)))
 
     def _gaps(self, state: Equilibrium) -> Array:
-        """Gaps (m,) in m between the sides of all contacts; negative where bodies overlap."""
+        """Gaps (m,) in m between the sides of all contacts in a `state`; negative where bodies overlap."""
         return np.asarray(self._clearance - self._motion - self.rows.C @ state.q + self.rows.F @ state.forces)
 
 
 def _is_definite(A: sp.csr_matrix) -> bool:
-    """Whether a symmetric matrix (n, n) is positive definite: all pivots of its LU factor are positive."""
+    """Whether a symmetric matrix A (n, n) is positive definite: all pivots of its LU factor are positive."""
     try:
         factor = spla.splu(A.tocsc(), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     except RuntimeError:
@@ -285,9 +285,9 @@ def saddle_point_solver(K: sp.csr_matrix, rows: ContactRows) -> Callable[[Array]
 
 
 def _lowest_eigenvalue(assembly: Assembly, rows: ContactRows) -> float:
-    """Estimate of the lowest omega^2 in (rad/s)^2 with all contacts closed.
+    """Estimate of the lowest omega^2 in (rad/s)^2 of `assembly` with all contacts closed.
 
-    Rayleigh's quotient g . q / (q . M q) of the displacements q under the forces g = diag(M).
+    The estimate is Rayleigh's quotient g . q / (q . M q) of the displacements q under the forces g = diag(M).
     """
     g = assembly.M.diagonal()
     q = saddle_point_solver(assembly.K, rows)(np.concatenate([g, np.zeros(len(rows.F))]))[: assembly.size]
@@ -380,7 +380,7 @@ class HeldSystem:
 
 
 def geometric_stiffness(assembly: Assembly, coefficients: Mapping[str, float]) -> sp.csr_matrix:
-    """Sum of c_k G_k (n, n) over the terms named in `coefficients`, which maps names to amplitudes c_k.
+    """Sum of c_k G_k (n, n) over the terms of `assembly` that `coefficients` names, a mapping to amplitudes c_k.
 
     Raises InputError for a name that no term has.
     """

@@ -187,7 +187,7 @@ class Form:
         self._compute_responses(Z, L @ V)
 
     def _compute_responses(self, Z: Array, U: Array) -> None:
-        """Compute the responses to the fixed loads, to a unit of the load that grows, and to the modes U.
+        """Compute the responses to the fixed loads, to a unit of the load that grows, and to the modes U (n, k).
 
         A response consists of outputs, contact forces and overlaps of contacts that only push.  `Z` is the inverse of
         the bordered matrix of coordinates and closed contacts.
@@ -258,8 +258,8 @@ class Form:
     def load_of_factor(self, factor: float) -> float:
         r"""Smallest load P in kg at which `factor` times all axial forces cause buckling; infinite if there is none.
 
-        It fulfils :math:`(K + \Lambda G_0 + P \Lambda G_1) q = 0` with `factor` as :math:`\Lambda`, for coordinates q
-        that rigid contacts leave free.
+        The load fulfils :math:`(K + \Lambda G_0 + P \Lambda G_1) q = 0` with `factor` as :math:`\Lambda`, for
+        coordinates q that rigid contacts leave free.
         """
         on = self.condensed
         return first_singular(on.K + (factor - 1.0) * on.G[0], factor * on.G[1])
@@ -308,14 +308,14 @@ class Form:
 
     @property
     def lifting_direction(self) -> Array:
-        """Unit vector (d,) opposite to the pull of the load; it has one component for each input of the load."""
+        """Unit vector (d,) opposite to the pull of the load, with a component for each input of the load."""
         pull = np.linalg.lstsq(self.equations.load_inputs, self.equations.growing.b, rcond=None)[0]
         return np.asarray(-pull / np.linalg.norm(pull))
 
     def frequency(self, load: float) -> float:
         """Lowest natural frequency in Hz with `load` in kg as a mass on its directions.
 
-        It is 0 if the structure buckles under the load, and infinite if no coordinate has a mass.
+        The frequency is 0 if the structure buckles under the load, and infinite if no coordinate has a mass.
         """
         if load >= self.critical:
             return 0.0
@@ -333,7 +333,7 @@ class Form:
     def load_of_frequency(self, frequency: float) -> float:
         r"""Smallest load P in kg, as a mass, that lowers a natural frequency to `frequency` in Hz; infinite if none.
 
-        It fulfils :math:`(K - \omega^2 M + P (G_1 - \omega^2 c^T c)) q = 0` with :math:`\omega = 2 \pi` times
+        The load fulfils :math:`(K - \omega^2 M + P (G_1 - \omega^2 c^T c)) q = 0` with :math:`\omega = 2 \pi` times
         `frequency` and the displacement c q of the load's position.
         """
         on, square = self.condensed, (2.0 * np.pi * frequency) ** 2
@@ -425,10 +425,11 @@ class LoadedStructure:
         return state
 
     def _nearest_loose(self, closed: Mask, load: float, refuse: bool = False) -> int | None:
-        """Return the number of the nearest contact without play of a body that floats on those of a mask (m,).
+        """Number of the nearest contact without play of a body that floats on the contacts in the mask `closed` (m,).
 
-        None if no body floats, or if the load moves it away from all contacts, beyond their clearances.  Raises
-        InputError with `refuse` if a body floats within the play of contacts that do not touch.
+        None if no body floats, or if the `load` in kg moves the body away from all contacts, beyond their clearances.
+        If `refuse` is true, an InputError is raised for a body that floats within the play of contacts that do not
+        touch.
         """
         e, o = self._first_order.equations, len(self.equations.outputs) + len(closed)
         if Form(self.equations.unstressed, closed).held:
@@ -454,7 +455,7 @@ class LoadedStructure:
 
     @cached_property
     def _first_order(self) -> LoadedStructure:
-        """Structure without geometric stiffness, with a small multiple of M added to K; it always has equilibria."""
+        """Structure without geometric stiffness and with a little M added to K, so that equilibria always exist."""
         e, every = self.equations, self._form(np.ones_like(self._last))
         floor = ALMOST_FREE * (2.0 * np.pi * every.frequency(0.0)) ** 2
         return LoadedStructure(replace(e.unstressed, K=e.K + floor * e.M))

@@ -67,7 +67,7 @@ class PostureSet:
         return len(self.luffing)
 
     def select(self, numbers: Indices) -> PostureSet:
-        """The postures with these `numbers`, in their order."""
+        """The postures with the numbers `numbers` (k,), in this order."""
         extensions = {name: values[numbers] for name, values in self.extensions.items()}
         return PostureSet(extensions, self.luffing[numbers], self.slewing[numbers])
 
@@ -89,9 +89,9 @@ class PostureSet:
 def with_hook(scene: Scene, point: tuple[float, float, float] | None = None) -> Scene:
     """Scene with the load of a chart, `HOOK`, added: the weight of 1 kg, downwards in ground axes.
 
-    It acts at `point` in m in the axes of the last section, which moves with the tip; by default at the tip itself.
-    If the last section can bend sideways, `SIDEWAYS`, a load that is always zero, is added too.  The base keeps only
-    its constant inclination, and the scene's `recovery` is removed.
+    The load acts at `point` in m in the axes of the last section, which moves with the tip; by default at the tip
+    itself.  If the last section can bend sideways, `SIDEWAYS`, a load that is always zero, is added too.  The base
+    keeps only its constant inclination, and the scene's `recovery` is removed.
     """
     assert scene.frame is not None and scene.gravity is not None  # the caller has checked both
     pull = Constant(amount=-scene.gravity.acceleration)
@@ -197,7 +197,7 @@ class StandAtRest:
 
     @classmethod
     def in_postures(cls, still: Scene, postures: PostureSet) -> StandAtRest | None:
-        """Outriggers of a scene made by `scene_at_rest` in these postures; None without a ground."""
+        """Outriggers of a scene `still`, made by `scene_at_rest`, in these postures; None without a ground."""
         if still.frame is None or still.frame.ground is None:
             return None
         numbers = np.arange(postures.count, dtype=float)
@@ -350,7 +350,10 @@ def _load_names(scene: Scene) -> list[str]:
 
 
 def _still_scene(scene: Scene, postures: PostureSet, loads: Mapping[str, float] | None = None) -> Scene:
-    """Scene at rest in these postures under its weight and the `loads` by name; all other loads are zero."""
+    """Scene at rest in the given postures under its weight and the `loads` in N or N m by name.
+
+    All other loads are zero; None stands for no loads.
+    """
     acting = dict.fromkeys(_load_names(scene), 0.0) | dict(loads or {})
     return scene_at_rest(scene, postures.extensions, postures.luffing, postures.slewing, acting)
 
@@ -369,7 +372,7 @@ def acceleration_loads(scene: Scene, system: System, postures: PostureSet, angle
 
 
 def _vertical_directions(still: Scene, postures: PostureSet) -> Array:
-    """Vertical unit vectors (P, 3) in the axes of the boom, for a scene made by `scene_at_rest`."""
+    """Vertical unit vectors (P, 3) in the axes of the boom, for a scene `still`, made by `scene_at_rest`."""
     assert still.frame is not None
     numbers = np.arange(postures.count, dtype=float)
     return FrameRotation.from_signals(*still.frame.angles, numbers, still.frame.base_angles).up

@@ -87,7 +87,7 @@ def lift_off(form: Form, load: float, rope: Rope, gravity: float) -> float:
     """Largest force of the rope over the weight of a `load` in kg that is hoisted off the ground.
 
     `gravity` is in m/s^2.  The result is NaN if no equilibrium exists under the load, if the load is 0, or if the rope
-    does not lift it.
+    does not lift the load.  `form` is the structure with its closed contacts.
     """
     if not form.held or not 0.0 < load < form.critical:
         return np.nan
@@ -151,7 +151,8 @@ class Swing:
 def stopping_swing(form: Form, load: float, acting: LoadEffects, duration: float) -> Swing | None:
     """Swing of a structure under a `load` in kg, during a constant deceleration of `duration` s and afterwards.
 
-    The result is None if no equilibrium exists under the load.
+    `form` is the structure with its closed contacts, and `acting` are the effects of the deceleration.  The result is
+    None if no equilibrium exists under the load.
     """
     if not form.held or not 0.0 <= load < form.critical:
         return None
@@ -184,7 +185,7 @@ def stopping_swing(form: Form, load: float, acting: LoadEffects, duration: float
 
 
 def _static_response(form: Form, load: float, loads: list[Array]) -> StaticResponse:
-    """Response at rest to k load cases.
+    """Response at rest of `form` to k load cases.
 
     `loads` are forces on coordinates (n, k), gaps (m, k) and direct outputs (o, k); `load` in kg sets the geometric
     stiffness.
