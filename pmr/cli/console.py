@@ -115,7 +115,7 @@ def report_failure_message(error: Exception, folder: Path) -> str:
 
 
 def prepare_folder(folder: Path, ours: Sequence[str] = ()) -> None:
-    """Create a folder if it does not exist, and check that results can be written to it.
+    """Create a folder that does not exist, and check that results can be written to the folder.
 
     Raises InputError in three cases:
 
@@ -150,7 +150,7 @@ def prepare_folder(folder: Path, ours: Sequence[str] = ()) -> None:
 def check_output_file(file: Path, *read: Path) -> None:
     """Raise InputError unless a file can be written.
 
-    It has to be new or an ordinary file, and must be none of the files in `read`, from which the command reads.
+    The file has to be new or an ordinary file, and must be none of the files in `read`, from which the command reads.
     """
     prepare_folder(file.parent)
     try:
@@ -205,7 +205,7 @@ def _find_file(path: Path, within: str) -> Path:
 def _tables_or_empty(file: Path) -> dict[str, object]:
     """Return the tables of a file by name.
 
-    They are empty if the file can't be read, as a later function reports the reason.
+    The result is empty if the file can't be read, as a later function reports the reason.
     """
     from pmr.scene.tomlfiles import read_tables
 
@@ -216,10 +216,10 @@ def _tables_or_empty(file: Path) -> dict[str, object]:
 
 
 def prepare_streams() -> None:
-    """Open standard input, output and error if they are closed, and let standard output write any letter.
+    """Open all of standard input, output and error that are closed, and let standard output write any letter.
 
-    If they were left closed, a file of results could get the number of a closed stream, and would contain what
-    libraries print.  Letters that the encoding lacks are written as escapes, as on standard error.
+    Otherwise a file of results could get the number of a closed stream, and would contain what libraries print.
+    Letters that the encoding lacks are written as escapes, as on standard error.
     """
     for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
         try:
@@ -254,7 +254,7 @@ def exit_with_message(message: str, code: int) -> NoReturn:
 
 
 def rank_count() -> int:
-    """Return the number of MPI ranks of this run; 1 if MPI was not loaded.  MPI is not started for it."""
+    """Return the number of MPI ranks of this run, without starting MPI; 1 if MPI was not loaded."""
     mpi = sys.modules.get("mpi4py.MPI")
     return mpi.COMM_WORLD.size if mpi else 1
 

@@ -156,7 +156,7 @@ def describe_model(model: ReducedModel) -> dict[str, str]:
 
 
 def _describe_inputs(names: Sequence[str], units: Sequence[str]) -> dict[str, str]:
-    """Return lines, by name: the inputs with their units, and the meaning of the inputs for a frame's accelerations."""
+    """Return lines about the inputs `names` by name: their units, and what inputs for a frame's accelerations mean."""
     from pmr.scene.frame import INERTIA, MINUS_THE_ACCELERATION
 
     sign = {"inertia inputs": MINUS_THE_ACCELERATION} if any(INERTIA in name for name in names) else {}

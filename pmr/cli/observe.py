@@ -182,6 +182,6 @@ def _toml_line(change: str) -> str:
 
 
 def _rms_by_mode(errors: Array) -> list[float | None]:
-    """RMS of relative errors (k, m) of each frequency, None where it was not measured."""
+    """RMS of relative errors (k, m) of m frequencies at k places; None for a frequency that was not measured."""
     columns = [[error for error in column if math.isfinite(error)] for column in errors.T.tolist()]
     return [math.hypot(*column) / math.sqrt(len(column)) if column else None for column in columns]

@@ -170,7 +170,7 @@ def _print_hints(scene: Scene) -> None:
 
 
 def _save_results(folder: Path, of_all: Path, outcome: Outcome) -> None:
-    """Write all results other than the report into `folder`, and remove old reports in `folder` and `of_all`.
+    """Write all results of a run but its report into `folder`, and remove old reports there and in `of_all`.
 
     `of_all` is the folder of the report about all scenes of the run.
     """
@@ -197,7 +197,7 @@ def _save_results(folder: Path, of_all: Path, outcome: Outcome) -> None:
 
 
 def _tolerance_overrides(tolerance: str, file: Path) -> list[str]:
-    """Return the overrides for ``--tolerance 1%``: the tolerance, and a reduction whose size follows from it.
+    """Return the overrides for ``--tolerance 1%``: the tolerance, and a reduction sized by the tolerance.
 
     Sections of a boom have such a reduction anyway.  Raises InputError unless the tolerance is between 0 and 1.
     """
@@ -241,7 +241,7 @@ def _print_outcome(outcome: Outcome) -> None:
 def _print_errors(error_rows: Sequence[Row]) -> None:
     """Print a table of errors, one line for each of `error_rows`.
 
-    It has a column of published numbers if one of the rows has such a number.
+    The table has a column of published numbers if one of the rows has such a number.
     """
     published = any(row.published for row in error_rows)
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
@@ -269,7 +269,7 @@ class _StageLines:
         self._timer.start()
 
     def __call__(self, stage: str, share: float) -> None:
-        """Store the present stage unless its `share` is 1, and print it if the run has taken `QUIET` s."""
+        """Store the present stage unless its `share` is 1, and print the stage once the run has taken `QUIET` s."""
         if share < 1.0:
             self._stage = stage
             if time.monotonic() - self._begin >= QUIET:
@@ -336,20 +336,26 @@ def _begin_to_help() -> None:
 def has_free_core() -> bool:
     """Whether a second process would have a core for itself.
 
-    It would if this process may use several cores and a launcher of MPI started no other process together with it.
-    Other programs, which may use the cores as well, are not looked at.
+    The result is true if this process may use several cores and no launcher of MPI started another process together
+    with this one.  Other programs, which may use the cores as well, are not looked at.
     """
     return environment.available_cores() > 1 and environment.launched_process_count() == 1
 
 
 def _follow_parent() -> None:
-    """Ignore interrupts (SIGINT) in this process, and end it as soon as its parent has ended, for whatever reason."""
+    """Ignore interrupts (SIGINT) in this process, and end the process as soon as its parent has ended.
+
+    The cause of the parent's end does not matter.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
 def _end_with_parent() -> None:
-    """Wait until the parent process ends, then exit this process with status 1; blocks, so a thread runs it."""
+    """Wait until the parent process ends, then exit this process with status 1.
+
+    The call blocks, and therefore runs in a thread.
+    """
     if (parent := parent_process()) is not None:
         parent.join()
         os._exit(1)

@@ -21,7 +21,7 @@ CHOICES = ("anyOf", "oneOf", "allOf")
 
 
 def describe_key(schema: Schema, key: str) -> list[tuple[str, str]]:
-    """Return lines (name, text) about a key such as ``frame.cylinder.stiffness``; empty if the file has no such key.
+    """Return lines (name, text) about a key such as ``frame.cylinder.stiffness``; empty if `schema` has no such key.
 
     Numbers and names of the members of lists may stand in the key: ``sections.fly.masses.mass`` and
     ``sections.masses.mass`` are the same.  A table has a line for each of its keys.
@@ -64,7 +64,7 @@ def _is_list(value: Schema) -> bool:
 
 
 def _key_line(value: Schema, name: str, table: Schema) -> str:
-    """Return a line about the key `name` of a table: what it is, what it allows and its default."""
+    """Return a line about the key `name` of a table: its description, its allowed values and its default."""
     words = f"{_description(value)} ({_value_words(value)}"
     default = value.get("default")
     if name in table.get("required", []):

@@ -116,8 +116,8 @@ def _run_experiment(
 ) -> NoReturn:
     """Run the script of an experiment of the paper (docs/paper.md) in its own process, and exit with its code.
 
-    `out_dir`, `jobs` and `overrides` are passed on to the script.  Raises InputError for the options --only and --list
-    (`only` and `listed`), which scripts do not have.
+    `out_dir`, `jobs` and `overrides` are passed on to the script unless they are None or empty.  Raises InputError for
+    the options --only and --list (`only` and `listed`), which scripts do not have.
     """
     if only or listed:
         allowed = f"a study file is allowed: {script.name} is one script, whose rows are computed in processes"
@@ -167,7 +167,7 @@ def _show_progress() -> Iterator[Watch]:
 
 
 def _print_results(project: Project, outcome: Outcome) -> None:
-    """Print the table, summary and warnings of each study that has results."""
+    """Print the table, summary and warnings of each study of a project that has results in `outcome`."""
     from pmr.report.studies import chart_tables
     from pmr.report.studies.runs import terminal_grid
 
@@ -196,7 +196,7 @@ def _print_results(project: Project, outcome: Outcome) -> None:
 
 
 def _print_failures(outcome: Outcome) -> None:
-    """Print the first `SHOWN_FAILURES` reasons why runs failed or are missing, each with these runs."""
+    """Print the first `SHOWN_FAILURES` reasons for failed or missing runs in `outcome`, each with its runs."""
     runs = dict[tuple[str, str], list[str]]()
     for name, results in outcome.results.items():
         for record in results.runs:

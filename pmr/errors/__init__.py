@@ -45,9 +45,9 @@ class InputError(ValueError):
         return InputError(source, self.key, self.value, self.allowed) if self.source == "scene" else self
 
     def with_key(self, key: str) -> InputError:
-        """Return this error with the key as it is written in the file of the scene.
+        """Return this error with the key in the words of the scene's file.
 
-        An error with another source than ``"scene"`` is returned unchanged.
+        `key` is the key as the file spells it.  An error with another source than ``"scene"`` is returned unchanged.
         """
         return InputError(self.source, key, self.value, self.allowed) if self.source == "scene" else self
 
@@ -87,8 +87,8 @@ class GrowthError(SimulationError):
     def refusal(self, step: float, rho_inf: float) -> InputError:
         """Return this error as an InputError that names the key to change.
 
-        It is time.step; if rigid constraints move, it is time.rho_inf, or reduction.flexibility if that is 0 already.
-        `step` is the scene's time step in s, and `rho_inf` its spectral radius at infinite frequency.
+        The key is time.step; if rigid constraints move, it is time.rho_inf, or reduction.flexibility if that is 0
+        already.  `step` is the scene's time step in s, and `rho_inf` its spectral radius at infinite frequency.
         """
         key, value, allowed = "time.step", step, "a smaller one is allowed"
         if self.rigid_rows and rho_inf > 0.0:
@@ -155,9 +155,10 @@ def lazy_names(
 ) -> Callable[[str], Any]:
     """Return a function to be used as ``__getattr__`` of a package, which imports public names at their first use.
 
-    `places` maps each public name to its object, written ``module:name``.  `before` is called before a module is
-    imported; it raises an error if the import would fail.  For a name in `former` the function returns the object of
-    the present name, with a DeprecationWarning.  For any other name it raises AttributeError, which lists the names.
+    `places` maps each public name to its object, written ``module:name``.  `before`, unless it is None, is called
+    before a module is imported, and raises an error if the import would fail.  For a name in `former` the function
+    returns the object of the present name, with a DeprecationWarning.  For any other name it raises AttributeError,
+    which lists the names.
     """
 
     def find(name: str) -> Any:

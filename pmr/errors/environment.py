@@ -57,7 +57,7 @@ def plugin_objects(group: str, reserved: frozenset[str]) -> dict[str, Any]:
 
 
 def plugin_object(group: str, name: str, reserved: frozenset[str]) -> Any:
-    """Return the object called `name` in a group of entry points.
+    """Return the object called `name` in a group of entry points, where pmr itself uses the names `reserved`.
 
     Raises InputError in the cases of `plugin_objects`, and if no installed package has the name: the file that names it
     may come from another machine.
@@ -90,9 +90,9 @@ def plugin_versions() -> list[str]:
 def plugins_digest() -> str:
     """Return a digest of the versions and of all files of installed plug-ins, on which results depend.
 
-    It covers the packages or modules that entry points name, the modules in the same folder as a module of a single
-    file, and the files that the plug-ins' distributions list as installed.  Files are read once in a process, as their
-    code is imported once.
+    The digest covers the packages or modules that entry points name, the modules in the same folder as a module of a
+    single file, and the files that the plug-ins' distributions list as installed.  Files are read once in a process, as
+    their code is imported once.
     """
     return _code_digest(tuple(sys.path))
 
@@ -147,7 +147,7 @@ def _entry_points(group: str) -> list[metadata.EntryPoint]:
 def _entry_points_on(path: tuple[str, ...]) -> list[metadata.EntryPoint]:
     """Return the entry points of all groups in the distributions in the folders `path`.
 
-    They are read once in a process.
+    The entry points are read once in a process.
     """
     points = metadata.entry_points()
     return [point for group in GROUPS for point in points.select(group=group)]
@@ -204,12 +204,12 @@ def import_package(name: str) -> Any:
 
 
 def is_installed(name: str) -> bool:
-    """Return whether the package `name` can be found, without importing it."""
+    """Return whether the package `name` can be found, without importing the package."""
     return util.find_spec(name) is not None
 
 
 def check_installed(name: str) -> None:
-    """Raise InputError if the package `name` is missing, without importing it; called before long work."""
+    """Raise an InputError if the package `name` is missing, without importing the package; called before long work."""
     if not is_installed(name):
         raise InputError("installation", name, None, f"not found; {_NEEDED[name]}")
 
@@ -260,7 +260,7 @@ def available_memory() -> int | None:
 
 @contextmanager
 def mpi_without_launcher() -> Iterator[None]:
-    """In this block let MPI start without looking for other processes; do nothing if a launcher started this process.
+    """Context in which MPI starts without looking for other processes, unless a launcher started this process.
 
     Open MPI would otherwise start a daemon for later processes and look for fast networks, which takes 0.3 s.
     Environment variables that the user has set are kept.  All others that this function sets are removed after the
@@ -303,9 +303,9 @@ def package_versions() -> dict[str, str]:
 
 
 def checkout_commit() -> str | None:
-    """Return the commit of the Git checkout that pmr runs from, followed by " with changes" if files differ from it.
+    """Return the commit of pmr's Git checkout, followed by " with changes" if files differ from the commit.
 
-    It is None if pmr does not run from a checkout.
+    None is returned if pmr does not run from a checkout.
     """
     folder = Path(__file__).resolve().parents[2]
     if not (folder / ".git").exists():
@@ -372,7 +372,7 @@ def today() -> str:
 
 
 def describe_origin(libraries: Mapping[str, str] | None = None) -> dict[str, object]:
-    """Return ``versions`` (with those of `libraries`), ``commit``, ``date`` and ``machine`` of a run or study."""
+    """Return ``versions`` (with `libraries`, if any), ``commit``, ``date`` and ``machine`` of a run or study."""
     versions = package_versions() | dict(libraries or {})
     return {"versions": versions, "commit": checkout_commit(), "date": today(), "machine": describe_machine()}
 
@@ -414,10 +414,10 @@ class Clock:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[Callable[[float], None]]:
-        """Measure the time of a stage, which may come several times, during the block.
+        """Context that measures the time of a stage, which may come several times.
 
-        A function is yielded that reports the share (0 to 1) of the stage that is done.  A SimulationError in the block
-        gets the name of the stage in its message.
+        The context yields a function that reports the share (0 to 1) of the stage that is done.  A SimulationError in
+        the block gets the name of the stage in its message.
         """
         self.progress(name, 0.0)
         start = time.perf_counter()

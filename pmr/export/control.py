@@ -41,10 +41,10 @@ FREE = 1e-6
 
 
 def write_python_control(npz_path: Path, target: Path, options: Options) -> Path:
-    """Write a script for python-control, and next to it the .mat file that it reads; return the script's path.
+    """Write a script for python-control, and next to it the .mat file with its data; return the script's path.
 
-    Raises InputError as `write_matlab`, if Python can't import the script's name, or if the data would replace the
-    model.
+    `npz_path` is the file of the model.  Raises InputError as `write_matlab`, if Python can't import the script's name,
+    or if the data would replace the model.
     """
     data = target.with_suffix(".mat")
     if data == target or not target.stem.isidentifier():
@@ -59,7 +59,7 @@ def write_python_control(npz_path: Path, target: Path, options: Options) -> Path
 
 
 def write_frequency_response(npz_path: Path, target: Path, options: Options) -> Path:
-    """Write gain and phase as a table, and a picture of the gain.
+    """Write gain and phase of the system in `npz_path` as a table, and a picture of the gain.
 
     The gain has the unit of the output per unit of the input; the phase is in degrees.  The output is the last
     displacement, which is that of the tip.  The path `target` of the table is returned; the picture is written next to
@@ -82,12 +82,12 @@ def write_frequency_response(npz_path: Path, target: Path, options: Options) -> 
 
 
 def write_matlab(npz_path: Path, target: Path, options: Options) -> Path:
-    """Write A, B, C, D as arrays (., ., S) over S grid points s, as MATLAB's ``ss`` takes them; return `target`.
+    """Write A, B, C, D as arrays (., ., S) over S grid points s, as MATLAB's ``ss`` needs them; return `target`.
 
-    The file also has all names, and the two errors of interpolation (`interpolation_error`).  Unless the options give
-    the grid, it is refined by factors of two, from `PLACES` points to `MOST_PLACES` at most, until the errors are at
-    most `CLOSE`.  Larger errors of the interpolation are logged as a warning.  Raises errors as
-    `pmr.export.state_space.saved_state_space`.
+    `npz_path` is the file of the model.  The written file also has all names, and the two errors of interpolation
+    (`interpolation_error`).  Unless the options give the grid, it is refined by factors of two, from `PLACES` points to
+    `MOST_PLACES` at most, until the errors are at most `CLOSE`.  Larger errors of the interpolation are logged as a
+    warning.  Raises errors as `pmr.export.state_space.saved_state_space`.
     """
     system = saved_system(npz_path, options)
     s = path_positions(system, options.at)
@@ -252,7 +252,7 @@ def _escape(text: str) -> str:
 
 
 def _braces(values: Array) -> str:
-    """The array `values` as a Modelica expression with all digits, one row per line."""
+    """The array `values` (any shape) as a Modelica expression with all digits, one row per line."""
     if values.size == 0:  # in Modelica {} is not an array
         return f"zeros({', '.join(map(str, values.shape))})"
     if values.ndim == 1:

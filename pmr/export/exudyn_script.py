@@ -56,7 +56,7 @@ def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
 
 
 def _is_free(file: Path) -> bool:
-    """Whether a script's data may be written to a file: it does not exist, or it can be read as data of a script."""
+    """Whether a script's data may be written to a file, because it does not exist or holds data of a script."""
     if not file.exists():
         return True
     try:
@@ -109,8 +109,8 @@ def script_data(system: System, source: str) -> Arrays:
 def _tip_values(system: System, source: str) -> Arrays:
     """The last displacement, which the script prints: ``tip``, ``tip_of`` and ``tip_position``.
 
-    They are its number among the outputs, words for its body, and its position in m.  Raises InputError, which names
-    the file `source`, if there is no displacement.
+    The values are the displacement's number among the outputs, words for its body, and its position in m.  Raises
+    InputError, which names the file `source`, if there is no displacement.
     """
     of = [
         (name, position, is_length)
@@ -149,7 +149,7 @@ def _signal_arrays(scene: StoredScene, system: System, source: str) -> Arrays:
 
 
 def _strands(signal: SignalBase, name: str, source: str) -> Any:
-    """Strands of the signal called `name`; an InputError that names the file `source` is raised if it has none."""
+    """Strands of the signal called `name`; an InputError about the file `source` for a signal without strands."""
     try:
         return signal.strands
     except NotImplementedError as error:
@@ -159,7 +159,7 @@ def _strands(signal: SignalBase, name: str, source: str) -> Any:
 def _path_tables(system: System, x: Array) -> Arrays:
     """Tables of C, F, H and X of a single body over its path, as arrays by name.
 
-    F includes the compliance of contacts.
+    F includes the compliance of contacts at x (sides,) in m.
     """
     (body,) = system.reduced.values()
     numbers = [body.row_names.index(side.place.row) for side in system.sides]
@@ -180,7 +180,7 @@ def _path_tables(system: System, x: Array) -> Arrays:
 
 
 def _sides(system: System, assembly: Assembly, x: Array) -> Arrays:
-    """Arrays of the sides of contacts by name: their rows, and responses of their bodies to forces on carriers.
+    """Arrays of the sides of contacts by name: their rows, and responses of the assembled bodies to carrier forces.
 
     The compliance of the contacts is that at x (sides,) in m.
     """

@@ -37,7 +37,7 @@ class Format:
 
 
 def _writer(module: str, name: str) -> Callable[..., Path]:
-    """The function `name` of a module of `pmr.export`, imported only when it is called."""
+    """The function `name` of a module of `pmr.export`; the module is imported when the function is called."""
 
     def write(*arguments: Any) -> Path:
         """Call the function and return the path that it has written."""

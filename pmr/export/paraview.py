@@ -58,8 +58,8 @@ def write_series(folder: Path, name: str, bodies: Mapping[str, MovingFields], pa
 
     The folder is next to ``name.pvd``.  Points have ``displacement`` in m (ParaView: Warp By Vector).  Cells have
     ``von_mises_<face>`` in Pa, and ``region_<name>``: 1 in the region, 0 elsewhere.  If signed stresses are stored,
-    cells have ``stress_<face>_<component>`` in Pa.  `bodies` maps names to bodies, all at the same times.  If `pads`
-    are given, they are a data set of their own, with the values of the pads.  Old .vtu files are deleted.
+    cells have ``stress_<face>_<component>`` in Pa.  `bodies` maps names to bodies, all at the same times.  `pads`,
+    unless None, are a data set of their own, with the values of the pads.  Old .vtu files are deleted.
     """
     drawn = {f"{body_name}-" if body_name else "": body.file for body_name, body in bodies.items()}
     if pads is not None:
@@ -91,7 +91,7 @@ def _pads_vtu(pads: Boxes, k: int) -> str:
 
 
 def _regions(grid: Grid) -> dict[str, NDArray[Any]]:
-    """Cell values ``region_<name>`` of a grid: 1 for cells in the region, 0 for others."""
+    """Cell values ``region_<name>`` (C,) of a grid: 1 for cells in the region, 0 for others."""
     every = np.arange(len(grid.cells))
     return {
         f"region_{_with_underscores(name)}": np.isin(every, grid.regions[name]).astype(np.int8)
@@ -130,7 +130,10 @@ def _vtu(grid: Grid, points: Array, of_points: Named, of_cells: Named) -> str:
 
 
 def _array(name: str, values: NDArray[np.generic], part: str) -> str:
-    """Compressed DataArray element called `name`; `part` is its parent: Points, Cells, PointData or CellData."""
+    """Compressed DataArray element called `name` with `values`, (k,) or (k, components).
+
+    `part` is the name of its parent: Points, Cells, PointData or CellData.
+    """
     kind = f"{_NUMBERS[values.dtype.kind]}{8 * values.dtype.itemsize}"
     wide = f' NumberOfComponents="{values.shape[1]}"' if values.ndim > 1 and part != "Cells" else ""
     data = _compress(np.ascontiguousarray(values, values.dtype.newbyteorder("<")).tobytes())
@@ -139,7 +142,7 @@ def _array(name: str, values: NDArray[np.generic], part: str) -> str:
 
 @lru_cache(maxsize=64)
 def _compress(data: bytes) -> str:
-    """Data as one zlib block in base64, after VTK's header (count and sizes of blocks).
+    """Return `data` as one zlib block in base64, after VTK's header (count and sizes of blocks).
 
     The cache serves cells and regions, which are the same in every file of a series.
     """

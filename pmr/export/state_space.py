@@ -64,7 +64,7 @@ class StateSpace:
 
     @property
     def grid(self) -> Array:
-        """Path coordinates in m as files have them: (S,) for one path or none, (S, P) for several."""
+        """Path coordinates in m in the form of files: (S,) for one path or none, (S, P) for several."""
         return self.s if len(self.paths) > 1 else self.s.sum(axis=1)
 
     def place(self, k: int) -> str:
@@ -116,7 +116,7 @@ def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> Stat
 
 
 def _modes(system: System, assembly: Assembly, C: Array, firm: Mask, source: str) -> Modes:
-    """Omega^2 (r,) and modes X (n, r) with X^T M X = 1 and C X = 0 of a system with m_r rigid contacts.
+    """Omega^2 (r,) and modes X (n, r) with X^T M X = 1 and C X = 0 of an assembly with m_r rigid contacts.
 
     C (S, m_r, n) are the rows of the rigid contacts at S grid points; the mask `firm` (m,) is true for rigid ones of
     all contacts.  Raises InputError, which names the file `source`, if C depends on the grid point.
@@ -196,13 +196,16 @@ PLACES = 21
 
 
 def saved_state_space(npz_path: Path, options: Options) -> StateSpace:
-    """State space of a saved system; errors as `saved_system`, `path_positions` and `state_space`."""
+    """State space of the system in `npz_path`; errors as `saved_system`, `path_positions` and `state_space`."""
     system = saved_system(npz_path, options)
     return state_space(system, path_positions(system, options.at), npz_path.name)
 
 
 def saved_system(npz_path: Path, options: Options) -> System:
-    """Saved system, or one of its sections alone; raises InputError as `section_alone`, or for places of a section."""
+    """System in the file `npz_path`, or one of its sections alone.
+
+    Raises InputError as `section_alone`, or for places of a section.
+    """
     if options.section is None:
         return System.load(npz_path).ensure_constant(npz_path.name)
     if options.at is not None:
@@ -212,7 +215,7 @@ def saved_system(npz_path: Path, options: Options) -> System:
 
 
 def section_alone(npz_path: Path, name: str) -> System:
-    """System of the section `name` without joints, from a saved boom or a section's file.
+    """System of the section `name` without joints, from `npz_path`, the file of a boom or a section.
 
     The section stands on its own supports, or is free.  Raises InputError if the file has no such section, or a luffing
     cylinder holds it.
@@ -295,7 +298,7 @@ class _NastranMatrix:
 def write_dmig(npz_path: Path, target: Path, options: Options) -> Path:
     """Write M, D and, for each grid point, K and the loads as DMIG, in modal coordinates on the scalar points 1 to r.
 
-    A field holds at least ten digits; the remainder of each matrix is written as a second one, so that their sum, as
+    A field holds at least ten digits; the remainder of each matrix is written as a second matrix, so that their sum, as
     Nastran takes it (``K2GG = K1, KL1``), has all digits.
 
     Raises InputError as `saved_state_space`.
@@ -309,7 +312,7 @@ def write_output4(npz_path: Path, target: Path, options: Options) -> Path:
 
 
 def _write(npz_path: Path, target: Path, options: Options, lines: Callable[[StateSpace], Iterator[str]]) -> Path:
-    """Write the lines that `lines` yields from the state space, and return `target`."""
+    """Write the lines that `lines` yields from the state space of the system in `npz_path`, and return `target`."""
     space = saved_state_space(npz_path, options)
     write_text(target, "\n".join([*lines(space), ""]))
     return target
@@ -357,7 +360,7 @@ def _output4_deck(space: StateSpace) -> Iterator[str]:
 
 
 def _lines_with_remainder(letter: str, number: str, A: Array, form: int) -> Iterator[str]:
-    """Yield the lines of the matrix A, and of the remainder that its fields can't hold.
+    """Yield the lines of the matrix A (n, m), and of the remainder (n, m) that its fields can't hold.
 
     The matrix is called `letter` and `number`; an L after the letter marks the remainder.  `form` is the number of the
     matrix's form in DMIG lines.
@@ -368,7 +371,7 @@ def _lines_with_remainder(letter: str, number: str, A: Array, form: int) -> Iter
 
 
 def _dmig_lines(name: str, A: Array, form: int) -> Iterator[str]:
-    """Yield the DMIG lines of the matrix A, called `name`, of the form with the number `form`.
+    """Yield the DMIG lines of the matrix A (n, m), called `name`, of the form with the number `form`.
 
     Zeros off the diagonal are left out, and so is the upper triangle of a symmetric matrix.
     """

@@ -241,7 +241,7 @@ def _repeat_points(cell: str, parts: int, points: Array) -> Array:
 
 
 def _quadrature(kind: CellType, degree: int) -> tuple[Array, ...]:
-    """Points and weights of basix' rule that integrates polynomials of `degree` exactly."""
+    """Points (q, d) and weights (q,) of basix' rule on a cell of `kind`, exact for polynomials of `degree`."""
     if _WRAPPED:
         return basix.make_quadrature(basix.QuadratureType.Default, kind, degree)
     return basix.make_quadrature(kind, degree)
@@ -291,8 +291,9 @@ def _mixed_element(elements: list[Element]) -> Element:
 def _vertex_element(functions: Sequence[Callable[[Array], Array]], derivative: int, complete_degree: int) -> Element:
     """Custom cubic element on the unit interval with two functions, and one degree of freedom at each vertex.
 
-    `derivative` is 0 if the degree of freedom is a value and 1 if it is a slope.  `complete_degree` is the highest
-    degree up to which the functions span all polynomials, -1 if they do not span the constants.
+    A function maps points (q,) in [0, 1] to values (q,).  `derivative` is 0 if the degree of freedom is a value and 1
+    if it is a slope.  `complete_degree` is the highest degree up to which the functions span all polynomials, -1 if
+    they do not span the constants.
     """
     interval = basix.CellType.interval
     points, weights = _quadrature(interval, 6)
@@ -315,15 +316,15 @@ def _vertex_element(functions: Sequence[Callable[[Array], Array]], derivative: i
 
 
 def constant(mesh: Mesh, value: float | Array) -> Constant:
-    """UFL constant that is not compiled into the form, so that a change of its value needs no compilation.
+    """UFL constant, a number or an array (any shape), that is not compiled into forms: changes need no compilation.
 
-    Forms have one of them at most: UFL sorts several by their numbers as text, and 10 before 9.
+    Forms have one constant of this kind at most: UFL sorts several by their numbers as text, and 10 before 9.
     """
     return dolfinx.fem.Constant(mesh, np.array(value, PETSc.ScalarType, order="C"))
 
 
 def function(space: FunctionSpace, values: Array) -> Function:
-    """Function on a space from the `values` of all its coordinates in PETSc's global order, the same on every rank.
+    """Function on a space from the `values` (n,) of all its coordinates in PETSc's global order, the same on all ranks.
 
     Collective.
     """
@@ -335,7 +336,7 @@ def function(space: FunctionSpace, values: Array) -> Function:
 
 
 def compiled_form(form: Form) -> CompiledForm:
-    """Compile a bilinear form; it can be assembled again whenever the values of its constants change.  Collective."""
+    """Compile a bilinear form, for assembly with any values of the form's constants; collective."""
     domain = next(iter(form.subdomain_data())).ufl_cargo()
     return _compile_once(domain.comm, f"form {form.signature()}", partial(dolfinx.fem.form, form))
 
@@ -379,7 +380,7 @@ def _space(mesh: Mesh, element: Element) -> FunctionSpace:
 
 
 def _compile_once(comm: MPI.Comm, signature: str, create: Callable[..., Compiled]) -> Compiled:
-    """Call `create` with a folder in dolfinx' cache for the code that it compiles, named by `signature`; collective.
+    """Call `create` with a folder in dolfinx' cache for the compiled code, named by `signature`; collective.
 
     FFCx marks code that it has begun by a file, which stays if its process is killed: from then on each run that needs
     the same code waits for this code and fails.  Therefore `create` compiles in a folder that is used only once it is
@@ -424,13 +425,13 @@ def _compiler() -> tuple[Path, dict[str, object], tuple[object, ...]]:
 
 
 def _is_whole(folder: Path) -> bool:
-    """Whether FFCx has finished all code that it began in `folder`."""
+    """Whether FFCx has finished all code in `folder`."""
     begun = list(folder.glob("*.c"))
     return bool(begun) and all(file.with_suffix(".c.cached").is_file() for file in begun)
 
 
 def cellwise(mesh: Mesh, values: Array) -> Function:
-    """Function that is constant in each cell, from the `values` of the cells in the order of `create_mesh`.
+    """Function that is constant in each cell, from the `values` (C,) of the cells in the order of `create_mesh`.
 
     The space of such functions is made once for a mesh, because forms take dozens of these functions and making the
     space takes most of their time.
@@ -473,7 +474,10 @@ def _scalar_parts(space: FunctionSpace) -> list[FunctionSpace]:
 
 
 def _table(dofmap: DofMap) -> Indices:
-    """Degrees of freedom (cells, d) of each cell that this rank knows; the components of a block count as one."""
+    """Degrees of freedom (cells, d) of each cell that this rank knows, from a `dofmap`.
+
+    The components of a block count as one.
+    """
     table = dofmap.list
     if VERSION < (0, 7):
         return np.asarray(table.array, np.int64).reshape(table.num_nodes, -1)

@@ -25,7 +25,10 @@ def tall(local: Array, like: PETSc.Mat) -> PETSc.Mat:
 
 
 def _tall(local: Array, sizes: tuple[int, int], comm: MPI.Comm) -> PETSc.Mat:
-    """Dense PETSc matrix from this rank's rows `local`; `sizes` are the local and the global number of rows."""
+    """Dense PETSc matrix from this rank's rows `local` (n_local, k); collective.
+
+    `sizes` are the local and the global number of rows.
+    """
     assert len(local) == sizes[0]
     matrix = PETSc.Mat().createDense((sizes, (PETSc.DECIDE, local.shape[1])), comm=comm)
     matrix.setUp()
@@ -43,7 +46,7 @@ def view(local: Array, like: PETSc.Mat) -> PETSc.Mat:
 
 
 def _view(local: Array, sizes: tuple[int, int], comm: MPI.Comm) -> PETSc.Mat:
-    """Dense PETSc matrix that shares its entries with `local`, the rows of this rank; collective.
+    """Dense PETSc matrix that shares its entries with `local` (n_local, k), the rows of this rank; collective.
 
     `local` has to be stored by columns (Fortran's order).  `sizes` are the local and the global number of rows.
     """
@@ -95,7 +98,10 @@ def inner(X: Array, Y: Array, comm: MPI.Comm) -> Array:
 
 
 def subtract(X: Array, A: Array, B: Array) -> None:
-    """Subtract the product A B from X in place, without a temporary as long as X; X and A are in Fortran's order."""
+    """Subtract the product A B of A (n, m) and B (m, k) from X (n, k), in place.
+
+    X and A are stored by columns (Fortran's order).  No temporary array as long as X is made.
+    """
     if A.size and B.size:
         assert X.flags.f_contiguous and A.flags.f_contiguous
         scipy.linalg.blas.dgemm(-1.0, A, B, 1.0, X, overwrite_c=True)
@@ -132,7 +138,7 @@ def free_dropped(comm: MPI.Comm, cycles: bool = True) -> None:
 
 
 def columns(like: PETSc.Mat, transposed: sp.csr_matrix) -> PETSc.Mat:
-    """Sparse PETSc matrix (n, k) without explicit zeros, from its transpose (k, n) on every rank; collective.
+    """Sparse PETSc matrix (n, k) without explicit zeros, from `transposed` (k, n), the same on every rank; collective.
 
     The rows of the matrix are distributed as those of `like`.
     """
@@ -142,7 +148,7 @@ def columns(like: PETSc.Mat, transposed: sp.csr_matrix) -> PETSc.Mat:
 
 
 def local_csr(A: PETSc.Mat) -> sp.csr_matrix:
-    """Rows of a sparse matrix that this rank owns, with global column numbers."""
+    """Rows (n_local, n) of a sparse matrix A that this rank owns, with global column numbers."""
     indptr, columns, values = A.getValuesCSR()
     return sp.csr_matrix((values, columns, indptr), shape=(len(indptr) - 1, A.getSize()[1]))
 
@@ -157,7 +163,7 @@ def without_zeros(A: PETSc.Mat) -> PETSc.Mat:
 
 
 def gather(A: PETSc.Mat) -> sp.csr_matrix | None:
-    """Gather a sparse matrix on rank 0, and return None on other ranks; collective."""
+    """Gather a sparse matrix A on rank 0, and return None on other ranks; collective."""
     comm = A.comm.tompi4py()
     shares = comm.gather(local_csr(A), root=0)
     return None if shares is None else sp.vstack(shares, format="csr")

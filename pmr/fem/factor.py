@@ -53,7 +53,7 @@ class _PetscFactor:
         self._factor.solve(right, answer)
 
     def solve_columns(self, columns: Array) -> Array:
-        """This rank's rows (n_local, k) of k solutions, from its rows `columns` (n_local, k) of right-hand sides.
+        """This rank's rows (n_local, k) of k solutions, from `columns` (n_local, k), its rows of right-hand sides.
 
         Collective.  Right-hand sides in Fortran's order are not copied; the result is in that order.
         """
@@ -117,7 +117,7 @@ class Factor(_PetscFactor):
 
 
 def product(A: PETSc.Mat, x: Array) -> Array:
-    """This rank's rows of A x in a new array, from its rows `x` (n_local,); collective."""
+    """Rows (n_local,) of A x that this rank owns, as a new array, from this rank's rows `x` (n_local,); collective."""
     right, result = A.createVecs()
     right.getArray()[:] = x
     A.mult(right, result)
@@ -176,7 +176,7 @@ MatrixFactor = Factor | SequentialFactor | SparseFactor
 
 
 def factor_of(A: PETSc.Mat, name: str) -> Factor | SparseFactor:
-    """Factor by MUMPS, or by SciPy if PETSc is not installed; collective.
+    """Factor of a symmetric matrix A by MUMPS, or by SciPy if PETSc is not installed; collective.
 
     Raises a `NotDefiniteError` if the matrix, called `name`, is not positive definite.
     """
@@ -184,7 +184,7 @@ def factor_of(A: PETSc.Mat, name: str) -> Factor | SparseFactor:
 
 
 def factor_for_steps(A: PETSc.Mat, name: str) -> MatrixFactor:
-    """Factor for single right-hand sides, one after another: by CHOLMOD on one rank, otherwise by `factor_of`.
+    """Factor of A for single right-hand sides, one after another: by CHOLMOD on one rank, otherwise by `factor_of`.
 
     `name` is the matrix's, for messages.  CHOLMOD is taken only if PETSc was built with it.  Raises the errors of
     `factor_of`.
@@ -243,7 +243,7 @@ def factorise(A: PETSc.Mat, free: int, in_files: bool = False) -> PETSc.Mat:
 def ample(A: PETSc.Mat) -> int:
     """Memory in MB on a rank that suffices for most factors of A; collective.
 
-    It is used as a limit, as MUMPS reserves half of what it is allowed, whether it needs that or not.
+    The result serves as a limit, as MUMPS reserves half of what it is allowed, even if it needs less.
     """
     entries = A.getInfo(PETSc.Mat.InfoType.GLOBAL_MAX)["nz_used"]
     return max(1000, int(FILL * 12 * entries / 1e6))
@@ -252,7 +252,7 @@ def ample(A: PETSc.Mat) -> int:
 def free_memory(comm: MPI.Comm) -> int:
     """Memory in MB that a factor may take on each rank; collective.
 
-    It is 0, for no limit, if a machine doesn't say how much memory is free.
+    The result is 0, for no limit, if a machine doesn't say how much memory is free.
     """
     node = comm.Split_type(MPI.COMM_TYPE_SHARED)
     available = available_memory()
@@ -302,7 +302,7 @@ class ReplicatedFactor:
             raise refusal(name, min(codes))
 
     def solve_columns(self, columns: Array) -> Array:
-        """This rank's rows (n_local, k) of k solutions, from its rows `columns` (n_local, k) of right-hand sides.
+        """This rank's rows (n_local, k) of k solutions, from `columns` (n_local, k), its rows of right-hand sides.
 
         Collective.  Right-hand sides in Fortran's order are overwritten by the solutions, which are returned.  The
         solve is fastest if the number of columns is a multiple of `BLOCK` times the number of ranks.
@@ -323,10 +323,10 @@ class ReplicatedFactor:
 
 
 def factor_for_columns(A: PETSc.Mat, name: str) -> MatrixFactor | ReplicatedFactor:
-    """Factor for many columns at a time; collective.
+    """Factor of A for many right-hand sides at a time; collective.
 
-    On several ranks it is complete on each rank if it fits into the memory; if not, a warning is logged.  Otherwise,
-    and on one rank, it is the factor of `factor_of`.  `name` is the matrix's, for messages.
+    On several ranks the factor is complete on each rank if it fits into the memory; if not, a warning is logged.
+    Otherwise, and on one rank, it is the factor of `factor_of`.  `name` is the matrix's, for messages.
     """
     if A.comm.size > 1:
         try:
@@ -367,9 +367,10 @@ class Exchange:
 
     @contextmanager
     def _parts(self, local: Array, full: Array) -> Iterator[tuple[tuple[object, ...], ...]]:
-        """Yield how MPI sees `local`, this rank's rows, by columns, and `full`, its columns, by rows, for one exchange.
+        """Yield MPI's descriptions of `local` (n_local, k), this rank's rows, and `full` (n, k_local), its columns.
 
-        Both descriptions refer to the arrays in place.  Their data types are freed on exit.
+        `local` is described by columns and `full` by rows, for one exchange.  Both descriptions refer to the arrays in
+        place.  Their data types are freed on exit.
         """
         counts, number = len(local) * self._shares(local.shape[1]), MPI.DOUBLE
         begins = (np.cumsum(counts) - counts) * number.size

@@ -110,14 +110,17 @@ class _Files:
             yield from self._expand(*pending, (*within, path))
 
     def _expand(self, place: Place, text: str, within: Sequence[Path]) -> Iterator[tuple[Place, str]]:
-        """Yield the line `text`, or the lines of the file that it includes; `within` are the files around it."""
+        """Yield the line `text`, or the lines of the file that this line includes.
+
+        `place` is that of the line, and `within` are the files that led to it.
+        """
         if text[:1] == "*" and (card := _head(place, text)).keyword == "INCLUDE":
             yield from self.include(card, within)
         else:
             yield place, text
 
     def include(self, card: Card, within: Sequence[Path]) -> Iterator[tuple[Place, str]]:
-        """Return the lines of the file that the option INPUT of a card names; `within` are the files around it.
+        """Return the lines of the file in the option INPUT of a card; `within` are the files that led to the card.
 
         The file is looked for in the folder of the deck, then in that of the file that names it.  Raises InputError,
         with file and line, for a file that is missing or includes itself.
@@ -137,14 +140,14 @@ class _Files:
 
 
 def _head(place: Place, text: str) -> Card:
-    """Return the card of the keyword line `text`, without data."""
+    """Return the card of the keyword line `text` at `place`, without data."""
     keyword, *parts = (part.strip() for part in text[1:].split(","))
     options = {name.strip().upper(): value.strip().strip('"') for name, _, value in (o.partition("=") for o in parts)}
     return Card(place, " ".join(keyword.upper().split()), options, ())
 
 
 def _with_data(head: Card, data: Sequence[DataLine]) -> Card:
-    """Return a card with its data lines."""
+    """Return the card `head` with its lines of `data`."""
     return Card(head.place, head.keyword, head.options, tuple(data))
 
 
@@ -187,8 +190,9 @@ def read_axes(card: Card) -> Axes | None:
 def rectangular(card: Card, axes: Axes | None, coordinates: Sequence[float]) -> Point:
     """Return the place in the axes of the whole of a node with `coordinates` (3,) on a card `*NODE`.
 
-    They are along the axes of `*SYSTEM`: x, y, z, with ``SYSTEM=C`` radius, angle from x in degrees and z, with
-    ``SYSTEM=S`` radius, angle from x and latitude above the xy plane.  Raises InputError for another SYSTEM.
+    `axes` are those of the card `*SYSTEM`, None without such a card.  The coordinates are x, y, z, with ``SYSTEM=C``
+    radius, angle from x in degrees and z, with ``SYSTEM=S`` radius, angle from x and latitude above the xy plane.
+    Raises InputError for another SYSTEM.
     """
     system = card.options.get("SYSTEM", "R").upper()
     if system not in ("R", "C", "S"):

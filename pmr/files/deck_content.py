@@ -78,7 +78,7 @@ class Elements:
         return Elements(self.type, numbers, self.lines, [[nodes[node] for node in of] for of in self.nodes])
 
     def face_corners(self, face: str) -> tuple[int, ...]:
-        """Return the local numbers, from 0, of an element's corners on a `face`, as surfaces call it: S1, E1, SPOS.
+        """Return the local numbers, from 0, of an element's corners on a `face`, by the face's name: S1, E1, SPOS.
 
         A shell has the faces SPOS and SNEG, and the edges E1 (Abaqus) or S3 (CalculiX) and so on.  The result is empty
         if the element has no face of that name.
@@ -154,7 +154,7 @@ class Numbers:
 
 
 def read_sets(deck: Deck, instances: Mapping[str, Numbers]) -> None:
-    """Add the members of all cards of sets and surfaces; `instances` has the numbers of instances, by name.
+    """Add the members of all cards of sets and surfaces to `deck`; `instances` has the numbers of instances, by name.
 
     The cards of sets are read in their order, and then those of surfaces.
     """
@@ -170,8 +170,8 @@ def _read_set(deck: Deck, card: Card, instances: Mapping[str, Numbers]) -> None:
     """Add the members of a set's card to the deck.
 
     The card lists them as numbers, as names of other sets, as a range (first, last, step), or as a set of elements
-    whose nodes are the members.  ``instance.number``, or the option INSTANCE, names those of an instance.  Raises
-    InputError for members that do not exist or can't be read.
+    whose nodes are the members.  ``instance.number``, or the option INSTANCE, names members of an instance; `instances`
+    has the numbers of all instances, by name.  Raises InputError for members that do not exist or can't be read.
     """
     of_nodes, instance = card.keyword == "NSET", card.options.get("INSTANCE", "").lower()
     card.allow_options("NSET ELSET GENERATE UNSORTED INTERNAL INSTANCE INPUT")
@@ -203,8 +203,9 @@ def _named_members(
 ) -> set[int]:
     """Return the nodes or elements that a line of a card names by a number or by a set.
 
-    `name` is the number or the name of the set, of an `instance` if this is not empty.  `of_nodes` selects nodes.
-    Raises InputError for a number that does not exist and for a set that was not read before.
+    `name` is the number or the name of the set, of an `instance` if this is not empty.  `deck` has the sets,
+    `instances` the numbers of instances, by name.  `of_nodes` selects nodes.  Raises InputError for a number that does
+    not exist and for a set that was not read before.
     """
     sets = deck.node_sets if of_nodes else deck.element_sets
     within, _, text = name.lower().rpartition(".")
@@ -220,7 +221,7 @@ def _named_members(
 
 
 def _read_surface(deck: Deck, card: Card, instances: Mapping[str, Numbers]) -> None:
-    """Add the nodes on a surface to the deck: of TYPE=NODE those listed, else those on faces or edges of elements.
+    """Add the nodes on a card's surface to the deck: listed nodes (TYPE=NODE), or those on faces or edges.
 
     Left out are analytical surfaces, combined surfaces and surfaces of whole bodies.
     """
@@ -285,7 +286,7 @@ def _check_existing(
 ) -> None:
     """Raise InputError for the first of `numbers` that is not in `existing`, the numbers of all nodes or elements.
 
-    `of_nodes` says whether the message names a node or an element.
+    `of_nodes` says whether the message names a node or an element; the error has the place of the `line` of `card`.
     """
     missing = next((number for number in numbers if number not in existing), None)
     if missing is not None:
@@ -306,7 +307,7 @@ def set_by_name(deck: Deck, sets: dict[str, set[int]], card: Card, option: str) 
 def whole_number(line: DataLine, text: str, what: str) -> int:
     """Return a text as a whole number.
 
-    Raises InputError if the text is none; `what` is the description of what is allowed.
+    Raises InputError, with the place of the `line`, for another text; `what` is the description of what is allowed.
     """
     if not is_label_number(text):
         raise line.place.error(f"{what} is allowed, not {text!r}")
@@ -321,8 +322,8 @@ def is_label_number(text: str) -> bool:
 def dependent_displacements(deck: Deck) -> dict[Place, set[tuple[int, int]]]:
     """Return node and direction (from 1) of the displacements that depend on others by each card of ties or equations.
 
-    They are those of a tie's first surface, and the first one of each equation.  Cards that name sets of nodes, or
-    surfaces that are not read, are left out.
+    Such displacements are those of a tie's first surface, and the first one of each equation.  Cards that name sets of
+    nodes, or surfaces that are not read, are left out.
     """
     dependent = dict[Place, set[tuple[int, int]]]()
     for card in deck.further.ties:

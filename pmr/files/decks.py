@@ -36,14 +36,14 @@ class _Assembly:
     last: tuple[int, int] = (0, 0)  # largest numbers of nodes and elements of the whole
 
     def begin_part(self, card: Card) -> Deck:
-        """Return the empty deck of a part; InputError for a second part of the same name."""
+        """Return the empty deck of the part on `card`; raise an InputError for a second part of the same name."""
         name = card.options.get("NAME", "").lower()
         if name in self.parts:
             raise card.place.error(f"a second part {name} is not read; each name once is allowed")
         return self.parts.setdefault(name, Deck())
 
     def begin_instance(self, card: Card) -> Deck:
-        """Return the content of an instance: a copy of its part, to which cards within the instance are added.
+        """Return the content of the instance on `card`: a copy of its part, for the instance's own cards to add to.
 
         Raises InputError for a missing or second name, for a part that was not read before, and for too many nodes.
         """
@@ -60,7 +60,7 @@ class _Assembly:
         return content
 
     def end_instance(self) -> None:
-        """Move the instance that is open to its place and join it with the whole."""
+        """Move the open instance to its place and join it with the whole; do nothing if no instance is open."""
         if self.open is None:
             return
         (card, content), self.open = self.open, None
@@ -90,7 +90,7 @@ class _Assembly:
         return self.joined
 
     def _join(self, name: str, content: Deck, place: Place) -> None:
-        """Add nodes, elements and sets of the instance `name` to the whole.
+        """Add nodes, elements and sets, the `content` of the instance `name`, to the whole.
 
         Nodes and elements keep their numbers unless the whole has one of them already; `place` is that of the instance.
         """
@@ -158,7 +158,7 @@ def read_deck(path: Path) -> Deck:
 
 
 def _read_system(deck: Deck, card: Card) -> None:
-    """Set the axes in which the coordinates of the nodes that follow are given."""
+    """Set the axes of `deck` for the coordinates of all following nodes, from `card`."""
     card.allow_options("")
     deck.axes = read_axes(card)
 

@@ -154,7 +154,7 @@ def _least_eigenvalue(A: sp.csr_matrix, sizes: Array) -> float:
 
 
 def _unknown_motions(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
-    """Yield (``direction``, reason) if a rigid motion moves no coordinate, or only as other rigid motions do."""
+    """Yield (``direction``, reason) for a rigid motion that moves no coordinate, or only as other rigid motions do."""
     R = rigid_motions((body.points - body.points.mean(axis=0))[body.node], body.direction)
     R /= np.maximum(np.linalg.norm(R, axis=0), 1e-9 * np.linalg.norm(R))
     independent = list[int]()
@@ -271,7 +271,7 @@ def _wrong_axes_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
 
 
 def _free_mechanisms(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
-    """Yield (``K``, reason) if K leaves motions free that are not rigid, or if it has negative eigenvalues.
+    """Yield (``K``, reason) if K leaves motions free that are not rigid, or has negative eigenvalues.
 
     Only matrices of up to `DENSE_ALWAYS` coordinates are checked.
     """
@@ -337,10 +337,10 @@ def _nodes_without_rotations(body: Resistance) -> Mask:
 
 
 def _supported_nodes(body: Resistance) -> Mask:
-    """Return a mask (N,) of nodes whose forces are explained by supports near them.
+    """Return a mask (N,) of nodes whose forces are explained by nearby supports.
 
     Such a node is near nodes that lack displacements.  Under translations along the axes that these nodes do not lack,
-    it has no forces, or those of a spring to ground.
+    the node has no forces, or those of a spring to ground.
     """
     lacks = np.stack([body.near(body.missing_displacements[:, k]) for k in range(3)], axis=1)
     springs = np.where(lacks[:, :, None] | lacks[:, None], 0.0, body.blocks)

@@ -61,7 +61,7 @@ def foreign_files(
     damping: Path | None = None,
     damping_name: str = "",
 ) -> ForeignFiles:
-    """Return the files of a model, and the names of its matrices in them.
+    """Return the files of a model, and the names of the matrices in these files.
 
     Mass, degrees of freedom (`dofs`) and nodes that are None are in the file `stiffness` itself if files of its format
     hold them: the mass in .op4, `dofs` in .mtx, all three in files of DMIG cards.  Otherwise each has a file of the
@@ -169,7 +169,7 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
 def _read_damping(files: ForeignFiles, pairs: Indices) -> sp.csr_matrix:
     """Return the damping (n, n) on the coordinates `pairs` (n, 2); without labels of its rows, in the size of the file.
 
-    If its entries state their node and direction, coordinates that it does not have are not damped.  Raises InputError
+    If the entries in `files` state their node and direction, all other coordinates are not damped.  Raises InputError
     if the damping is structural, or acts on other coordinates than the stiffness.
     """
     path, name = files.damping, files.damping_name
@@ -197,8 +197,9 @@ def _read_damping(files: ForeignFiles, pairs: Indices) -> sp.csr_matrix:
 def _turned_coordinates(files: ForeignFiles, pairs: Indices, axes: Mapping[int, Array]) -> sp.csr_matrix:
     """Return a matrix Q (n, n) with which coordinates along axes of nodes are Q u, for u along the axes of the whole.
 
-    `pairs` (n, 2) are the node and the direction (from 1) of each coordinate.  Raises InputError for a node with axes
-    of its own that has some of three coordinates only.
+    `pairs` (n, 2) are the node and the direction (from 1) of each coordinate.  `axes` maps the number of a node with
+    axes of its own to their rotation (3, 3).  Raises InputError, about `files`, for such a node that has some of three
+    coordinates only.
     """
     number = {(int(node), int(direction)): k for k, (node, direction) in enumerate(pairs)}
     Q = sp.eye(len(pairs), format="lil")
@@ -214,7 +215,7 @@ def _turned_coordinates(files: ForeignFiles, pairs: Indices, axes: Mapping[int, 
 
 
 def _complete_symmetric(A: sp.spmatrix) -> sp.csr_matrix:
-    """Return a whole symmetric matrix from one that has only one triangle stored, or all entries.
+    """Return a whole symmetric matrix (n, n) from A (n, n), which stores one triangle or all entries.
 
     Raises UnreadableError if the matrix is not real and square, or if it has more than `EMPTY_ROWS` rows and fewer
     entries than rows.  The latter protects memory against a wrong size in the file.
@@ -260,7 +261,7 @@ def _read_coordinates(path: Path, between: str, head: int) -> Indices:
 
 
 def _refuse_unknown(source: str, key: str, numbers: Indices, place: dict[int, int], nodes: Path) -> None:
-    """Raise an InputError for the first of `numbers` that is not a node in the file `nodes`.
+    """Raise an InputError for the first of `numbers` (k,) that is not a node in the file `nodes`.
 
     The error is about the key `key` of the file `source`.  `place` has the index of each node, by its number.
     """

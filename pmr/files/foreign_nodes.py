@@ -34,7 +34,7 @@ class ForeignNodes:
     condensed: bool = False  # whether nodes without rows are condensed, not held
 
     def only(self, numbers: Indices) -> ForeignNodes:
-        """Return those of the nodes that have one of the `numbers`: boundary nodes of a superelement."""
+        """Return the nodes with one of the `numbers` (k,) alone, such as boundary nodes of a superelement."""
         at = np.isin(self.numbers, numbers)
         groups = {name: members[np.isin(members, numbers)] for name, members in self.groups.items()}
         groups = {name: members for name, members in groups.items() if len(members)}

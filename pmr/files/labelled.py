@@ -165,10 +165,11 @@ WORDS = {1: 1, 2: 2}
 
 
 def _read_text4(lines: Sequence[str]) -> dict[str, sp.csr_matrix]:
-    """Read the matrices of an OUTPUT4 text, by name; integers have 8 or 16 digits, numbers the width of the header.
+    """Read the matrices of the `lines` of an OUTPUT4 text, by name.
 
-    A column lists its numbers from one row on, or, where that row is 0, strings of numbers with a row each.  Raises
-    UnreadableError with the number of the line that has another form.
+    Integers have 8 or 16 digits, numbers the width of the header.  A column lists its numbers from one row on, or,
+    where that row is 0, strings of numbers with a row each.  Raises UnreadableError with the number of the line that
+    has another form.
     """
     matrices, at = dict[str, sp.csr_matrix](), 0
 

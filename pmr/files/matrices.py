@@ -96,9 +96,10 @@ class GivenMatrices:
         object.__setattr__(self, "unchecked", is_uncheckable(body))
 
     def without_condensed_nodes(self) -> GivenMatrices:
-        """Return the body without nodes that have no coordinate, unless K holds a rigid motion; a warning counts them.
+        """Return the body without nodes that have no coordinate; unchanged if K holds a rigid motion.
 
-        If K leaves all rigid motions free, nothing holds these nodes: they are condensed, or belong to no element.
+        A warning tells the number of these nodes.  If K leaves all rigid motions free, nothing holds these nodes: they
+        are condensed, or belong to no element.
         """
         has = np.isin(np.arange(len(self.points)), self.node[~self.modal])
         if len(self.held) or has.all():
@@ -228,7 +229,7 @@ def from_matrices(
     direction: ArrayLike | None = None,
     D: Any = None,
 ) -> GivenMatrices:
-    """Check mass, stiffness and damping from another program and return them as a body.
+    """Check mass, stiffness and damping from another program and return these matrices as a body.
 
     The method `save` of the body writes a file that scenes can name.
 

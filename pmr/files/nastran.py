@@ -141,7 +141,7 @@ def _read_bulk(path: Path, lines: Lines) -> Bulk:
 
 
 def _read_lines(path: Path, within: Sequence[Path] = ()) -> Lines:
-    """Return the numbered lines of a file, with the lines of files that it includes in their place.
+    """Return the numbered lines of a file, with the lines of included files in place of their INCLUDE.
 
     Lines of an included file have the number of the line with INCLUDE.  `within` are the files that include this one.
     Raises UnreadableError for a file that is missing or includes itself.
@@ -165,13 +165,13 @@ def _read_lines(path: Path, within: Sequence[Path] = ()) -> Lines:
 
 
 def _line_of(lines: Lines, grid: int) -> int:
-    """Return the number of the line on which a grid point begins; 0 if it is not there."""
+    """Return the number of the line out of `lines` on which a grid point begins; 0 for a point that is missing."""
     pattern = re.compile(rf"GRID\*?[\s,]*{grid}\b", re.IGNORECASE)
     return next((k for k, text in lines if pattern.match(text)), 0)
 
 
 def _unreadable_bulk(lines: Lines, reason: str) -> UnreadableError:
-    """Return the error of bulk data that pyNastran can't read, with the line that its `reason` quotes."""
+    """Return the error of bulk data that pyNastran can't read, with the one of `lines` that its `reason` quotes."""
     quoted = NOT_IN_WORDS.sub("", reason)
     line = next((k for k, text in lines if len(words := NOT_IN_WORDS.sub("", text)[:20]) > 7 and words in quoted), 0)
     allowed = "bulk data of GRID, SET1 and DMIG entries are allowed"
@@ -197,9 +197,9 @@ def _displacement_axes(kind: str, beta: Array, place: Array) -> Array:
 
 
 def _group_sets(lines: Lines, grids: Indices) -> dict[str, Indices]:
-    """Return the members of each SET1 entry by name, such as ``set7``.
+    """Return the members (k,) of each SET1 entry in `lines` by name, such as ``set7``.
 
-    A range contains all of its numbers that are in `grids`.  Raises UnreadableError for an entry of another form.
+    A range contains all of its numbers that are in `grids` (N,).  Raises UnreadableError for an entry of another form.
     """
     sets = dict[str, Indices]()
     for line, fields in _entries(lines, "SET1"):
@@ -245,7 +245,7 @@ def _dependent(name: str, fields: Sequence[str]) -> set[tuple[int, int]]:
 
 
 def _external_pairs(lines: Lines) -> Indices:
-    """Return grid point and component (n, 2) of the rows of a superelement's matrices, as EXTRN lists them.
+    """Return grid point and component (n, 2) of the rows of a superelement's matrices, from the entries EXTRN.
 
     Raises UnreadableError for an entry of another form.
     """

@@ -93,7 +93,7 @@ class DamagedError(ValueError):
 def read(
     file: Path, expansion: float = 1.0, room: int = 0, only: Collection[str] | None = None
 ) -> dict[str, NDArray[Any]]:
-    """Read the arrays of an npz file by name: all of them, or those that `only` names.
+    """Read the arrays (any shape) of an npz file by name: those that `only` names, or all if that is None.
 
     All arrays together may take `expansion` times the size of the file (1 for arrays that are not compressed), or
     `room` bytes if that is more, as zeros are compressed to almost nothing.  Nothing larger is ever allocated.
@@ -119,9 +119,9 @@ def write(
 ) -> None:
     """Write arrays by name to an npz file, completely or not at all; equal arrays give equal bytes.
 
-    The `header` is stored as JSON with the arrays.  If `compressed`, arrays of which compression saves at least the
-    share `WORTH` are compressed; compression would only make the others slower to read.  Raises NotWrittenError if
-    there is no room for the file.
+    The arrays may have any shape.  The `header`, unless it is None, is stored as JSON with the arrays.  If
+    `compressed`, arrays of which compression saves at least the share `WORTH` are compressed; compression would only
+    make other arrays slower to read.  Raises NotWrittenError if there is no room for the file.
     """
     if header is not None:
         arrays = {HEADER: np.array(json_text(header)), **arrays}
@@ -139,7 +139,7 @@ STORED = {"format": "pmr-cache"}
 
 
 def read_stored(file: Path) -> dict[str, NDArray[Any]] | None:
-    """Read the arrays that `store` wrote, by name.
+    """Read the arrays (any shape) that `store` wrote, by name.
 
     None is returned without such a file; None is also returned, after a warning, if the file is damaged or of another
     format.
@@ -157,7 +157,7 @@ def read_stored(file: Path) -> dict[str, NDArray[Any]] | None:
 
 
 def store(file: Path, arrays: Mapping[str, ArrayLike]) -> None:
-    """Write computed arrays by name to an npz file, from which later runs read them by `read_stored`.
+    """Write computed arrays (any shape) by name to an npz file, for later runs and `read_stored`.
 
     Raises NotWrittenError if there is no room for the file.
     """
@@ -167,7 +167,7 @@ def store(file: Path, arrays: Mapping[str, ArrayLike]) -> None:
 def stored_or_computed(
     kind: str, request: str, compute: Callable[[], Mapping[str, NDArray[Any]]]
 ) -> Mapping[str, NDArray[Any]]:
-    """Return the arrays by name that `compute` returns, which later runs read from a file in the user's cache folder.
+    """Return the arrays (any shape) of `compute`, by name; later runs read them from the user's cache folder.
 
     The file's name begins with `kind`.  The text `request` decides what is computed: all inputs and the code.
     """
@@ -184,7 +184,7 @@ def stored_or_computed(
 
 
 def _is_worth_compressing(array: NDArray[Any]) -> bool:
-    """Whether compression of the first `SAMPLE` entries of an array saves at least the share `WORTH` of their bytes."""
+    """Whether compression saves at least the share `WORTH` of an array's (any shape) first `SAMPLE` entries."""
     sample = array.ravel()[:SAMPLE].tobytes()
     return len(zlib.compress(sample, 1)) < (1.0 - WORTH) * len(sample)
 
@@ -218,12 +218,12 @@ def _checked_members(archive: zipfile.ZipFile, size: int, expansion: float, room
 
 
 def _array_name(info: zipfile.ZipInfo) -> str:
-    """Return the name of the array that a member of the archive contains."""
+    """Return the name of the array that the member `info` of the archive contains."""
     return HEADER if info.filename == OLD_HEADER else info.filename.removesuffix(".npy")
 
 
 def _read_array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
-    """Read the array in a member of the archive, of the shape and type that its header states.
+    """Read the array in a member of the archive, of the shape and type in the array's header.
 
     Raises DamagedError if the array's header does not agree with the member's size.
     """
@@ -240,7 +240,7 @@ def _read_array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]
 
 
 def record_arrays(record: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
-    """Return all fields of a dataclass as arrays, by the fields' names with `prefix` before them.
+    """Return all fields of the dataclass `record` as arrays, by `prefix` and the field's name.
 
     Fields that are None are left out.  A field that is a dict becomes a JSON text.  The parts of a field that is a
     dataclass, a piecewise polynomial or a mapping have keys of their own: the field's name, a dot and the part's name.
@@ -266,10 +266,11 @@ def record_arrays(record: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
 
 
 def record_from_arrays(cls: Callable[..., T], data: Mapping[str, NDArray[Any]], prefix: str = "") -> T:
-    """Return the dataclass `cls` from the arrays that `record_arrays` returned.
+    """Return the dataclass `cls` from `data`, the arrays that `record_arrays` returned.
 
-    `prefix` is what their names begin with.  Numbers get the types of the fields.  Raises KeyError if a field without a
-    default is missing, and TypeError or ValueError if an array is of another type.
+    The names of the arrays begin with `prefix`, and their shapes are those of the fields.  Numbers get the types of the
+    fields.  Raises KeyError if a field without a default is missing, and TypeError or ValueError if an array is of
+    another type.
     """
     values: dict[str, Any] = {}
     for field in fields(cls):  # type: ignore[arg-type]
@@ -287,8 +288,8 @@ def record_from_arrays(cls: Callable[..., T], data: Mapping[str, NDArray[Any]], 
 def rename_keys(data: Mapping[str, NDArray[Any]], names: Mapping[str, str]) -> dict[str, NDArray[Any]]:
     """Return the arrays of `data` under the names of this version, in place of those that earlier versions wrote.
 
-    `names` maps beginnings of earlier names to their replacements.  Of several beginnings that fit a name, the first is
-    replaced.
+    `names` maps beginnings of earlier names to their replacements.  If several beginnings fit a name, the first is
+    replaced.  The arrays themselves are not changed.
     """
     arrays_by_name = {}
     for name, array in data.items():

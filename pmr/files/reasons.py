@@ -49,7 +49,7 @@ def lone_turned_nodes(body: Resistance) -> Mask:
 
 
 def point_text(x: Array) -> str:
-    """Return a point (3,) in m as text for messages."""
+    """Return a point x (3,) in m as text for messages."""
     return "({}) m".format(", ".join(f"{c + 0.0:.4g}" for c in np.round(x, 9)))
 
 
@@ -63,7 +63,7 @@ _EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 
 
 def check_speed(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
-    """Yield (``points``, reason) if the speed of sound shows that the units of the matrices do not fit each other."""
+    """Yield (``points``, reason) if the speed of sound shows that units of mass, stiffness and length do not fit."""
     least, most = speeds_of_sound(M, body)
     if most < SLOWEST or least > FASTEST:
         speed, guess = (
@@ -79,7 +79,7 @@ def check_speed(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
 
 
 def check_density(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
-    """Yield (``M``, reason) if the body is lighter than air in its convex hull, or lighter than foam where it is stiff.
+    """Yield (``M``, reason) if the body is lighter than air in its convex hull, or than foam where it is stiff.
 
     Nodes without coordinates, as at supports, are in the hull too if they are as near to others as coupled nodes are.
     Of a tetrahedron of which k corners have coordinates, these carry at least (k/4)^2 of the mass, as the mean square
@@ -120,10 +120,10 @@ def check_density(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
 def speeds_of_sound(M: sp.csr_matrix, body: Resistance) -> list[float]:
     """Return rough bounds, the least and the largest, of the speed of sound in a body in m/s.
 
-    They are 0 and infinity if the speed is not known.  Both bounds follow from stretching the body: the least with its
-    whole mass, the largest without payloads.  The least one is at most the median over nodes of the distance to the
-    nearest coupled node times the node's own frequency (in rad/s).  Stiff links and nodes with little mass therefore do
-    not make a body seem too fast.
+    The bounds are 0 and infinity if the speed is not known.  Both bounds follow from stretching the body: the least
+    with its whole mass, the largest without payloads.  The least one is at most the median over nodes of the distance
+    to the nearest coupled node times the node's own frequency (in rad/s).  Stiff links and nodes with little mass
+    therefore do not make a body seem too fast.
     """
     row = body.entries.row
     apart = (body.edges > 0.0) & (body.direction[row] < 3)
@@ -140,14 +140,14 @@ def speeds_of_sound(M: sp.csr_matrix, body: Resistance) -> list[float]:
 
 
 def _stretch_speeds(M: sp.csr_matrix, body: Resistance) -> Array:
-    """Return speeds of sound (a, 2) in m/s by stretching along each of a axes.
+    """Return speeds of sound (a, 2) in m/s by stretching a body with the mass matrix M along each of a axes.
 
     The first column is for the whole mass, the second one for the mass without payloads.  The speed c is given by c^2 =
     u^T (K - S) u / m, with the displacements u of a stretch, the mass m, and springs to ground S in the stiffness K.
-    The displacement of a node is its distance to the nearest node that supports hold along the axis.  If there is none,
-    it is the node's position.  So the slope of u is one and supports do no work.  The mass of a node that exceeds four
-    times the median of all nodes counts as payload.  Axes with longer distances come first, and axes along which
-    nothing is stretched are left out.
+    The displacement of a node is its distance to the nearest node that supports hold along the axis.  If there is no
+    such node, the displacement is the node's position.  So the slope of u is one and supports do no work.  The mass of
+    a node that exceeds four times the median of all nodes counts as payload.  Axes with longer distances come first,
+    and axes along which nothing is stretched are left out.
     """
     speeds = list[tuple[float, float, float]]()
     free = ~body.near(body.missing_displacements.any(axis=1)) & body.spring_nodes

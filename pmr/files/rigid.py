@@ -43,7 +43,7 @@ SPREAD = 100.0
 
 
 def rigid_motions(at: Array, component: Indices) -> Array:
-    """Return n coordinates under six rigid motions, (n, 6): unit translations along x, y, z, then rotations about them.
+    """Return n coordinates under six rigid motions, (n, 6): unit translations along, then rotations about, x, y and z.
 
     The axes of the rotations go through the origin.  Coordinate i is the displacement or rotation `component[i]`, an
     index of `DIRECTIONS`, of the point `at[i]` (3,) in m.
@@ -113,7 +113,7 @@ class Resistance:
     def on_pattern(self, values: Array) -> sp.csr_matrix:
         """Return a sparse matrix (n, n) with `values` (e,) in place of the e stored entries of K.
 
-        It shares its indices with K.
+        The matrix shares its indices with K.
         """
         return sp.csr_matrix((values, self.K.indices, self.K.indptr), shape=self.K.shape)
 
@@ -155,7 +155,7 @@ class Resistance:
     def blocks(self) -> Array:
         """Forces (N, 3, 3) on each node along three axes (rows) under three translations (columns).
 
-        They are zero along axes without a coordinate.
+        The forces are zero along axes without a coordinate.
         """
         blocks, translations = np.zeros((len(self.points), 3, 3)), self.direction < 3
         blocks[self.node[translations], self.direction[translations]] = self.forces[translations]
@@ -263,7 +263,7 @@ class Resistance:
         return np.asarray(V[:, energies > self.least_energy].T @ T)
 
     def held_motions(self) -> Array:
-        """Return a matrix (h, 6) on rigid motions about the origin; it is zero for motions that K leaves free.
+        """Return a matrix (h, 6) on rigid motions about the origin, which is zero for motions that K leaves free.
 
         h is the number of rigid motions that supports and springs in K hold.  The rows are singular vectors of F and G,
         where each row of F and G is divided by its rounding, and singular values within rounding count as zero.  In a

@@ -89,7 +89,7 @@ def write_text(path: Path, text: str) -> None:
 
 @contextmanager
 def report_full_disk(path: Path) -> Iterator[None]:
-    """Raise NotWrittenError with `path` in place of the system's error if the block finds no room or no access."""
+    """Context that raises NotWrittenError with `path` in place of the system's error for no room or no access."""
     try:
         yield
     except OSError as error:
@@ -111,8 +111,8 @@ def flush_file(path: Path) -> None:
 def hold_lock(path: Path, wait: bool = True) -> Iterator[bool]:
     """Hold the lock of an existing file or folder during the block; yield whether the lock is held.
 
-    It is not held if the file system has no locks, or if `wait` is false and another process holds it.  If `wait` is
-    true, the call blocks until the other process releases the lock.
+    The lock is not held if the file system has no locks, or if `wait` is false and another process holds the lock.  If
+    `wait` is true, the call blocks until the other process releases the lock.
 
     Raises FileNotFoundError if the file or folder does not exist.
     """
@@ -205,8 +205,8 @@ def _finish_moves(folder: Path) -> None:
 def _listed_moves(file: Path, folder: Path) -> dict[str, list[str]]:
     """Return lists of files by ``names``, to be moved into the folder, and ``gone``, to be removed.
 
-    They are read from a list `file` of unknown origin.  Raises InputError if it is no such list, or names anything
-    outside of the folder; no file is touched in that case.
+    The lists are read from a `file` of unknown origin.  Raises InputError if the file has no such lists, or names
+    anything outside of the folder; no file is touched in that case.
     """
     try:
         content = json.loads(file.read_text())
@@ -242,7 +242,7 @@ def _matching_names(folder: Path, ours: Sequence[str]) -> list[str]:
 
 
 def complete_folder(folder: Path, is_whole: Callable[[Path], bool], make: Callable[[Path], Made], comm: Any) -> Made:
-    """Return the result of `make`, called with `folder` if it is complete, else with a new folder.
+    """Return the result of `make`, called with `folder` if that is complete, else with a new folder.
 
     The new folder then replaces `folder`.  Collective: all ranks of `comm` have to call this function, and all have to
     see the folder's disk.  `is_whole` says on rank 0 whether a folder is complete.  `make` loads its result from a
@@ -265,7 +265,8 @@ def complete_folder(folder: Path, is_whole: Callable[[Path], bool], make: Callab
 def _make_locked(folder: Path, is_whole: Callable[[Path], bool], make: Callable[[Path], Made], comm: Any) -> Made:
     """Return the result of `make`, called with a new folder, while rank 0 holds the lock of `folder`; collective.
 
-    If another process has completed the folder before the lock is held, `make` loads its result from this folder.
+    `is_whole` says whether a folder is complete.  If another process has completed the folder before the lock is held,
+    `make` loads its result from this folder.
     """
     if comm.rank > 0:
         result = make(comm.bcast(None))
@@ -318,9 +319,9 @@ MOST_KEPT = 100
 def user_cache_folder() -> Path | None:
     """Return the folder in which measured structures are cached for a user.
 
-    It is ``$PMR_CACHE``, else ``pmr`` in ``$XDG_CACHE_HOME``, else ``~/.cache/pmr``.  The folder is created if it does
-    not exist; None is returned if it can't be created.  If it has more than `MOST_KEPT` files, the oldest ones are
-    removed.
+    The folder is ``$PMR_CACHE``, else ``pmr`` in ``$XDG_CACHE_HOME``, else ``~/.cache/pmr``.  The folder is created if
+    it does not exist; None is returned if it can't be created.  If it has more than `MOST_KEPT` files, the oldest ones
+    are removed.
     """
     caches = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     folder = Path(os.environ.get("PMR_CACHE") or Path(caches, "pmr"))

@@ -62,7 +62,7 @@ class Part:
 
     @property
     def flexibility(self) -> CarrierFlexibility:
-        """Residual flexibility between the carriers of the body; zeros if it has none."""
+        """Residual flexibility between the carriers of the body; zeros for a body without flexibility."""
         carriers = self.body.carriers
         assert carriers is not None  # `System` checks this
         K, i, o = len(carriers.values), len(self.body.input_names), len(self.body.outputs)
@@ -244,7 +244,10 @@ def _block_on_path(
 
 
 def _rubbing_sides(system: System, friction: Friction | None) -> list[Side]:
-    """Sides of pads with friction, on which moments act; their row numbers follow those of the contacts."""
+    """Sides of pads with friction, on which moments act; empty if `friction` is None.
+
+    The sides' row numbers follow those of the contacts.
+    """
     pads = [] if friction is None else friction.pads.tolist()
     m = len(system.contacts)
     return [Side(m + k, s.place, s.sign) for k, pad in enumerate(pads) for s in system.sides if s.contact == pad]
@@ -284,7 +287,7 @@ def _row_on_path(system: System, side: Side) -> Row:
 
 
 def _zeros(breaks: Array, shape: tuple[int, ...]) -> PPoly:
-    """Table of zeros on the given `breaks`, with values of the given shape."""
+    """Table of zeros on the `breaks` (k + 1,), with values of the given shape."""
     return PPoly(np.zeros((1, len(breaks) - 1, *shape)), breaks)
 
 
@@ -296,7 +299,10 @@ _HEAD, _ARRAY = struct.Struct("=8siiqQ32x"), struct.Struct("=40siiqq")
 
 
 def pack(arrays: Mapping[str, NDArray[Any] | str]) -> bytearray:
-    """Pack arrays of integers or real numbers, and texts, into a block whose checksum is zero until `seal` sets it."""
+    """Pack arrays (any shape) of integers or real numbers, and texts, into a block for the kernel.
+
+    The block's checksum is zero until `seal` sets it.
+    """
     at, heads, parts = LINE * (1 + len(arrays)), bytearray(), list[tuple[int, bytes]]()
     for name, array in arrays.items():
         encoded = _encode(array)
@@ -314,17 +320,17 @@ def pack(arrays: Mapping[str, NDArray[Any] | str]) -> bytearray:
 
 
 def lines(names: Iterable[str]) -> str:
-    """Text of ASCII letters with one name per line; other letters are escaped as in Python."""
+    """Text of ASCII letters with one of `names` per line; other letters are escaped as in Python."""
     return "\n".join(name.encode("unicode_escape").decode("ascii") for name in names)
 
 
 def seal(block: bytearray, checksum: int) -> None:
-    """Write `checksum` into a block, in place; it has to be the checksum of the bytes after the first `LINE` bytes."""
+    """Write `checksum`, the one of the bytes after the first `LINE` bytes, into a block, in place."""
     block[24:32] = struct.pack("=Q", checksum)
 
 
 def _encode(array: NDArray[Any] | str) -> NDArray[Any]:
-    """Array as the kernel stores it: integers as int32, other numbers as float64, text as its bytes (uint8).
+    """Array in the kernel's types: integers as int32, other numbers as float64, text as its bytes (uint8).
 
     The shape stays; a text of k bytes becomes an array (k,).
     """

@@ -104,7 +104,7 @@ class Outputs:
 
     @classmethod
     def of(cls, rows: Arrangement, supports: Sequence[Supports]) -> Outputs:
-        """Split the outputs of the bodies: the last outputs of each body are the reactions of its `supports`."""
+        """Split the outputs of the bodies in `rows`; the last outputs of each body are reactions of its `supports`."""
         outputs, reactions = list[NDArray[np.int64]](), list[NDArray[np.int64]]()
         for part, of in zip(rows.parts, supports, strict=True):
             numbers = np.arange(part.outputs.start, part.outputs.stop)
@@ -127,9 +127,9 @@ class Outputs:
 
 
 def system_in_modes(system: System, forms: Mapping[str, Modal], supports: Sequence[Supports] = ()) -> System:
-    """System of the bodies in their modal `forms`; if it is on one path, the bodies have no carriers.
+    """System of the bodies in their modal `forms`; if the system is on one path, its bodies have no carriers.
 
-    With `supports`, one for each body, the reactions of each body are additional outputs after its own.
+    If `supports` has an entry for each body, the reactions of each body are additional outputs after its own.
     """
     bodies = {}
     for number, (name, form) in enumerate(forms.items()):
@@ -142,9 +142,9 @@ def system_in_modes(system: System, forms: Mapping[str, Modal], supports: Sequen
 
 
 def _size_arrays(system: System, modal: System, rows: Arrangement, motions: int, outputs: int) -> Arrays:
-    """Sizes of the system: the array ``sizes`` of whole numbers, in the order in which `read_arrays` reads them.
+    """Sizes of the system: the array ``sizes`` (k,) of whole numbers, in the order of `read_arrays` in src/system.c.
 
-    `read_arrays` is in src/system.c.
+    `modal` is the system in modes, `rows` are its contact rows, and `motions` and `outputs` are numbers of these.
     """
     m, pads = len(modal.contacts), len(rows.F) - len(modal.contacts)
     inputs, order = rows.parts[-1].inputs.stop, np.arange(len(rows.F))
@@ -187,12 +187,15 @@ def _hoist_arrays(system: System, paths: Sequence[str]) -> Arrays:
 
 
 def _is_diagonal(A: Array) -> bool:
-    """Whether a matrix is exactly diagonal."""
+    """Whether a matrix A (n, n) is exactly diagonal."""
     return bool(np.count_nonzero(A - np.diag(np.diagonal(A))) == 0)
 
 
 def _fill_rows(array: Array, width: int) -> Array:
-    """Array (..., w) with zeros appended along its last axis, w being `width` rounded up to whole registers."""
+    """Return `array` (..., w0) with zeros appended along its last axis to the length w.
+
+    w is `width` rounded up to whole registers.
+    """
     missing = round_up(width) - array.shape[-1]
     return np.pad(np.asarray(array, float), [(0, 0)] * (array.ndim - 1) + [(0, missing)])
 
@@ -230,7 +233,7 @@ def _body_arrays(rows: Arrangement, split: Outputs) -> Arrays:
 def _contact_arrays(system: System, rows: Arrangement, split: Outputs) -> Arrays:
     """Constant arrays of the contacts by their names in the kernel's block.
 
-    They hold the rows, the clearances, which contacts push, and the ropes that lengthen.
+    The arrays hold the rows, the clearances, the contacts that only push, and the ropes that lengthen.
     """
     m, moments = len(system.contacts), len(rows.F) - len(system.contacts)
     clearance = np.pad(system.clearance, (0, moments), constant_values=np.nan)
@@ -330,8 +333,8 @@ def _carrier_weights(row: Row, width: int, carriers: NDArray[np.int64]) -> dict[
 def _term_arrays(system: System, rows: Arrangement) -> Arrays:
     """Matrices of the system's terms, by their names in the kernel's block.
 
-    They are stored in registers of `LANES` rows by one column; registers without entries are left out.  Entries up to
-    `NEGLIGIBLE` of the largest one of a matrix count as zero.
+    The matrices are stored in registers of `LANES` rows by one column; registers without entries are left out.  Entries
+    up to `NEGLIGIBLE` of the largest one of a matrix count as zero.
     """
     r = rows.parts[-1].modes.stop
     where = {
@@ -364,7 +367,7 @@ def _term_arrays(system: System, rows: Arrangement) -> Arrays:
 
 
 def _friction_arrays(rows: Arrangement) -> Arrays:
-    """Arrays of the pads with friction, grouped by joint, by their names in the kernel's block.
+    """Arrays of the pads with friction in `rows`, grouped by joint, by their names in the kernel's block.
 
     Without friction the only key is ``first_pad``.
     """

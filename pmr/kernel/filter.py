@@ -161,7 +161,7 @@ class LinearSteps:
         self._data = structure("pmr_chosen", {"outputs": q, "inputs": i, "modes": r} | vars(chosen))
 
     def take(self, state: State, k: int, u: Array) -> None:
-        """Take a step of the `state` to drivers u (N,), and store it as step k.  A StepError is raised if it fails."""
+        """Take a step of the `state` to drivers u (N,), and store it as step k; raise a StepError if the step fails."""
         u, where = np.ascontiguousarray(u, float), f"step {state.step_number + 1}"
         arguments = (state.pointer, self._data, pointer(u), self._step_data(k))
         lib.pmr_linear_courses(state.pointer, self._data, pointer(self.matrices.courses))

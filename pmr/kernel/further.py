@@ -84,9 +84,9 @@ class Supports:
 
 
 def supports_of(system: System, name: str, form: Modal, output: bool = True) -> Supports:
-    """Reactions of rigid supports of the body `name` in its modes.
+    """Reactions of rigid supports of the body `name` in its modes, its modal `form`.
 
-    They are empty if `output` is false or if they are not known.
+    The reactions are empty if `output` is false or if the body does not store any.
     """
     body, X, r = system.bodies[name], form.X, form.body.size
     reactions = body.reactions if isinstance(body, ReducedModel) else None
@@ -238,8 +238,8 @@ def frame_output_arrays(
     """Arrays of the tip and the luffing cylinder by their names in the kernel's block, and the counts ``further``.
 
     ``further`` (3,) has the number of `reactions`, 1 if there is a tip, and the number of forces that make the
-    cylinder's moment.  `paths` are the names of the system's paths.  There is neither a tip nor a cylinder without a
-    `scene` with a frame, or with 0 `motions` that drive the frame.
+    cylinder's moment.  `paths` are the names of the system's paths.  There is neither a tip nor a cylinder if `scene`
+    is None or has no frame, or if 0 `motions` drive the frame.
     """
     arrays, sources = Arrays(), 0
     if scene is not None and scene.frame is not None and motions:
@@ -254,7 +254,7 @@ def frame_output_arrays(
 
 
 def further_names(reactions: Sequence[str], arrays: Arrays) -> list[str]:
-    """Names of the `reactions`, the tip in space and the luffing cylinder, as far as `arrays` have them."""
+    """Names of the `reactions`, and of the tip in space and the luffing cylinder if these have arrays in `arrays`."""
     tip = [f"tip in space {axis}" for axis in "XYZ"] if "tip_numbers" in arrays else []
     return [*reactions, *tip, *([CYLINDER] if "cylinder_pin" in arrays else [])]
 
@@ -357,7 +357,7 @@ def frame_arrays(frame: Frame | None, paths: Sequence[str]) -> Arrays:
 
 
 def _quantity(quantity: tuple[str | int, ...], numbers: dict[str, int]) -> list[int]:
-    """Number in `KINDS` of a quantity's kind, followed by two numbers, which are zero if they are not used.
+    """Number in `KINDS` of a quantity's kind, followed by two numbers; a number that the kind does not need is zero.
 
     Gravity, named loads and motions of the base become the kind ``motion`` with the number of the motion in `numbers`.
     Gravity and motions of the base that the scene does not have become zero: a ``reach`` that sums no paths.
@@ -378,8 +378,8 @@ DIRECTIONS = dict.fromkeys(("x", "y", "z"), "N") | dict.fromkeys(("rx", "ry", "r
 def ground_outputs(scene: Scene) -> dict[str, str]:
     """Units of the quantities about a scene's ground, by the quantity's name.
 
-    They are force and moment on the ground, forces of outriggers, margins, and the use of the polygon.  The dict is
-    empty if the scene has no ground.
+    The quantities are force and moment on the ground, forces of outriggers, margins, and the use of the polygon.  The
+    dict is empty if the scene has no ground.
     """
     ground = None if scene.frame is None else scene.frame.ground
     if ground is None:
@@ -401,11 +401,11 @@ def mass_numbers(masses: Sequence[MachineMass]) -> Array:
 
 
 def ground_arrays(frame: Frame, system: System, paths: Sequence[str], reactions: Sequence[str]) -> Arrays:
-    """Arrays of the outriggers of a system with these paths and reactions of rigid supports.
+    """Arrays of the outriggers, by name, of a system in a `frame` with these paths and reactions of rigid supports.
 
-    They have the wrench (6,) about the pivot by a unit of each force on the ground, and the change of this wrench by 1
-    m of each of P paths: (6, 1 + P).  The result is empty if the scene has no ground, or if a force between boom and
-    ground is not known.
+    The arrays have the wrench (6,) about the pivot by a unit of each force on the ground, and the change of this wrench
+    by 1 m of each of P paths: (6, 1 + P).  The result is empty if the scene has no ground, or if a force between boom
+    and ground is not known.
     """
     scene = frame.scene
     ground = None if scene.frame is None else scene.frame.ground

@@ -29,7 +29,7 @@ def code_variant() -> str:
 
 
 def checksum(content: bytes | bytearray) -> int:
-    """Checksum of the bytes of a block after its first `LINE` bytes, as a block stores it."""
+    """Checksum of `content`, the bytes of a block after its first `LINE` bytes, in the form that a block stores."""
     return int(lib.pmr_checksum(ffi.from_buffer(content), len(content)))
 
 
@@ -89,7 +89,7 @@ class Kernel:
         """Kernel of a system whose bodies have these modal forms, by name (`pmr.simulation.modal.modal_form`).
 
         If there is a moving `frame` (`pmr.simulation.moving.MovingFrame`), the motions of the frame drive the system.
-        `reduced` is as for `pmr.kernel.data.system_data`.
+        Without a frame, paths, loads and amplitudes of terms do.  `reduced` is as for `pmr.kernel.data.system_data`.
         """
         data = system_data(system, forms, frame, reduced)
         block = pack(data.arrays)
@@ -123,7 +123,7 @@ class Kernel:
 
 
 def pointer(array: NDArray[Any] | None) -> Any:
-    """Address of a contiguous array for the kernel, NULL for None; the caller has to keep the array in use."""
+    """Address of a contiguous array (any shape) for the kernel, NULL for None; the caller has to keep the array."""
     if array is None:
         return ffi.NULL
     return ffi.cast("int32_t *" if array.dtype == np.int32 else "double *", ffi.from_buffer(array))
@@ -140,10 +140,10 @@ def _field_types(kind: str) -> dict[str, Any]:
 
 
 def structure(kind: str, fields: Mapping[str, Any]) -> Any:
-    """Return a pointer to a structure of the kernel, such as ``pmr_machine``, with these values by the fields' names.
+    """Return a pointer to a structure `kind` of the kernel, such as ``pmr_machine``, with values by the fields' names.
 
-    A field that is a pointer takes an array, which is kept as long as the structure; it is copied unless it is
-    contiguous and of the field's type.
+    A field that is a pointer takes an array, which is kept as long as the structure; an array that is not contiguous or
+    not of the field's type is copied.
     """
     types, values, arrays = _field_types(kind), dict[str, Any](), list[NDArray[Any]]()
     for name, value in fields.items():
@@ -159,7 +159,7 @@ def structure(kind: str, fields: Mapping[str, Any]) -> Any:
 
 
 def _aligned_bytes(block: bytes | bytearray) -> NDArray[np.uint8]:
-    """Copy (k,) of the k bytes of `block` at an address that is a multiple of `LINE`; it is read only."""
+    """Read-only copy (k,) of the k bytes of `block` at an address that is a multiple of `LINE`."""
     room = np.empty(len(block) + LINE, np.uint8)
     first = -room.ctypes.data % LINE
     array = room[first : first + len(block)]
@@ -173,7 +173,7 @@ class Signal(Protocol):
 
     @property
     def strands(self) -> tuple[Any, ...]:
-        """Pieces of polynomials and sines whose sum is the signal; a NotImplementedError if it is not such a sum."""
+        """Pieces of polynomials and sines whose sum is the signal; a NotImplementedError for any other signal."""
 
 
 class Signals:

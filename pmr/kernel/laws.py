@@ -241,7 +241,7 @@ class Stand:
     def edges(self) -> Array:
         """Rows (e, 6), one for each edge: a row times a wrench (6,) is the moment about the edge that tips the machine.
 
-        They are those of `edge_rows`.
+        The rows are those of `edge_rows`.
         """
         return edge_rows(self.polygon, self.height)
 

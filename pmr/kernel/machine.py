@@ -135,7 +135,7 @@ class MachineSimulation:
         self._raise_unless_done(failed, self.number + 1)
 
     def _raise_unless_done(self, failed: int, k: int) -> None:
-        """Raise the error for the kernel's error code `failed` of step k, unless the step is done."""
+        """Raise a SimulationError for the kernel's error code `failed` of step k, unless the step is done."""
         if failed in self._reasons:
             raise SimulationError(self._reasons[failed].format(k=k, t=k * self.state.settings.step))
         self.state.raise_unless_done(failed, f"step {k}")

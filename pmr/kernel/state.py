@@ -116,7 +116,7 @@ class State:
         self.drivers = self._array(view.drivers, kernel.drivers)
 
     def _array(self, pointer: Any, count: int) -> Array:
-        """Read-only view (`count`,) of numbers of the state, whose values change with the simulation."""
+        """Read-only view (`count`,) of numbers of the state at `pointer`, whose values change with the simulation."""
         if not count:
             return np.zeros(0)
         array = np.frombuffer(ffi.buffer(pointer, 8 * count), np.float64)
@@ -148,9 +148,9 @@ class State:
     ) -> None:
         """Begin at t = 0 under drivers u (N,): at rest, with given z and v (modes,), or at rest in equilibrium.
 
-        If `rates` (P,) of the paths in m/s are given, v is corrected, by the change of least kinetic energy, so that it
-        satisfies rigid contacts that move.  A StepError is raised if nothing holds the bodies, or if contacts depend on
-        each other.
+        `kind` says which of the three.  If `rates` (P,) of the paths in m/s are not None, v is corrected, by the change
+        of least kinetic energy, so that it satisfies rigid contacts that move.  A StepError is raised if nothing holds
+        the bodies, or if contacts depend on each other.
         """
         drivers = self._check_array("u", u, self.kernel.drivers)
         moving = None if rates is None else self._check_array("rates", rates, self.kernel.paths)
@@ -165,8 +165,8 @@ class State:
     def step(self, u: ArrayLike, rates: ArrayLike | None = None) -> None:
         """Take one step, at the end of which the drivers are u (N,).
 
-        In substeps, drivers follow straight lines or, with their `rates` (2, N) at the beginning and the end of the
-        step, cubics.  A StepError is raised as by `advance`.
+        In substeps, drivers follow straight lines if `rates` is None, else cubics with the `rates` (2, N) at the
+        beginning and the end of the step.  A StepError is raised as by `advance`.
         """
         at = self._check_array("u", u, self.kernel.drivers, finite=False)
         led = None if rates is None else self._check_array("rates", np.ravel(rates), 2 * self.kernel.drivers)
@@ -230,7 +230,7 @@ class State:
 
         The samples u (steps * per + 1, N) are `per` in each step; the first sample is at the end of the last step
         before.  The state stops before a step whose number of substeps does not divide `per`.  `record`, `first`,
-        `every`, `parts` and errors are those of `advance`.
+        `every`, `parts` and errors are those of `advance`; an InputError is raised for samples of another shape.
         """
         u = np.ascontiguousarray(u, float)
         steps = (len(u) - 1) // per
@@ -275,7 +275,7 @@ class State:
 
     @property
     def computed(self) -> Array:
-        """Outputs (k,) of a free luffing angle or extension after the last step, as `ComputedData.outputs` orders them.
+        """Outputs (k,) of a free luffing angle or extension after the last step, ordered as `ComputedData.outputs`.
 
         The array is empty if angle and extensions are prescribed.
         """
@@ -284,10 +284,10 @@ class State:
     def further(self) -> Array:
         """Further outputs (further,) at the end of the last step.
 
-        They are the reactions of rigid supports in N and N m.  With a frame, there follow the position of the tip in m,
-        relative to the pivot along the ground's axes, and the force of the luffing cylinder in N.  Last come the
-        outputs of outriggers, of a hoist, and of a free luffing angle or extension, as far as the system has them.  A
-        StepError is raised if forces of outriggers are not found or not finite.
+        The first outputs are the reactions of rigid supports in N and N m.  In a frame, the position of the tip in m
+        follows, relative to the pivot along the ground's axes, and the force of the luffing cylinder in N. Last come
+        the outputs of outriggers, of a hoist, and of a free luffing angle or extension, as far as the system has them.
+        A StepError is raised if forces of outriggers are not found or not finite.
         """
         further = np.zeros(self.kernel.further)
         failed = lib.pmr_further(self._state, pointer(further))
@@ -301,7 +301,7 @@ class State:
         return bytes(ffi.buffer(content))
 
     def restore(self, content: bytes) -> None:
-        """Continue from the bytes that `save` returned for a state of the same system with the same settings.
+        """Continue from `content`, the bytes of `save` for a state of the same system with the same settings.
 
         An InputError is raised if the bytes belong to another state, or are damaged.
         """
@@ -317,7 +317,7 @@ class State:
         return self._state
 
     def _check_array(self, name: str, values: ArrayLike, count: int, finite: bool = True) -> Array:
-        """Contiguous array of `values`; InputError with `name` unless they are `count` numbers, (count,).
+        """Return `values` as a contiguous array (count,); raise an InputError about `name` for another shape.
 
         Numbers that are not finite are refused, too, if `finite`; otherwise the kernel refuses them itself.
         """
@@ -368,7 +368,7 @@ def _check_room(record: Record, first: int, rows: int, parts: int) -> None:
 
 
 def _ensure_integers(name: str, numbers: Integers | None, count: int) -> Integers | None:
-    """The `numbers`, or None; raise InputError with `name` unless they are `count` contiguous integers of 32 bits."""
+    """Return the `numbers` (count,), or None; raise an InputError about `name` unless these are contiguous int32."""
     if numbers is not None and (
         numbers.dtype != np.int32 or numbers.shape != (count,) or not numbers.flags.c_contiguous
     ):

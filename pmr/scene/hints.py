@@ -139,7 +139,7 @@ def _sentences(numbers: Iterable[_UnusualNumber]) -> list[str]:
 def _unusual_in_table(table: BaseModel, key: str, scales: Scales) -> Iterator[_UnusualNumber]:
     """Yield the unusual numbers of a table and of its inner tables; `key` is the table's key followed by a dot.
 
-    `scales` are lengths and forces of the scene by which some ranges are judged.
+    `scales` are magnitudes by name, such as the boom's length, in whose multiples some ranges are stated (`Usual`).
     """
     if isinstance(table, Hinted):
         scales = {**scales, **table.hint_scales(scales)}

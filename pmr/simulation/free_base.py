@@ -171,7 +171,10 @@ class SectionMoments:
 
     @classmethod
     def of(cls, boom: Boom, extended: Extensions, q: Array, rate: Array, beta: Moments) -> SectionMoments:
-        """Moments at coordinates q (n,) with rates `rate`; `beta` are their linear part."""
+        """Moments at coordinates q (n,) with rates `rate` (n,) and sections as `extended`; `beta` is linear in q.
+
+        `beta` has the linear part of the moments.
+        """
         n, beta_rate = len(q), beta.slope @ extended.rate
         by_motion = np.zeros((*beta.value.shape[:3], 6 + n + len(extended.value)))
         by_motion[..., 6 : 6 + n], by_motion[..., 6 + n :] = beta.value, np.einsum("sljne,n->slje", beta.slope, q)

@@ -57,7 +57,7 @@ def first_load(
 
 
 def _share_points(used: UsedShares, loads: Iterable[float]) -> list[Point]:
-    """Return a point (load, share - 1) for each of the `loads` in kg."""
+    """Return a point (load, share - 1) for each of the `loads` in kg, with the shares from the function `used`."""
     return [(load, share - 1.0) for load, share in zip(loads, used([*loads]), strict=True)]
 
 
@@ -174,7 +174,7 @@ class Place:
 
 
 def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, guesses: Array | None = None) -> Array:
-    """Return the load (l,) in kg that each limit allows at a place, stability last; NaN if it exceeds `up_to` in kg.
+    """Return the load (l,) in kg that each limit allows at a place, stability last; NaN for a load above `up_to` in kg.
 
     The load is 0 for a limit that is exceeded by the boom alone, without a load.  All loads are 0 if the boom alone is
     unstable.  `guesses` (l,) are loads in kg that another model allows, near which the searches begin.  Entries without
@@ -194,7 +194,7 @@ def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, guesses: 
 
 
 def large_rotation_changes(limits: Sequence[Limit], place: Place, loads: Array, reach: float) -> Array:
-    r"""Return the change (l,) in kg of allowed `loads` (l,) in kg by large rotations.
+    r"""Return the change (l,) in kg of the `loads` (l,) in kg that `limits` allow at a place, by large rotations.
 
     A tip that is displaced by w across a boom of length l (`reach` in m) is inclined by :math:`\theta \approx 3 w / 2
     l`.  Projections that the theory of second order takes as 1 are then :math:`1 - \theta^2 / 2`.  With the share
@@ -220,7 +220,7 @@ def large_rotation_changes(limits: Sequence[Limit], place: Place, loads: Array, 
 
 
 def _used_shares(loaded: LoadedStructure, share: Share) -> UsedShares:
-    """Return the function from p loads in kg to the p shares of a limit that the loads use.
+    """Return the function from p loads in kg on a boom to the p shares of a limit that the loads use.
 
     A share is infinite under a load at which the boom has no equilibrium.
     """
@@ -237,7 +237,7 @@ def _used_shares(loaded: LoadedStructure, share: Share) -> UsedShares:
 
 
 def _stability_load(loaded: LoadedStructure, up_to: float) -> float:
-    """Return the least load in kg under which the boom has no stable equilibrium; NaN if it is above `up_to` in kg."""
+    """Return the least load in kg under which the boom has no stable equilibrium; NaN for one above `up_to` in kg."""
     if loaded.holds_both_ways:
         critical = loaded.state(0.0).form.critical
         return critical if critical <= up_to else np.nan

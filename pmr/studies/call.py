@@ -87,9 +87,10 @@ class Outcome:
 
 
 def compute_results(project: Project, folder: Path, pool: Pool, watch: Watch) -> Outcome:
-    """Compute the tasks that have no stored result, and return the results of all tasks; no tables are written.
+    """Compute the tasks of a project that have no stored result, and return the results of all tasks.
 
-    Results of tasks are stored in ``folder / "tasks"``.  `watch` is called with the progress, see `run_tasks`.
+    No tables are written.  Results of tasks are stored in ``folder / "tasks"``.  `pool` runs the tasks, and `watch` is
+    called with the progress (`run_tasks`).
     """
     store, code = Store(folder / "tasks"), environment.code_digest(environment.source_texts(), NOT_IN_DIGEST)
     store.prepare()
@@ -102,10 +103,10 @@ def compute_results(project: Project, folder: Path, pool: Pool, watch: Watch) ->
 
 
 def run_tasks(tasks: Mapping[str, Task], store: Store, pool: Pool, watch: Watch) -> dict[str, Failure]:
-    """Compute `tasks`, each as soon as the results that it needs are stored; return the failures by task digest.
+    """Compute `tasks`, each as soon as all results that the task needs are stored; return the failures by task digest.
 
-    `tasks` are those that `open_tasks` returned.  Results are written into the store.  The call blocks until all tasks
-    have ended; `watch` is called with the progress whenever a task ends, and every second.
+    `tasks` are those that `open_tasks` returned.  Results are written into the store; `pool` runs the tasks.  The call
+    blocks until all tasks have ended; `watch` is called with the progress whenever a task ends, and every second.
     """
     waiting, code, begin = dict(tasks), code_of_tasks(), time.monotonic()
     running: dict[Future[Failure | None], str] = {}
@@ -149,7 +150,7 @@ def _progress(
 
 
 def save(project: Project, outcome: Outcome, folder: Path) -> list[Path]:
-    """Write the tables and summaries of all studies, and return the paths of the tables.
+    """Write the tables and summaries of all studies of a project with this outcome, and return the tables' paths.
 
     A single study is written to `folder`.  Each study of a collection is written to a folder of its own in `folder`,
     which also gets a summary of the runs of all studies.
@@ -245,7 +246,7 @@ class Project:
 
 
 def _run_name(part: PlannedStudy, run: Task) -> str:
-    """Return a run's key; in a collection the part's name and a slash stand before it."""
+    """Return a run's key, preceded by the part's name and a slash if the run is one of a collection."""
     return f"{part.name}/{run.key}" if part.name else run.key
 
 
@@ -268,10 +269,10 @@ def _study_class(kind: str) -> type[BaseModel]:
 
 
 def load(path: str | Path, overrides: Sequence[str] = ()) -> Project:
-    """Read the study file `path`, TOML with a ``kind``, and the files that it names; return studies and plans.
+    """Read the study file `path`, TOML with a ``kind``, and all files named there; return studies and plans.
 
-    Names of files in the study file are relative to it, and its key ``extends`` names a base file.  `overrides` are
-    texts ``"section.key=value"``.  Raises InputError in one line: file, key, value, what is allowed.
+    Names of files in the study file are relative to that file, and its key ``extends`` names a base file.  `overrides`
+    are texts ``"section.key=value"``.  Raises InputError in one line: file, key, value, what is allowed.
     """
     file = _read(path, [override(text) for text in overrides])
     if file.data["kind"] != COLLECTION:
@@ -296,7 +297,7 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Project:
 
 
 def _read(path: str | Path, changes: Sequence[Change]) -> TomlFile:
-    """Read the study file `path` and apply `changes` to it; raises InputError if its kind is unknown."""
+    """Read the study file `path` and apply `changes` to its content; raise an InputError for an unknown kind."""
     file = TomlFile.read(path, DIALECT)
     for change in changes:
         file.apply(change)

@@ -44,11 +44,11 @@ BOOMS = 5.0
 
 
 def usual_load(scene: Scene) -> float:
-    """Return the largest load in kg that a chart looks for if it is not given, rounded up to two digits.
+    """Return the largest load in kg that a chart looks for unless the user names one, rounded up to two digits.
 
-    It is the mass of machine and boom, or `BOOMS` times that of a boom without a machine.  Masses of sections count
-    without payloads, and frames of boxes do not.  Raises InputError if the mass of a section is not known without its
-    mesh, or if a number of its body is unusual.
+    The load is the mass of machine and boom, or `BOOMS` times that of a boom without a machine.  Masses of sections
+    count without payloads, and frames of boxes do not.  Raises InputError if the mass of a section is not known without
+    its mesh, or if a number of its body is unusual.
     """
     boom, ground = boom_scales(scene)["boom"], scene.frame.ground if scene.frame is not None else None
     if not boom:

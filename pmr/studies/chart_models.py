@@ -52,13 +52,13 @@ UNKNOWN = (InputError, ConvergenceError, SimulationError, ValueError, ImportErro
 
 
 def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: compute the `PostureMatrices` of a chart and, with ``error``, of systems to compare it with.
+    """Task: compute the `PostureMatrices` of a chart and, if ``error`` is true, of the systems for comparison.
 
     The arrays of the result, by the beginning of their names:
 
-    - ``reduced.``: the reduced model.  With ``error`` also ``richer.``: the model of `richer_system`; ``mass.``: the
-      postures of `postures_with_tip_mass`; and for beams ``mesh.``: the model on another mesh, as in a run, with
-      ``mesh_share``: the error of the scene's mesh over the difference to this model.
+    - ``reduced.``: the reduced model.  If ``error`` is true, also ``richer.``: the model of `richer_system`;
+      ``mass.``: the postures of `postures_with_tip_mass`; and for beams ``mesh.``: the model on another mesh, as in a
+      run, with ``mesh_share``: the error of the scene's mesh over the difference to this model.
     - ``too_stiff``: `stiffness_excess`.
     - ``reach`` (P,): length of the boom in m; ``tip`` (P, 3): the undeformed tip in m in the axes of the ground.
     - ``bent.``: outputs of `DeflectionOutputs`; ``turned.<angle>``: loads of `acceleration_loads`; ``contacts``: the
@@ -128,7 +128,7 @@ def richer_system(scene: Scene, system: System, positions: PostureSet, up_to: fl
 
 
 def postures_with_tip_mass(scene: Scene, positions: PostureSet, mass: float) -> PostureMatrices:
-    """Return the postures of the reduced model of a run whose scene carries a `mass` in kg at its tip.
+    """Return the postures, at `positions`, of the reduced model of a run with a `mass` in kg at the scene's tip.
 
     The modes of that model move the mass, so the model has an error of its own.  The weight of the mass is removed,
     since the load of the chart, `HOOK`, acts in its place; the mass matrix still contains the mass.
@@ -169,7 +169,7 @@ def stiffness_excess(scene: Scene, better: System, full: System, positions: Post
 def _sample_postures(positions: PostureSet) -> NDArray[np.int64]:
     """Return the numbers of three postures of each extension: at the least, a middle and the largest luffing angle.
 
-    They are one array (n,), in the order of the extensions.
+    The numbers are one array (n,), in the order of the extensions.
     """
     groups = dict[tuple[float, ...], list[int]]()
     for k in range(positions.count):
@@ -185,8 +185,8 @@ def _sample_postures(positions: PostureSet) -> NDArray[np.int64]:
 def compute_richer_postures(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: compute the `PostureMatrices` of a richer structural model (arrays ``model.``) and its name (``called``).
 
-    If there is no such model, the only array is ``reason``, which says why.  It is the model with which runs are
-    compared (`pmr.scene.model_ladder.model_comparison`), with 20 free modes of each section.
+    If there is no such model, the only array is ``reason``, which says why.  The richer model is that with which runs
+    are compared (`pmr.scene.model_ladder.model_comparison`), with 20 free modes of each section.
     """
     from pmr.system.from_scene import force_names
 
@@ -262,5 +262,5 @@ class ChartModels:
 
 
 def _read_postures(arrays: Mapping[str, NDArray[np.generic]], model: str) -> PostureMatrices | None:
-    """Return the postures of a model from a task's arrays; None where the task has not stored any."""
+    """Return the postures of a model from the arrays of a task; None if the task has stored none of the model."""
     return npz.record_from_arrays(PostureMatrices, arrays, f"{model}.") if f"{model}.structure.K" in arrays else None

@@ -79,7 +79,8 @@ def warnings_of_row(
 
     `loads` (p, l) in kg are the loads that l limits allow at p points, and `cases` (p, l) the numbers of the load cases
     in which these loads are smallest.  `first` is the number of the row's first point.  ``places(postures, number)``
-    returns, for the postures of a model and the number of a point, a `Place` for each load case.
+    returns, for the postures of a model and the number of a point, a `Place` for each load case.  `contacts` are those
+    of the system.  The result is empty if no point has a warning.
     """
     reach, equilibria = models.reach, list[Equilibrium]()
     for k, (of_limits, of_cases) in enumerate(zip(loads, cases, strict=True), first):
@@ -119,9 +120,9 @@ def unnamed_loads(scene: Scene, cases: Sequence[Summary]) -> Iterator[str]:
 
 
 def replaced_mass_warnings(original: Scene, scene: Scene, point: tuple[float, float, float] | None = None) -> list[str]:
-    """Return a line for each mass of `original` that `scene` lacks, unless it is at the tip or where the load hangs.
+    """Return a line for each mass of `original` that `scene` lacks, unless that is at the tip or where the load hangs.
 
-    The load acts at `point` in m in the axes of the last section, or at the tip, the end of the axis.
+    The load acts at `point` in m in the axes of the last section; None stands for the tip, the end of the axis.
     """
     last, remaining = original.sections[-1], {mass.name for mass in scene.sections[-1].masses}
     lines = list[str]()
@@ -194,8 +195,8 @@ class StopMotion:
         - The first number is the largest displacement of the tip during and after the stop, divided by that under
           a steady deceleration that lasts and in the same direction; NaN if the tip does not move.
         - The next three are used shares of `limit`: at rest, under a steady deceleration that lasts, and the largest
-          share during and after the stop; of both directions of motion the worse one is taken.  They are NaN if `limit`
-          is None.
+          share during and after the stop; of both directions of motion the worse one is taken.  These three are NaN if
+          `limit` is None.
         - The last one is the speed in rad/s.
 
         If the boom is unstable, all numbers but the speed are NaN.
@@ -226,7 +227,7 @@ class StopMotion:
         return np.array([factor, place.used_share(limit, state), steadily, swinging, self.speed])
 
     def _acting_loads(self, place: Place, load: float) -> LoadEffects:
-        """Return the loads by an acceleration of the angle of 1 rad/s^2, with the inertia of the `load` in kg."""
+        """Return the loads at a place by 1 rad/s^2 of the angle, with the inertia of the `load` in kg."""
         at, k = place.postures, place.k
         f = self.acceleration_loads[k].copy()
         if self.angle == "luffing":  # the load hangs: only a lift of its rope accelerates it, nothing sideways
@@ -310,8 +311,8 @@ def _place_arrays(
 ) -> dict[str, Array]:
     """Return the row of a place in each array of `governing_details`, by the array's name.
 
-    At the place `limit` governs.  The load is slightly less than `load` in kg, as there is no equilibrium at the load
-    at which stability is lost.
+    `limit` governs at the place, None if no limit does.  The load is slightly less than `load` in kg, as there is no
+    equilibrium at the load at which stability is lost.
     """
     at, load = place.postures, load * (1.0 - JUST_BELOW)
     state = place.equilibria.state(load)

@@ -37,7 +37,7 @@ class Range(SceneTable):
 
     @property
     def values(self) -> tuple[float, ...]:
-        """Evenly spaced values from `least` to `most`, `count` of them."""
+        """Values from `least` to `most`, evenly spaced; their number is `count`."""
         return tuple(np.linspace(self.least, self.most, self.count).tolist())
 
     def section_rows(self, names: Sequence[str]) -> list[dict[str, float]]:
@@ -100,7 +100,7 @@ def _with_followers(scene: Scene, row: dict[str, float]) -> dict[str, float]:
 
 
 def check_slewing(scene: Scene, slewing: Sequence[float]) -> None:
-    """Raise InputError if a boom without a slewing angle is to be slewed though something of the ground acts on it."""
+    """Raise an InputError for slewing angles of a boom without such an angle on which something of the ground acts."""
     assert scene.frame is not None
     key = next(_keys_of_ground(scene), "")
     if scene.frame.slewing is None and key and any(slewing):

@@ -61,7 +61,8 @@ class Chart:
     def loads(self, places: Sequence[Place], guesses: Array | None = None) -> Array:
         """Return the load (c, l) in kg that each of l limits allows at each of c `places`; NaN above `up_to`.
 
-        `guesses` (c, l) holds loads in kg near which each search begins, NaN where there is no guess.
+        `guesses` (c, l) holds loads in kg near which each search begins, NaN where there is no guess; None stands for
+        no guesses at all.
         """
         nearby = [None] * len(places) if guesses is None else list(guesses)
         return np.array(
@@ -117,7 +118,8 @@ class Chart:
         `loads` (c, l) in kg are the loads that the reduced model allows at the k-th posture; for each limit the
         smallest of all cases is compared.  `part` is ``"mesh"`` or ``"model"``.  The error is the difference to the
         smallest load of the model ``models.comparisons[part]``, times ``share`` of that model.  The error is NaN for
-        limits that this model can't evaluate, and for all limits if there is no such model.
+        limits that this model can't evaluate, and for all limits if there is no such model.  An InputError of a limit's
+        function is raised with the name of this model in its message.
         """
         errors = np.full(loads.shape[1], np.nan)
         if (other := models.comparisons.get(part)) is not None:
@@ -226,8 +228,8 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
 def _remark(scene: Scene, limit: Limit) -> str:
     """Return the remark that the report prints after a limit.
 
-    It is the limit's note.  For a limit on the stress at probes, the names of the probes and the remark on stresses in
-    the walls of boxes come before the note.
+    The remark is the limit's note.  For a limit on the stress at probes, the names of the probes and the remark on
+    stresses in the walls of boxes come before the note.
     """
     if limit.of != "stress" or limit.kind.names is None:
         return limit.note
@@ -280,7 +282,7 @@ def left_out_of_chart(scene: Scene, limits: Sequence[Limit]) -> dict[str, str]:
 def chart_definitions(scene: Scene, point: tuple[float, float, float] | None = None) -> dict[str, str]:
     """Return what a chart of a scene calls load, radius, height and boom length, as text by subject.
 
-    The load hangs at `point` in m in the axes of the last section, or at the tip.
+    The load hangs at `point` in m in the axes of the last section; None stands for the tip.
     """
     last = scene.sections[-1]
     remaining = [f"{mass.name}, {mass.mass:g} kg" for mass in last.masses if not mass.payload]
@@ -306,7 +308,8 @@ def _point_arrays(
 ) -> dict[str, NDArray[Any]]:
     """Return point number `k` in the arrays ``load``, ``case``, ``member``, ``error...`` and ``hoist`` of `allow_row`.
 
-    Errors are NaN without richer models; ``hoist`` is missing without a rope.
+    Errors are NaN without richer models; ``hoist`` is missing if `rope` is None.  The first axis of a point's arrays is
+    left out.
     """
     places = chart.places(models.reduced, k)
     loads = chart.loads(places)
@@ -341,7 +344,7 @@ def _least_case(loads: Array) -> NDArray[np.int64]:
 
 
 def case_amount(case: Summary, part: str) -> float:
-    """Return the amount of a component in a load case; 0 if the case does not name it.
+    """Return the amount of a component in a load case; 0 for a component that the case does not name.
 
     The component `part` is a weight or the load, whose amount is a factor, or a load of the scene with an amount in N
     or N m.

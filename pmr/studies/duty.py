@@ -91,7 +91,7 @@ class LeastLoads(NamedTuple):
     def from_rows(cls, rows: Sequence[Mapping[str, Array]], turns: int) -> LeastLoads:
         """Return the smallest loads from the arrays of all rows of a chart, whose points have `turns` slewing angles.
 
-        The arrays are those of `pmr.studies.charting.allow_row`.
+        The arrays, with p points as their first axis, are those of `pmr.studies.charting.allow_row`.
         """
         load, error, place = (
             np.array([row[name].reshape(-1, turns, row[name].shape[1]) for row in rows])
@@ -106,10 +106,10 @@ class LeastLoads(NamedTuple):
     def at_radii(self, radii: Array, lower: Array, e: int, up_to: float) -> Array:
         """Loads and their lower bounds (2, R, l) in kg with boom length number `e`, for the tip at `radii` (R,) in m.
 
-        They are interpolated between luffing angles, and NaN at radii that the tip does not reach.  `lower` (E, A, l)
-        in kg are lower bounds of the loads.  A limit that is not reached counts as reached at `up_to` in kg.  Of a
-        radius that the tip has at two angles, above and below the horizontal, the smaller load counts.  The lower bound
-        is less by what interpolation with curves and with straight lines differ.
+        The loads are interpolated between luffing angles, and NaN at radii that the tip does not reach.  `lower` (E, A,
+        l) in kg are lower bounds of the loads.  A limit that is not reached counts as reached at `up_to` in kg.  If the
+        tip has a radius at two angles, above and below the horizontal, the smaller load counts.  The lower bound is
+        less by what interpolation with curves and with straight lines differ.
         """
         luffing, order = np.unique(self.luffing, return_index=True)
         place, load = self.place[e, order, 0], np.nan_to_num(self.load[e, order], nan=up_to)
@@ -145,7 +145,7 @@ class DutyTable:
 
     @classmethod
     def from_loads(cls, least: LeastLoads, up_to: float) -> DutyTable:
-        """Return the duty table of a chart; `up_to` is the largest load in kg that was tried."""
+        """Return the duty table from the loads `least` of a chart; `up_to` is the largest load in kg that was tried."""
         radii = _round_radii(least.place[:, :, 0])
         lower = np.maximum(ChartLoads(least.load, least.error, up_to).lower, 0.0)
         columns = np.array([least.at_radii(radii, lower, e, up_to) for e in range(len(least.load))])
@@ -285,7 +285,7 @@ class Wind(SceneTable):
 
     @property
     def forces(self) -> dict[str, float]:
-        """Forces of the wind in N, by the names of the scene's loads along which they act."""
+        """Forces of the wind in N, by the name of that load of the scene along which a force acts."""
         by_load = dict[str, float]()
         for exposed in self.on:
             by_load[exposed.load] = by_load.get(exposed.load, 0.0) + self.pressure * exposed.area * exposed.shape

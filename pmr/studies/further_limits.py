@@ -72,9 +72,9 @@ def entry_names(text: str, table: str) -> list[str]:
 
 
 def _compile_node(node: ast.expr, names: tuple[str, ...], tables: tuple[str, ...]) -> Value:
-    """Compile one node of an expression and the nodes below it, with the `names` and `tables` of `compile_expression`.
+    """Compile one node of an expression and all nodes below that, with the names that the expression may use.
 
-    Raises ValueError for a node that is not allowed.
+    `names` and `tables` are those of `compile_expression`.  Raises ValueError for a node that is not allowed.
     """
     if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and not isinstance(node.value, bool):
         constant = _as_float(node.value)
@@ -96,7 +96,7 @@ def _compile_node(node: ast.expr, names: tuple[str, ...], tables: tuple[str, ...
 
 
 def _as_float(number: float) -> float:
-    """Return a number as a finite float; raises ValueError if it is too large or NaN.
+    """Return a number as a finite float; raise a ValueError for a number that is too large or NaN.
 
     Numbers do not stay integers, as a power of integers may have so many digits that they fill the memory.
     """
@@ -110,7 +110,10 @@ def _as_float(number: float) -> float:
 
 
 def _operation(function: Callable[..., float], parts: list[Value]) -> Value:
-    """Return a function that applies an operator to the values of `parts`; it raises ValueError for a complex value."""
+    """Return a function that applies an operator to the values of `parts`.
+
+    The returned function raises a ValueError for a complex value.
+    """
 
     def apply(at: Amounts) -> float:
         """Return the operator's value in the state `at`; ValueError if it is complex."""
@@ -140,7 +143,7 @@ LimitFunction = Callable[[AtRest], float]
 
 
 def plugin_function(limit: str, name: str | None) -> LimitFunction:
-    """Return the function of the entry point `name`; raises InputError if no package offers it.
+    """Return the function of the entry point `name`; raise an InputError if no package offers that name, or it is None.
 
     `limit` is the name of the limit, for the message.
     """
@@ -205,7 +208,7 @@ def check_names(limit: str, text: str, scene: Scene) -> None:
 def amounts_of_states(
     limit_function: LimitFunction, key: str, text: str | None, at: PostureMatrices, k: int
 ) -> Callable[[LoadedStates], Array]:
-    """Return a function from states to the values (p,) of a user's limit function, for posture `k` of `at`.
+    """Return a function from states to the values (p,) of the user's `limit_function`, for posture `k` of `at`.
 
     The returned function raises InputError with `key` and `text` (the limit function's name or the expression) if the
     limit function fails or returns NaN.

@@ -31,7 +31,7 @@ COSTS = {"full": 0.5, "ancf": 3.0, "frequencies": 0.5}
 
 
 def scene_arguments(scene: Scene) -> dict[str, Any]:
-    """Return a scene as arguments of a task: ``scene``, its keys, and ``hash``, a digest that covers files it names."""
+    """Return a scene as arguments of a task: ``scene``, its keys, and ``hash``, a digest that covers named files."""
     plain = scene.model_copy(update={"title": "", "published": None})
     return {"scene": plain.model_dump(mode="json"), "hash": plain.hash}
 
@@ -42,7 +42,7 @@ def scene_of(arguments: Arguments) -> Scene:
 
 
 def model_of(scene: Scene) -> FullModel:
-    """Return the full model of a scene's single body; it is stored for later tasks by `bodies_of`."""
+    """Return the full model of a scene's single body, stored for later tasks by `bodies_of`."""
     return bodies_of(scene)[ALONE].model
 
 
@@ -69,7 +69,7 @@ def reduced_system(scene: Scene) -> System:
 def bodies_of(scene: Scene) -> Mapping[str, AssembledBody]:
     """Return a scene's full models with their structures, by the body's name.
 
-    They are stored for later tasks of this process.
+    The models are stored for later tasks of this process.
     """
     plain = {"title": "", "published": None, "damping": scene.damping}
     return _build_bodies(_without_loads(scene).model_copy(update=plain))
@@ -145,9 +145,9 @@ def _without_loads(scene: Scene) -> Scene:
 
 
 def _scene_task(function: TaskFunction, kind: str, name: str, scene: Scene, **more: Any) -> Task:
-    """Return a task on the scene: its key is `name` with a digest of its arguments; `more` are further arguments.
+    """Return a task that calls `function` on the scene; its key is `name` with a digest of its arguments.
 
-    `kind` is the kind of task by which its cost is known.
+    `more` are further arguments, and `kind` is the kind of task by which its cost is known.
     """
     arguments = scene_arguments(scene) | more
     digest = hashlib.sha256(json.dumps(arguments, sort_keys=True).encode()).hexdigest()[:12]

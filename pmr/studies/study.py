@@ -238,7 +238,7 @@ class CountedWarning:
         return cls(texts[worst], tuple(texts), worst)
 
     def line(self, count: int) -> str:
-        """Return the warning as a line that says which of the study's `count` runs have it."""
+        """Return the warning as a line that names the runs with this warning, out of the study's `count` runs."""
         if count == 1:
             return self.text
         if len(self.runs) == 1:
@@ -299,7 +299,7 @@ class StudyResults:
         return all(run.status == "done" for run in self.runs)
 
     def arrays(self, key: str) -> Mapping[str, NDArray[Any]]:
-        """Read the arrays of the run with this key from the store."""
+        """Read the arrays of the run with this key from the store, by name; the study's kind says their shapes."""
         file = next(run.file for run in self.runs if run.key == key)
         path = self.folder / file
         return Store(path.parent).read(path.stem).arrays
@@ -311,8 +311,8 @@ class StudyResults:
     def save(self, summary: Mapping[str, object], tables: Mapping[str, str | bytes] | None = None) -> None:
         """Write runs.csv, runs.npz, seconds.csv, summary.json (`summary` and the runs) and further `tables`.
 
-        `tables` maps file names to contents; for an empty one no file is written.  Old files of these names are
-        replaced or deleted.  An existing report is deleted, since it shows the old results.
+        `tables` maps file names to contents; no file is written for empty content, and None stands for no tables.  Old
+        files of these names are replaced or deleted.  An existing report is deleted, since it shows the old results.
         """
         rows = [run.row for run in self.runs]
         names = _column_names(rows)
@@ -368,7 +368,7 @@ def _cell(value: Scalar) -> str:
 
 
 def _column(values: Sequence[Scalar]) -> NDArray[Any]:
-    """Return a column (runs,) of a table as an array of texts or of numbers.
+    """Return the `values` of a column as an array (runs,) of texts or of numbers.
 
     None becomes an empty text or NaN.
     """

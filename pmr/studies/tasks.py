@@ -72,7 +72,7 @@ class Failure:
         return cls(" ".join(f"{type(error).__name__}: {error}".split()), "".join(traceback.format_exception(error)))
 
     def of_skipped(self, key: str) -> Failure:
-        """Return the failure of a task that is skipped because it needs the task `key`, which has this failure."""
+        """Return the failure of a task that is skipped because the task `key`, which is needed, has this failure."""
         reason = self.reason if self.status == "skipped" else f"needs {key}, which failed: {self.reason}"
         return Failure(reason, status="skipped")
 
@@ -113,8 +113,8 @@ class Task:
     def digest(self, code: str, needs: Mapping[str, str]) -> str:
         """Return the digest of everything that decides the result.
 
-        It covers the digest `code` of the package's code, the function, the source of its module, the arguments, and
-        `needs`, the digests of the results that the task needs, by name.
+        The digest covers the digest `code` of the package's code, the function, the source of its module, the
+        arguments, and `needs`, the digests of the results that the task needs, by name.
         """
         content = [code, self.address, _source(self.function.__module__), self.arguments, needs]
         return hashlib.sha256(json.dumps(content, sort_keys=True, allow_nan=False).encode()).hexdigest()[:24]
@@ -167,9 +167,9 @@ def digests(plan: Plan, code: str) -> dict[str, str]:
 def open_tasks(plans: Sequence[Plan], code: str, is_done: Callable[[str], bool]) -> dict[str, Task]:
     """Return the tasks of `plans` to be computed, by digest.
 
-    They are the runs that are not done, and the tasks with missing results on which these runs depend.  The needs of
-    these tasks are digests, no keys; each task comes after the tasks that it needs.  `is_done` returns for a digest
-    whether its result is stored; `code` is the digest of the code.
+    These tasks are the runs that are not done, and the tasks with missing results on which these runs depend.  The
+    needs of these tasks are digests, no keys; each task comes after the tasks that it needs.  `is_done` returns for a
+    digest whether its result is stored; `code` is the digest of the code.
     """
     tasks = dict[str, Task]()
     for plan in plans:

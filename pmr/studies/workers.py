@@ -77,7 +77,7 @@ class Worker:
         self._child: subprocess.Popen[str] | None = None
 
     def run(self, order: Order) -> Failure | None:
-        """Have the child run a task and wait for it; return None if its result is stored, else the failure."""
+        """Have the child run a task and wait for the end; return None if the result is stored, else the failure."""
         child = self._child if self._child is not None and self._child.poll() is None else self._start()
         self._log.seek(0)  # parent and child share the file position: the child writes from here on
         self._log.truncate()
@@ -94,7 +94,7 @@ class Worker:
         return Failure(f"its process died ({_exit_cause(child.wait())})", self._last_output())
 
     def close(self) -> None:
-        """End the child at once, or kill it after `PATIENCE` seconds; a task that is running leaves no result."""
+        """End the child at once, or kill the child after `PATIENCE` seconds; a running task leaves no result."""
         if self._child is not None:
             assert self._child.stdin is not None
             with suppress(BrokenPipeError):
@@ -192,7 +192,7 @@ def count_ranks() -> int:
 
 
 def run_on_rank(order: Order, path: list[str]) -> Failure | None:
-    """Run an order in the child process of this rank; return how it failed, None if it did not.
+    """Run an order in the child process of this rank; return the failure, or None if the order is done.
 
     `path` is where the child finds modules.
     """

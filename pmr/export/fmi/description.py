@@ -128,8 +128,8 @@ def _add_units(root: ET.Element, variables: Sequence[Variable]) -> None:
 def _variable_attributes(variable: Variable) -> dict[str, str]:
     """Attributes that every variable has, by their names in the FMI.
 
-    They are ``name``, ``valueReference`` and ``description``, and ``causality``, ``variability`` and ``initial`` as far
-    as the variable's role sets them.
+    The attributes are ``name``, ``valueReference`` and ``description``, and ``causality``, ``variability`` and
+    ``initial`` as far as the variable's role sets them.
     """
     attributes = {
         "name": variable.name,
@@ -151,7 +151,7 @@ def _real_attributes(variable: Variable) -> dict[str, str]:
 
 
 def _number_text(value: float) -> str:
-    """Number as XML has it."""
+    """Number in the form of XML: ``NaN``, or all digits."""
     return "NaN" if value != value else repr(value)
 
 
@@ -165,7 +165,7 @@ def _model_structure(variables: Sequence[Variable]) -> list[list[Variable]]:
 
 
 def _xml_text(root: ET.Element) -> str:
-    """Text of the XML tree; control characters and lone surrogates, which XML can't hold, are replaced."""
+    """Text of the XML tree below `root`; control characters and lone surrogates, which XML can't hold, are replaced."""
     for element in root.iter():
         element.attrib.update({key: escape_controls(value) for key, value in element.attrib.items()})
     ET.indent(root)

@@ -65,7 +65,7 @@ class UnitObserver:
         return tuple(name for name in self.units if name not in self.outputs)
 
     def arrays(self, drivers: Drivers) -> dict[str, NDArray[np.int32] | Array]:
-        """Arrays for resources/system.pmr by name."""
+        """Arrays of the observer of a system with these `drivers`, for resources/system.pmr, by name."""
         numbers, data = drivers.system.input_names, self.data
         sizes = [*(data.sizes[name] for name in SIZES), data.sizes["acceleration"], len(self.unknowns)]
         arrays: dict[str, NDArray[np.int32] | Array] = {
@@ -85,8 +85,8 @@ class UnitObserver:
     def variables(self, names: Identifiers, first: int) -> Iterator[Variable]:
         """Yield the observer's variables, numbered from the value reference `first` on, as in source/estimator.c.
 
-        An input for each sensor comes first.  Estimates of the outputs follow, then their standard deviations, the same
-        for the unknowns, and the innovation and the alarm of each sensor.
+        `names` makes identifiers from names.  An input for each sensor comes first.  Estimates of the outputs follow,
+        then their standard deviations, the same for the unknowns, and the innovation and the alarm of each sensor.
         """
         listed = list[Variable]()
         for name in self.sensors:
@@ -101,7 +101,7 @@ class UnitObserver:
         yield from (replace(variable, reference=first + k) for k, variable in enumerate(listed))
 
     def _unit(self, name: str) -> str:
-        """Unit of the output or unknown called `name`, as FMI writes it."""
+        """Unit of the output or unknown called `name`, in FMI's spelling."""
         return self.units[name].replace("^", "")
 
     @staticmethod
@@ -172,7 +172,7 @@ def write_fmu(
     sources: bool = False,
     observer: UnitObserver | None = None,
 ) -> Path:
-    """Write a saved system or reduced model as an FMU for Co-Simulation, and for Model Exchange if it is an ODE.
+    """Write a saved system or reduced model as an FMU for Co-Simulation, and, if it is an ODE, for Model Exchange.
 
     Parameters
     ----------
@@ -224,7 +224,7 @@ def fmu_contents(
 ) -> Contents:
     """Description, system and reference trajectory of an FMU whose binaries are called `name`.
 
-    `version`, `sources` and `observer` are those of `write_fmu`, and so are the errors.
+    `version`, `sources`, `observer` (None: no observer) and errors are those of `write_fmu`.
     """
     # with an observer contacts are combined as those of its own model, to the last bit
     drivers = Drivers.of(system, reactions=observer is None)
@@ -269,7 +269,7 @@ def source_files(version: str | None = None) -> dict[str, str]:
 
 
 def compiled_files(files: dict[str, str]) -> list[str]:
-    """Names of the C files among `files` (texts by name) that are compiled on their own; they include all others."""
+    """Names of the C files among `files` (texts by name) that are compiled, as no other file includes them."""
     included = {name for text in files.values() for name in re.findall(r'#include "(\w+\.c)"', text)}
     return [name for name in files if name.endswith(".c") and name not in included]
 

@@ -54,7 +54,7 @@ class Reference:
 
 
 def reference(drivers: Drivers, scene: StoredScene) -> Reference:
-    """Simulate a system under its own scene and return the reference trajectory.
+    """Simulate the system of `drivers` under its own scene and return the reference trajectory.
 
     Without a frame, paths and loads follow the FMU's cubics between steps; with a frame that moves, they follow the
     scene's signals.  A free luffing angle or extension is computed first, as in a run; errors as
@@ -99,7 +99,7 @@ def reference(drivers: Drivers, scene: StoredScene) -> Reference:
 
 
 def first_loads(drivers: Drivers, scene: StoredScene) -> Array:
-    """Loads (i,) in N or N m at the start, with the full weight."""
+    """Loads (i,) in N or N m of the inputs of `drivers` at the start, with the full weight."""
     if drivers.frame is None:
         at = dict.fromkeys(drivers.loads, 0.0) | dict(
             zip(drivers.system.load_names, scene.first_loads.tolist(), strict=True)
@@ -194,7 +194,10 @@ def inputs_csv(run: Reference, variables: Sequence[Variable]) -> str:
 
 
 def outputs_csv(run: Reference, drivers: Drivers, variables: Sequence[Variable]) -> str:
-    """Text of resources/reference_out.csv: time, body outputs and contact forces, under the variables' names."""
+    """Text of resources/reference_out.csv: time, body outputs and contact forces of a run, under the variables' names.
+
+    `drivers` has the system.
+    """
     titles = {*drivers.system.output_names, *map(force_name, drivers.system.contact_names)}
     outputs = [v for v in variables if v.role.causality == "output" and v.kind != "rate"]
     names = [v.name for v in outputs if v.description.partition("; ")[0] in titles]
@@ -202,7 +205,7 @@ def outputs_csv(run: Reference, drivers: Drivers, variables: Sequence[Variable])
 
 
 def _csv(names: Sequence[str], rows: Array) -> str:
-    """Comma-separated text of a header with `names`, and of rows of numbers."""
+    """Comma-separated text of a header with `names` (k), and of `rows` (T, k) of numbers."""
     lines = [",".join(f'"{name}"' for name in names)]
     return "\n".join([*lines, *(",".join(map(repr, row)) for row in rows.tolist()), ""])
 

@@ -139,7 +139,7 @@ class Drivers:
 
     @property
     def moved_paths(self) -> tuple[str, ...]:
-        """Names of the paths of a free extension and of sections that follow it; empty without a free extension."""
+        """Names of the paths of a free extension and of all following sections; empty without a free extension."""
         return () if self.frame is None or self.frame.computed is None else tuple(self.frame.computed.moved)
 
     @property
@@ -210,8 +210,9 @@ def variables(
 ) -> list[Variable]:
     """All variables of a system, with start and nominal values as described for `pmr.export.fmi.fmu.system_file`.
 
-    They are in ascending order of their value references.  The last ones are those that `further` yields, whose value
-    references begin with its second argument.
+    `start` and `nominal` are (variables,).  The variables are in ascending order of their value references.  The last
+    variables are those that `further`, unless it is None, yields; their value references begin with its second
+    argument.
     """
     names = Identifiers()
     listed = list(_inputs_and_parameters(drivers, names, start))
@@ -241,7 +242,7 @@ def variables(
 
 
 def path_names(paths: Sequence[str]) -> list[str]:
-    """Names of the path inputs: ``s`` for the common path of all sliders, ``s <path>`` for others."""
+    """Names of the inputs for `paths`: ``s`` for the common path of all sliders, ``s <path>`` for others."""
     return ["s" if path == SLIDER else f"s {path}" for path in paths]
 
 
@@ -283,7 +284,8 @@ def _drivers(drivers: Drivers) -> Iterator[Variable]:
 def _inputs_and_parameters(drivers: Drivers, names: Identifiers, start: Array) -> Iterator[Variable]:
     """Yield time, the inputs with their rates of order one to three, and the parameters, as variables.
 
-    `start` has their start values in the order of value references.
+    `start` (variables,) has their start values in the order of value references, and `names` makes identifiers from
+    names.
     """
     fixed = [names(name) for name in ("internal_step", "rho_inf", "start")]  # before those of loads
     yield Variable(names("time"), 0, "time", Role("independent", initial=""), "s")
@@ -308,7 +310,7 @@ def _inputs_and_parameters(drivers: Drivers, names: Identifiers, start: Array) -
 
 
 def output_kinds(drivers: Drivers) -> Iterator[tuple[str, str, bool]]:
-    """Yield (name, unit, rate) of each output in the kernel's order; `rate` is True if the output has a rate of change.
+    """Yield (name, unit, rate) of each output of `drivers` in the kernel's order; `rate` says if the output has a rate.
 
     Motions have rates, forces have none.
     """
@@ -321,7 +323,7 @@ def output_kinds(drivers: Drivers) -> Iterator[tuple[str, str, bool]]:
 def _output_variables(drivers: Drivers, names: Identifiers, first: int) -> Iterator[Variable]:
     """Yield outputs, rates of outputs that are motions, and contact forces; the first value reference is `first`.
 
-    There are no rates without derivatives.
+    `names` makes identifiers from names.  There are no rates if the system of `drivers` has no derivatives.
     """
     system, called = drivers.system, list(output_kinds(drivers))
     count, o = len(called), len(system.output_names)

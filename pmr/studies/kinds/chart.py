@@ -234,7 +234,7 @@ class Study(StudyBase):
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0] if name[:3] != "at."}
 
     def loads(self, table: Mapping[str, NDArray[Any]]) -> ChartLoads:
-        """Return the loads of all limits in a table that `Study.table` returned."""
+        """Return the loads of all l limits at P points in `table`, whose arrays (P, l) `Study.table` returned."""
         return ChartLoads(table["load"], table["error"], self.up_to)
 
     def tables(self, results: StudyResults) -> Mapping[str, str | bytes]:
@@ -347,7 +347,7 @@ class Study(StudyBase):
 
     @property
     def _angle_unit(self) -> str:
-        """Unit of the angles of luffing and slewing in the scene's frame; ``rad`` if it has no frame."""
+        """Unit of the angles of luffing and slewing in the scene's frame; ``rad`` for a scene without a frame."""
         return "rad" if self._scene.frame is None else self._scene.frame.unit
 
     @property

@@ -117,7 +117,7 @@ class Study(StudyBase):
     grid: dict[str, Any] = Field(default={}, description="Keys of the scenes and the values that each takes in turn")
 
     def plan(self) -> Plan:
-        """Return a task for each run, and for single bodies the frequencies and references they share."""
+        """Return a task for each run, and for single bodies the frequencies and references that several runs share."""
         runs, common = [], dict[str, Task]()
         for file, point in self._run_points():
             key = task_key(",".join(point.words) or file.stem)
