@@ -154,11 +154,10 @@ def _floor(result: RunResult) -> float:
     )
 
 
-def undrawn_sentence(directions: Sequence[str]) -> str:
-    """Sentence that the tip's displacements in these `directions` are round-off; empty without directions."""
-    if not directions:
-        return ""
-    return f"The tip moves along {' and '.join(directions)} by no more than round-off."
+def undrawn_sentence(result: RunResult) -> str:
+    """Sentence on the directions in which the tip's displacements are round-off; empty without such directions."""
+    still = [direction for direction, what in tip_displacements(result).items() if is_round_off(result, what)]
+    return f"The tip moves along {' and '.join(still)} by no more than round-off." if still else ""
 
 
 def axis_points(result: RunResult) -> list[AxisPoints]:

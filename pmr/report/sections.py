@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from operator import attrgetter
-from typing import NamedTuple
 
 import numpy as np
 
@@ -131,39 +130,29 @@ def motion_block(result: RunResult, prefix: str) -> Block | None:
     if bodies.cell_stresses and (data or pictures):
         caption = "Colours of the pictures: the largest von Mises stress of each cell."
         scale.append(drawing(f"{prefix}-ramp", shapes.colour_scale, caption, bodies.colour_limit / 1e6))
-    tip, still = tip_drawings(result, prefix)
     return Block(
         heading="Motion",
-        text=undrawn_sentence(still),
+        text=undrawn_sentence(result),
         player=Player(data, player.drawing_sentence(data)) if data else None,
         pictures=pictures,
-        drawings=[*scale, *space.space_drawings(result, prefix), *tip],
+        drawings=[*scale, *space.space_drawings(result, prefix), *tip_drawings(result, prefix)],
     )
 
 
-class TipDrawings(NamedTuple):
-    """Figures of the tip's displacements, and the directions in which it moves by round-off only."""
-
-    drawings: list[Drawing]
-    still: list[str]
-
-
-def tip_drawings(result: RunResult, prefix: str) -> TipDrawings:
+def tip_drawings(result: RunResult, prefix: str) -> list[Drawing]:
     """Draw the displacement of the tip in each direction across the axis, and its estimated error.
 
-    `prefix` begins the identifiers of the figures.
+    Directions in which it is round-off are left out.  `prefix` begins the identifiers of the figures.
     """
-    drawings, still, quantities = [], [], tip_displacements(result)
-    of = subject.crossing(result) or "the tip"
-    for number, (direction, what) in enumerate(quantities.items()):
-        if is_round_off(result, what):
-            still.append(direction)
-            continue
-        anchor, called = f"{prefix}-tip-{direction}", direction_words(result, direction)
-        caption, label = f"Displacement of {of}, {called}", f"{of.removeprefix('the ').capitalize()} {direction}"
-        error = None if result.tip_error is None else result.tip_error[:, number]
-        drawings.append(histories.drawn_history(anchor, result, what, caption, label, "m", error))
-    return TipDrawings(drawings, still)
+    drawings, of = list[Drawing](), subject.crossing(result) or "the tip"
+    for number, (direction, what) in enumerate(tip_displacements(result).items()):
+        if not is_round_off(result, what):
+            label = f"{of.removeprefix('the ').capitalize()} {direction}"
+            caption = f"Displacement of {of}, {direction_words(result, direction)}"
+            error = None if result.tip_error is None else result.tip_error[:, number]
+            anchor = f"{prefix}-tip-{direction}"
+            drawings.append(histories.drawn_history(anchor, result, what, caption, label, "m", error))
+    return drawings
 
 
 def energy_block(result: RunResult, prefix: str) -> Block:

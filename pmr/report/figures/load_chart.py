@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -95,11 +95,6 @@ class LoadChart:
         return limits | ({-1: MUTED} if (self.which < 0).any() else {})
 
 
-def load_chart(chart: LoadChart) -> Figure:
-    """Draw a load chart: a coloured cell around each position of the tip, and curves of constant load."""
-    return _draw_chart(chart).figure
-
-
 def pointer_cells(chart: LoadChart, texts: Sequence[str]) -> str:
     """Transparent cells that show a text under a pointer, as elements to be put at the end of a chart's SVG.
 
@@ -108,7 +103,7 @@ def pointer_cells(chart: LoadChart, texts: Sequence[str]) -> str:
     """
     if not 0 < len(texts) <= MOST_CELLS:
         return ""
-    figure, corners = _draw_chart(chart)
+    figure, corners = load_chart(chart), _corners(chart.place)
     to_points = figure.axes[0].transData.transform(corners.reshape(-1, 2)) * 72.0 / figure.dpi
     x, y = to_points.reshape(corners.shape).transpose(2, 0, 1)
     y = figure.get_figheight() * 72.0 - y
@@ -123,15 +118,8 @@ def pointer_cells(chart: LoadChart, texts: Sequence[str]) -> str:
     return "".join(cells)
 
 
-class DrawnChart(NamedTuple):
-    """Figure of a load chart, and the corners (E + 1, A + 1, 2) in m of its cells."""
-
-    figure: Figure
-    corners: Array
-
-
-def _draw_chart(chart: LoadChart) -> DrawnChart:
-    """Draw a load chart; return the figure and the corners (E + 1, A + 1, 2) in m of its cells."""
+def load_chart(chart: LoadChart) -> Figure:
+    """Draw a load chart: a coloured cell around each position of the tip, and curves of constant load."""
     corners = _corners(chart.place)
     low, high = np.minimum(corners.min(axis=(0, 1)), 0.0), np.maximum(corners.max(axis=(0, 1)), 0.0)
     hatched = chart.not_permitted
@@ -162,7 +150,7 @@ def _draw_chart(chart: LoadChart) -> DrawnChart:
         for colour, name in zip(colours.values(), chart.labels, strict=False)
     ]
     entries += [Patch(label=NOT_PERMITTED, **NOT_PERMITTED_STYLE)] if hatched.any() else []
-    return DrawnChart(add_legend(figure, entries), corners)
+    return add_legend(figure, entries)
 
 
 def _free_place(places: Array, taken: Array, room: float) -> Array:

@@ -58,43 +58,34 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     up_to = float(study.study_file["up_to"])
     loads = ChartLoads(table.load, table.error, up_to)
     which, least = loads.which, np.where(np.isinf(loads.least), np.nan, loads.least)
-    blocks = [
-        _statement_block("What load and radius are", parts[0]["at.definitions"]),
-        _statement_block("What is not in this chart", parts[0]["at.left_out"]),
-        Block("Limits", grids=(limit_grid(study, names, parts),)),
-        Block("Load cases", grids=(case_grid(study),)),
-    ]
-    chapter = Chapter(
-        anchor=prefix, title=study.title, headline=headline(study, least, parts[0]["at.slewing"]), blocks=blocks
-    )
+    statements = (("What load and radius are", "at.definitions"), ("What is not in this chart", "at.left_out"))
+    stated = [_statement_block(heading, parts[0][key]) for heading, key in statements]
+    limits = Block("Limits", grids=(limit_grid(study, names, parts),))
+    cases = Block("Load cases", grids=(case_grid(study),))
+    sentence = headline(study, least, parts[0]["at.slewing"])
+    chapter = Chapter(anchor=prefix, title=study.title, headline=sentence, blocks=[*stated, limits, cases])
     if not np.isfinite(least).any():  # the picture and the table of loads would be empty
         return chapter
     error = np.where(which >= 0, np.take_along_axis(table.error, np.maximum(which, 0)[..., None], 2)[..., 0], np.nan)
-    shown_names = [*names[:-1], STABILITY_WORDS]
-    chart, beyond = LoadChart(table.place, least, which, shown_names, up_to), bool((which < 0).any())
-    slewing = slewing_clause(parts[0]["at.slewing"])
-    caption = prose("chart_caption", slewing=slewing, ends_at=format_load(up_to) if beyond else "")
+    shown_names, not_covered = [*names[:-1], STABILITY_WORDS], str(parts[0]["not_covered"][0])
+    chart = LoadChart(table.place, least, which, shown_names, up_to)
+    ends_at = format_load(up_to) if (which < 0).any() else ""
+    caption = prose("chart_caption", slewing=slewing_clause(parts[0]["at.slewing"]), ends_at=ends_at)
     picture = drawing(f"{prefix}-chart", load_chart, caption, chart)
-    caption = "Allowed load over the radius of the tip for boom lengths from the pivot; letters and colours as above."
-    lines, duty = (
-        drawing(f"{prefix}-duty", duty_lines, caption, chart),
-        DutyTable.from_loads(table, up_to),
-    )
-    not_covered = str(parts[0]["not_covered"][0])
     texts = [_cell_text(study, table, chart, error, number) for number in range(least.size)]
     shown = f"{SCREEN}{pointer_cells(chart, texts)}{END_OF_SCREEN}</svg>"
     picture = replace(picture, svg=picture.svg.removesuffix("</svg>") + shown)
-    explained = replace(
-        blocks[2],
-        text=prose("chart_method", asked=study.study_file, figures=study.figures, not_covered=not_covered),
-        grids=(*blocks[2].grids, *error_bar_grids(study, names, parts)),
-    )
-    over_radius = Block("Load over radius", (lines,), grids=tuple(duty_grids(study, duty, not_covered)))
+    caption = "Allowed load over the radius of the tip for boom lengths from the pivot; letters and colours as above."
+    lines = drawing(f"{prefix}-duty", duty_lines, caption, chart)
+    duty = tuple(duty_grids(study, DutyTable.from_loads(table, up_to), not_covered))
+    method = prose("chart_method", asked=study.study_file, figures=study.figures, not_covered=not_covered)
+    limits = replace(limits, text=method, grids=(*limits.grids, *error_bar_grids(study, names, parts)))
+    over_radius = Block("Load over radius", (lines,), grids=duty)
     pages = governing_pages(study, shown_names, parts, prefix)
     return replace(
         chapter,
         key_numbers=_key_numbers(study, chart, error, parts),
-        blocks=[Block("Load chart", (picture,)), *blocks[:2], over_radius, explained, blocks[3], *pages],
+        blocks=[Block("Load chart", (picture,)), *stated, over_radius, limits, cases, *pages],
     )
 
 
