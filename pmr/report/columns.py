@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pmr.files.arrays import Array
-from pmr.report.numbers import round_number
 from pmr.report.subject import luffing_support_names, shown_force_name
 from pmr.results import Response, RunResult
 from pmr.results.tables import FORCE_OF
@@ -21,8 +18,6 @@ from pmr.scene.hoist import PLACES as HOOK_PLACES
 from pmr.scene.hoist import Hoist
 from pmr.scene.keys import qualified_name
 
-PLAYING = 30.0  # s in which the whole motion plays at the first speed
-_FULL_SCALE = 32767
 #: Remark on the force of a support that stands in for the luffing cylinder.
 ACROSS = " (its support, across the boom)"
 
@@ -72,28 +67,6 @@ def interpolate(t: Array, times: Array, values: Array) -> Array:
     return np.stack([np.interp(t, times, column) for column in values.T], axis=1)
 
 
-def encode_array(values: Array) -> dict[str, Any]:
-    """Encode an array for a page as whole numbers.
-
-    ``data`` are these numbers as little-endian 16-bit integers in base64, and ``count`` is the value that the number 1
-    stands for.
-    """
-    largest = float(np.abs(values).max(initial=0.0)) or 1.0
-    counts = np.round(values / largest * _FULL_SCALE).astype("<i2")
-    return {"count": largest / _FULL_SCALE, "data": base64.b64encode(counts.tobytes()).decode()}
-
-
-def playback_speeds(duration: float) -> dict[str, Any]:
-    """Playback speeds of a motion of `duration` s, as multiples of real time.
-
-    ``first`` is a round speed that plays the motion in about `PLAYING` s; ``choices`` are this speed and four others,
-    from a fifth to four times of it.
-    """
-    first = round_number(max(duration / PLAYING, 1e-6))
-    choices = [first / 5.0, first / 2.0, first, 2.0 * first, 4.0 * first]
-    return {"first": first, "choices": [float(f"{choice:.3g}") for choice in choices]}
-
-
 ResponseFunction = Callable[[Response], Array]
 
 #: Share of the largest displacement up to which a displacement is round-off; used if a response states no bound.
@@ -139,19 +112,16 @@ def tip_displacements(result: RunResult) -> Mapping[str, ResponseFunction]:
 
 
 def is_round_off(result: RunResult, quantity: ResponseFunction) -> bool:
-    """Whether a displacement is at most round-off in every model; `quantity` reads the displacement from a response."""
-    return max(float(np.abs(quantity(response)).max()) for response in result.responses.values()) <= _floor(result)
+    """Whether a displacement is at most round-off in every model; `quantity` reads the displacement from a response.
 
-
-def _floor(result: RunResult) -> float:
-    """Displacement in m up to which a displacement may be round-off: the largest bound of all responses.
-
-    For a response that states no bound, the bound is the share `ROUND_OFF` of the response's largest displacement.
+    A displacement may be round-off up to the largest bound of all responses.  For a response that states no bound, the
+    bound is the share `ROUND_OFF` of the response's largest displacement.
     """
-    return max(
+    floors = [
         response.round_off or ROUND_OFF * float(np.abs(response.displacement).max(initial=0.0))
         for response in result.responses.values()
-    )
+    ]
+    return max(float(np.abs(quantity(response)).max()) for response in result.responses.values()) <= max(floors)
 
 
 def undrawn_sentence(result: RunResult) -> str:

@@ -108,15 +108,13 @@ def error_notes(result: RunResult, table: Sequence[Row]) -> list[str]:
 def error_name(result: RunResult, kind: str) -> str:
     """Name of the quantity that an error measures, such as ``all sections`` for the kind ``beam``."""
     names = {"tip": "tip", "beam": "beam" if is_alone(result) else "all sections", "pad_force": force_words(result)}
-    return names.get(kind) or shown_force_name(_shown_label(result, error_label(kind)))
+    return names.get(kind) or shown_force_name(_with_shown_label(result, error_label(kind)))
 
 
-def _shown_label(result: RunResult, label: str) -> str:
-    """Label of a quantity in the table of errors.
-
-    The label of support forces names the luffing cylinder if it is the only support that gives way.
-    """
-    return LUFFING_LABEL if label == QUANTITIES["support_force"].label and is_luffing_cylinder_alone(result) else label
+def _with_shown_label(result: RunResult, text: str) -> str:
+    """Text in which the label of support forces names the luffing cylinder if it is the only support that gives way."""
+    alone = is_luffing_cylinder_alone(result)
+    return text.replace(QUANTITIES["support_force"].label, LUFFING_LABEL) if alone else text
 
 
 def _error_rows(result: RunResult) -> Iterator[Row]:
@@ -247,7 +245,6 @@ def trust_table(result: RunResult) -> Table:
     budget, step, estimate = (summary.get(name) or {} for name in ("budget", "step", "estimate"))
     model, (source, reduction) = budget.get("model") or {}, reduction_error(summary)
     parts = _errors_by_source(summary)
-    parts = {name: _with_shown_labels(result, errors) for name, errors in parts.items()}
     texts = {name: _list_without_round_off(errors) for name, errors in parts.items()}
     texts["model"] = (
         f"beside {model_traits(model['beside']).words}: {texts['model']}"
@@ -262,8 +259,7 @@ def trust_table(result: RunResult) -> Table:
     texts["reduction"] = "; ".join(filter(None, (texts["reduction"], remark))) or NOT_COMPARED
     if sums := (summed := summed_errors(summary)).by_label:
         of_largest = dict(sorted(sums.items(), key=lambda item: -item[1]))
-        text = _list_without_round_off(_with_shown_labels(result, of_largest))
-        texts["added up"] = "; ".join((text, *_lacking_clauses(result, summed)))
+        texts["added up"] = "; ".join((_list_without_round_off(of_largest), *_lacking_clauses(summed)))
     stressed = "reduced" in summary.get("max_von_mises", {})
     walls = [WALLS] if stressed and any(traits_of(of).is_beam for of in members(result.scene)) else []
     missing = {
@@ -280,7 +276,8 @@ def trust_table(result: RunResult) -> Table:
     note += f"ten times as much from mark to mark. Displacements are those {scope_words(result)}; "
     note += "stresses may be further off."
     gaps = "; ".join(f"{name}: {', '.join(dict.fromkeys(clauses))}" for name, clauses in missing.items() if clauses)
-    rows = (*texts.items(), *([("not in these bars", gaps)] if gaps else []))
+    rows = tuple((name, _with_shown_label(result, text)) for name, text in texts.items())
+    rows += (("not in these bars", gaps),) if gaps else ()
     return Table("How far to trust it", rows, bars, decades, note if bars else "")
 
 
@@ -315,11 +312,6 @@ def _stress_gaps(result: RunResult) -> Iterator[str]:
         yield stress_remark(result.scene) or "beams have no local stress at pads, loads and corners"
     if not all(are_beams):
         yield "cells are not short enough at pads, loads and corners to tell"
-
-
-def _with_shown_labels(result: RunResult, errors: Mapping[str, float]) -> dict[str, float]:
-    """Errors by the labels under which the pages of a run show them."""
-    return {_shown_label(result, label): error for label, error in errors.items()}
 
 
 def _errors_by_source(summary: Summary) -> dict[str, dict[str, float]]:
@@ -383,13 +375,12 @@ def summed_errors(summary: Summary) -> SummedErrors:
     )
 
 
-def _lacking_clauses(result: RunResult, summed: SummedErrors) -> Iterator[str]:
+def _lacking_clauses(summed: SummedErrors) -> Iterator[str]:
     """Yield a clause for each source that is not in all sums, with the quantities in whose sums it is not."""
     for source in dict.fromkeys(name for names in summed.lacking.values() for name in names):
         labels = [label for label, names in summed.lacking.items() if source in names]
         others = [label for label in summed.by_label if label not in labels and source in summed.sources[label]]
-        where = f" in {', '.join(_shown_label(result, label) for label in labels)}" if others else ""
-        yield f"not in it: {source}{where}"
+        yield f"not in it: {source}" + (f" in {', '.join(labels)}" if others else "")
 
 
 def _step_words(step: Mapping[str, object]) -> str:

@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 
 from pmr.files.arrays import Array
 from pmr.report.bodies import Block, Surface
-from pmr.report.columns import encode_array, playback_speeds
 from pmr.report.moving_bodies import MovingBodies
-from pmr.report.numbers import format_input, format_percent
+from pmr.report.numbers import format_input, format_percent, round_number
 from pmr.report.renderer import RAMP
 from pmr.report.subject import is_alone, reach
 
+PLAYING = 30.0  # s in which the whole motion plays at the first speed
+_FULL_SCALE = 32767
 EXACT = 1e-4  # size of a shape, as a share of the size of the largest one, below which the shape is left out
 MOST_SHAPES = 32
 MOST_FACES = 60_000  # bodies with more faces have pictures but no animation, so that a page stays below 5 MB
@@ -80,7 +81,8 @@ def _frame_motion(bodies: MovingBodies) -> dict[str, Any] | None:
         return None
     ends = [
         pose.positions(
-            np.array([surface.points.min(axis=0), surface.points.max(axis=0)]) + _along_axis(bodies.shifts[name])
+            np.array([surface.points.min(axis=0), surface.points.max(axis=0)])
+            + np.multiply.outer(bodies.shifts[name], [[1.0, 0.0, 0.0]])
         )
         for name, surface in bodies.surfaces.items()
     ]
@@ -93,11 +95,6 @@ def _frame_motion(bodies: MovingBodies) -> dict[str, Any] | None:
         "size": float(np.linalg.norm(high - low)),
         "angles": [encode_array(np.rad2deg(angle.value(bodies.t))) for angle in frame.angles],
     }
-
-
-def _along_axis(shifts: Array) -> Array:
-    """Turn shifts (F,) in m along x into vectors (F, 1, 3)."""
-    return np.asarray(shifts[:, None, None] * np.array([1.0, 0.0, 0.0]))
 
 
 def _body_data(bodies: MovingBodies, name: str, surface: Surface, most_values: int) -> dict[str, Any]:
@@ -159,3 +156,25 @@ def _encode_indices(values: NDArray[np.int64]) -> str:
 def _block_data(block: Block) -> dict[str, Any]:
     """Data of a cuboid for the player: its ``corners`` in m as a list of coordinates, and its ``sides``."""
     return {"corners": block.corners.round(4).ravel().tolist(), "sides": block.sides.tolist()}
+
+
+def encode_array(values: Array) -> dict[str, Any]:
+    """Encode an array for a page as whole numbers.
+
+    ``data`` are these numbers as little-endian 16-bit integers in base64, and ``count`` is the value that the number 1
+    stands for.
+    """
+    largest = float(np.abs(values).max(initial=0.0)) or 1.0
+    counts = np.round(values / largest * _FULL_SCALE).astype("<i2")
+    return {"count": largest / _FULL_SCALE, "data": base64.b64encode(counts.tobytes()).decode()}
+
+
+def playback_speeds(duration: float) -> dict[str, Any]:
+    """Playback speeds of a motion of `duration` s, as multiples of real time.
+
+    ``first`` is a round speed that plays the motion in about `PLAYING` s; ``choices`` are this speed and four others,
+    from a fifth to four times of it.
+    """
+    first = round_number(max(duration / PLAYING, 1e-6))
+    choices = [first / 5.0, first / 2.0, first, 2.0 * first, 4.0 * first]
+    return {"first": first, "choices": [float(f"{choice:.3g}") for choice in choices]}
