@@ -262,6 +262,7 @@ class _StageLines:
     """Progress of a run without a terminal: a line on standard error at the begin of each stage, after `QUIET` s."""
 
     def __init__(self, title: str) -> None:
+        """Start the timer of the first line; lines begin with `title`, the name of the run's scene."""
         self._title, self._begin = title, time.monotonic()
         self._stage, self._printed = "", set[str]()
         self._timer = Timer(QUIET, self._print)

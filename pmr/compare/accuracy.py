@@ -106,6 +106,7 @@ class Search:
     """
 
     def __init__(self, scene: Scene, models: Mapping[str, ReducedModel]) -> None:
+        """Begin the search with `models`, the reductions of the bodies by name, and find the scene's best trial."""
         begin, self.scene = time.perf_counter(), scene
         if why := reason_without_estimate(models):
             allowed = f"the search needs an estimate of the error, and there is none: {why}"

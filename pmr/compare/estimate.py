@@ -359,6 +359,11 @@ class UnsettledError(SimulationError):
     """
 
     def __init__(self, error: float, difference: float, peaks: Sequence[float]) -> None:
+        """Compose the message from two relative errors, as fractions of 1, and the warning from pad forces in N.
+
+        `error` was to be estimated, `difference` is that between two richer models, and `peaks` are the largest forces
+        of pads with each model.
+        """
         super().__init__(
             "pads lift off and close again, and the motion depends on the exact time of impacts: two richer models "
             f"differ by {100.0 * difference:.2g} %, and the error to estimate is {100.0 * error:.2g} %"

@@ -108,6 +108,7 @@ class _EnergyBalance:
     """Energy (T,) in J, and work of each of T - 1 steps in J; add bodies first, then terms, then momenta."""
 
     def __init__(self, scene: Scene, run: SystemTrajectory) -> None:
+        """Begin the balance of a scene's `run` of T steps with the energy and work in the moving frame."""
         assert scene.frame is not None  # `energy_in_space` is for scenes with a frame
         self._scene, self._run = scene, run
         self._turning = FrameRotation.from_signals(*scene.frame.angles, run.t, scene.frame.base_angles)

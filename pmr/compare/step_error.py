@@ -58,6 +58,11 @@ class ConvergenceSeries(Generic[Compared]):
     def __init__(
         self, difference: Callable[[Compared, Compared], float], first: Compared, initial: Compared | None = None
     ) -> None:
+        """Begin the series with the run with the longest step, `first`, and no differences.
+
+        `difference` returns the difference of a run to a finer run, as a fraction.  `initial` is the run whose error is
+        asked for; None stands for `first`.
+        """
         self._apart = difference
         self.first, self.last = first if initial is None else initial, first
         self.differences: list[float] = []

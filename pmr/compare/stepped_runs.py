@@ -87,6 +87,11 @@ class SteppedSystem:
         run: SystemTrajectory | None = None,
         complete: Callable[[Response], Response] | None = None,
     ) -> None:
+        """Prepare runs of the system under the excitation, whose time grid is the given one; nothing is simulated yet.
+
+        `run` is the run on that grid, None if it is still to be simulated.  `complete` adds forces to a response; None
+        adds none.
+        """
         self._form, self.excitation, self._known, self._complete = SystemForm.of(system), excitation, run, complete
         self.system = system = self._form.system
         self.pushing = not np.isnan(system.clearance).all()
@@ -188,6 +193,7 @@ class Runs:
     """
 
     def __init__(self, stepped: SteppedSystem, rates: bool = False) -> None:
+        """Begin without runs of the system `stepped`; velocities are sampled if `rates` is true."""
         self._stepped, self._rates, stepping = stepped, rates, stepped.given
         self._stride = -(-stepping.steps // COMPARED)
         self._budget = BUDGET_OF_IMPACTS if stepped.pushing else BUDGET

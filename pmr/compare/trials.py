@@ -95,6 +95,10 @@ class Trials:
         excitation: Excitation,
         kinds: Sequence[str] = ("beam", "tip"),
     ) -> None:
+        """Prepare runs of the system that `join` makes of `models`, the bodies' reductions by name.
+
+        Errors are computed for the `kinds` of outputs.  Nothing is simulated yet.
+        """
         self.excitation, self.wanted = excitation, tuple(kinds)
         self._join = join
         self._wholes = {name: model if model.enrichment is None else extend(model) for name, model in models.items()}

@@ -106,6 +106,7 @@ class TooManyModesError(ConvergenceError):
     """More modes were requested (`count`) than the model has (`most`)."""
 
     def __init__(self, count: int, most: int) -> None:
+        """Compose the message from the number `count` of requested modes and the number `most` of the model's modes."""
         super().__init__(
             f"{count} modes asked for, but the model has {most} free coordinates; ask for fewer modes or refine the "
             "mesh"

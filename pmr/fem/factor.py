@@ -81,6 +81,7 @@ class Factor(_PetscFactor):
     """
 
     def __init__(self, A: PETSc.Mat, name: str) -> None:
+        """Factorise the matrix A (n, n), called `name` in messages; collective."""
         A.setOption(PETSc.Mat.Option.SPD, True)
         free = free_memory(A.comm.tompi4py())
         self._factor = factorise(A, min(free, ample(A)))
@@ -134,6 +135,7 @@ class SequentialFactor(_PetscFactor):
     """
 
     def __init__(self, A: PETSc.Mat, name: str) -> None:
+        """Factorise the matrix A (n, n) on one rank; messages call it `name`."""
         A.setOption(PETSc.Mat.Option.SPD, True)
         pc = cholesky(A, "cholmod")
         try:
@@ -151,6 +153,7 @@ class SparseFactor:
     """
 
     def __init__(self, A: PETSc.Mat, name: str) -> None:
+        """Factorise the matrix A (n, n) of `pmr.fem.serial`; messages call it `name`."""
         A_csc, by = A.values.tocsc(), {"SymmetricMode": True}
         try:
             self._factor = splu(A_csc, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=by)
@@ -285,6 +288,7 @@ class ReplicatedFactor:
     """
 
     def __init__(self, A: PETSc.Mat, name: str) -> None:
+        """Factorise copies on all ranks of the distributed matrix A (n, n), called `name` in messages; collective."""
         comm = A.comm.tompi4py()
         self._exchange = Exchange(comm, A.getOwnershipRanges())
         copy = A.getRedundantMatrix(comm.size, PETSc.COMM_SELF)

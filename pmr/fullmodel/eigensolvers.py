@@ -45,6 +45,7 @@ class DependentRowsError(InputError):
     """
 
     def __init__(self, names: Sequence[str]) -> None:
+        """Compose the message from the `names` of the dependent rows."""
         allowed = (
             f"the rigid rows {', '.join(names)} hold what others hold already: their forces are not determined; "
             "fewer rigid supports, sliders and pads, or pads with a stiffness, are allowed"
@@ -250,6 +251,7 @@ class OneFactorEigenSolver:
     """
 
     def __init__(self, model: FullModel) -> None:
+        """Factorise K + sigma M of the model, with sigma from its reference frequency; collective."""
         self._model, self._sigma = model, model.reference_frequency**2
         F = model.K.copy()
         F.axpy(self._sigma, model.M, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)

@@ -46,6 +46,7 @@ class SingularError(InputError):
     """A stiffness does not resist some motion although all rigid motions are held, or has a negative eigenvalue."""
 
     def __init__(self) -> None:
+        """Compose the message, which needs no arguments."""
         allowed = (
             "a stiffness that resists all but rigid motions is allowed: on the supports, which hold these, it is "
             "singular; parts of the body are loose, or its matrix has negative eigenvalues, by rounding or by itself"
@@ -84,6 +85,10 @@ class _DenseSolver:
     """Static solver by LAPACK on rank 0."""
 
     def __init__(self, stiffness: PETSc.Mat, elimination: Elimination) -> None:
+        """Factorise the `stiffness` (n, n) on rank 0, on the coordinates that `elimination` leaves free; collective.
+
+        Raises a `SingularError` on all ranks if the matrix is not positive definite.
+        """
         self._comm, self._share = stiffness.comm.tompi4py(), slice(*stiffness.getOwnershipRange())
         self._T = elimination.to_scipy()
         K, failed = gather(stiffness), False
@@ -112,6 +117,10 @@ class _SparseSolver:
     """Static solver by a sparse factor that is spread over the ranks, or complete on each of them."""
 
     def __init__(self, stiffness: PETSc.Mat, elimination: Elimination) -> None:
+        """Factorise the `stiffness` (n, n) on the coordinates that `elimination` leaves free; collective.
+
+        Raises a `SingularError` if the matrix is not positive definite.
+        """
         self._T = elimination.to_petsc(stiffness)
         K, rows = stiffness.PtAP(self._T), elimination.to_scipy().T.tocsr()
         self._T_transposed = sparse(rows[slice(*K.getOwnershipRange())], K, columns=stiffness.getLocalSize()[0])

@@ -145,6 +145,7 @@ class HeldModel:
     """
 
     def __init__(self, model: StructuralModel, body: PlateBody) -> None:
+        """Assemble the structural `model` of the `body`, hold it and factorise its stiffness."""
         structure = Structure(model, clamps=body.clamps, masses=body.masses)
         self._model, self._T = model, couple(structure).T
         self._full = full = structural_model(structure, MPI.COMM_SELF)

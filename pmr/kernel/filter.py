@@ -87,6 +87,7 @@ class KalmanFilter:
     """
 
     def __init__(self, data: FilterData, steps: FilterSteps) -> None:
+        """Make the filter of the kernel from the numbers in `data`, for the linear models in `steps`."""
         self._filter = structure("pmr_filter", {**data.sizes, **data.numbers, **data.indices, **data.arrays})
         counts = ffi.new("pmr_filter_counts *")
         lib.pmr_filter_sizes(self._filter, counts)
@@ -150,6 +151,7 @@ class LinearSteps:
     """Linear models of T steps; the arrays (T, ...) are named as in `pmr_linear_step` (src/pmr_kernel.h)."""
 
     def __init__(self, chosen: ChosenOutputs, T: int) -> None:
+        """Make arrays of zeros for the models of T steps, from the outputs, loads and rates in `chosen`."""
         q, i, r = len(chosen.columns), len(chosen.loads), len(chosen.at_modes)
         shapes = ((5, 4, r), (T, r, 2 * r), (T, r, i), (T, q, 2 * r), (T, q, i))
         self.reference, self.matrices = np.zeros((T, q)), StepMatrices(*map(np.zeros, shapes))

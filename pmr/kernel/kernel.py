@@ -184,6 +184,7 @@ class Signals:
     """
 
     def __init__(self, signals: Sequence[Signal]) -> None:
+        """Make the kernel's structures of the N `signals`, one for each driver."""
         strands = [signal.strands for signal in signals]
         every = [strand for of_signal in strands for strand in of_signal]
         powers = max([1, *(strand.polynomials.shape[1] for strand in every)])

@@ -58,6 +58,10 @@ class Record:
     FIELDS = ("z", "v", "multipliers", "impulses", "peaks", "energy", "friction", "outputs", "drivers", "hoist")
 
     def __init__(self, kernel: Kernel, steps: int, names: Sequence[str] = (*FIELDS, "parts"), parts: int = 0) -> None:
+        """Make arrays of zeros for the quantities `names` in `steps` steps of a kernel.
+
+        `parts` is the largest number of parts of the last step about which `ends` is recorded, 0 to record none.
+        """
         sizes = (kernel.modes, kernel.modes, kernel.contacts, kernel.contacts, kernel.contacts, 2, kernel.pads)
         columns = dict(zip(self.FIELDS, (*sizes, kernel.outputs, kernel.drivers, kernel.hoist), strict=True))
         self.arrays = {name: np.zeros((steps, columns[name])) for name in names if name != "parts"}
@@ -100,6 +104,7 @@ class State:
     """
 
     def __init__(self, kernel: Kernel, settings: Settings) -> None:
+        """Open a simulation of the kernel's system; raise an InputError for settings that are not allowed."""
         self.kernel, self.settings = kernel, settings
         out, why = ffi.new("pmr_state **"), ffi.new(f"char[{lib.PMR_MESSAGE}]")
         chosen = structure("pmr_settings", vars(settings) | {"levels": len(settings.parts)})
@@ -388,6 +393,7 @@ class BoundStep:
     """
 
     def __init__(self, state: State, numbers: Sequence[int]) -> None:
+        """Bind the steps of `state` to arrays of this object, and `observe` to the quantities `numbers` (k)."""
         kernel, count = state.kernel, len(numbers)
         self.motions = np.zeros((3, kernel.motions or kernel.drivers))
         self.rows: Integers = np.ones(self.motions.shape[1], np.int32)

@@ -79,6 +79,7 @@ class Recovery:
     """
 
     def __init__(self, model: FullModel, V: Array, reduced: ReducedModel, solver: str = "auto") -> None:
+        """Compute the vectors of the reduced model's r coordinates; the class describes the arguments.  Collective."""
         self.reduced = reduced
         self._model, modes = model, reduced.size - reduced.cylinder_modes
         self.V = np.ascontiguousarray(V[:, :modes])
@@ -159,6 +160,7 @@ class BodyFields:
     """
 
     def __init__(self, built: AssembledBody, stresses: bool = True) -> None:
+        """Prepare displacements and, if `stresses`, stresses of the full model `built`; collective."""
         model, comm = built.structure.model, built.model.comm
         if not is_assembled(model):
             raise InputError("scene", "recovery", None, "given matrices have no cells to draw: leave it out")

@@ -56,6 +56,7 @@ class ResidualFlexibility:
     """
 
     def __init__(self, body: FreeBody, V: Array) -> None:
+        """Prepare solves for the responses of `body` that the basis V (n_local, r) leaves out; collective."""
         self.model = model = body.model
         self._body, self._comm = body, model.comm
         Z, MZ = body.Z, body.MZ

@@ -63,6 +63,7 @@ class SectionForces:
     """
 
     def __init__(self, built: AssembledBody, cut: Cut) -> None:
+        """Assemble the pieces, between the places of `cut`, of the full model `built`; collective."""
         self._whole = _WholeBeam(built.model)
         self._pieces = _BeamPieces(built.structure, cut)
         strained = cut.beam.section_forces()
@@ -112,6 +113,7 @@ class _WholeBeam:
     """The whole beam: its acceleration, and the forces of its rigid supports."""
 
     def __init__(self, model: FullModel) -> None:
+        """Gather the matrices and rows of the full `model` on every rank; collective."""
         M, self._K, self._B = (
             sp.vstack(model.comm.allgather(local_csr(A)), "csr") for A in (model.M, model.K, model.inputs)
         )
@@ -137,6 +139,7 @@ class _BeamPieces:
     """Pieces into which a beam is cut, and the loads on each piece."""
 
     def __init__(self, structure: Structure, cut: Cut) -> None:
+        """Assemble masses, loads and springs of a beam's `structure` on its pieces, between the places of `cut`."""
         beam, nodes = cut.beam, structure.model.node_stations
         assert nodes is not None
 

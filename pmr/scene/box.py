@@ -142,6 +142,10 @@ class Box(BoxProfile):
         return self
 
     def mid_dimensions(self, sign: float) -> dict[str, Any]:
+        """Return the dimensions of the mid-surface as `BoxProfile.mid_dimensions`, with those of the tapers' ends.
+
+        `sign` is -1 if the box has dimensions of the outer surface, 1 for the inner one.
+        """
         dimensions = super().mid_dimensions(sign)
         for key, taper in self._tapers.items():
             end = self._end_profile(taper).mid_dimensions(sign)

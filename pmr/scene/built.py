@@ -443,6 +443,11 @@ class Load(PlacedLoad):
         return {"temperature": "K", "wind": "Pa"}.get(self.acts, "N m" if self.direction.startswith("r") else "N")
 
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
+        """Return the scale, by its name, in whose multiples the usual ranges of the load are stated.
+
+        The scale of a force is the weight, and that of a moment the weight times the length in `scales`.  Other loads
+        have the scale 1 under the name of their kind.
+        """
         if self.acts != "force":
             return {self.acts: 1.0}
         if self.direction.startswith("r"):

@@ -224,6 +224,7 @@ class ScaledSignal(SignalBase):
 
     @property
     def strands(self) -> tuple[Strand, ...]:
+        """Pieces of polynomials and sines whose sum is the scaled signal, from those of the signal itself."""
         scaled = (
             replace(strand, polynomials=self.ratio * strand.polynomials, amplitude=self.ratio * strand.amplitude)
             for strand in self.signal.strands

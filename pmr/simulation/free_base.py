@@ -264,6 +264,10 @@ class FreeBase:
     """
 
     def __init__(self, scene: Scene, system: System, assembly: Assembly | None = None) -> None:
+        """Collect the inertia of the scene's boom from the reduced models of `system`.
+
+        If `assembly` is None, the system is assembled here.
+        """
         assembly = Assembly(system) if assembly is None else assembly
         if scene.frame is None or scene.frame.out_of_plane_key is None or not scene.frame.has_angles:
             allowed = "a frame with a pivot that luffs and slews is allowed, for it makes all fields of inertia"

@@ -41,6 +41,7 @@ class Assembly:
     """
 
     def __init__(self, system: System) -> None:
+        """Assemble the matrices of all bodies of `system`, without coordinates that supports hold at zero."""
         self.system, bodies = system, system.bodies
         # numbers of the coordinates of each body that its supports leave free
         self.free_coordinates = {

@@ -39,6 +39,7 @@ class ChangingRows:
     """
 
     def __init__(self, assembly: Assembly, names: Sequence[str]) -> None:
+        """Prepare the rows of the assembly's contacts as functions of the P paths called `names`."""
         system = assembly.system
         for name, body in system.bodies.items():
             if body.carriers is None and system.sides_of(name):
@@ -107,6 +108,7 @@ class _BodyRows:
     """Contributions of one body to the rows of contacts: k sides on d carriers each, as polynomials of equal degree."""
 
     def __init__(self, assembly: Assembly, name: str, names: Sequence[str]) -> None:
+        """Collect the rows of the body `name` of the assembly as functions of the P paths called `names`."""
         system = assembly.system
         self._carriers = system.bodies[name].carriers
         assert self._carriers is not None

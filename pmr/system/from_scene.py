@@ -343,6 +343,7 @@ class _BodyRows:
     """
 
     def __init__(self, body: ReducedModel) -> None:
+        """Begin with the rows of the `body` and without combinations."""
         assert body.carriers is not None  # each body of a system with several paths has carriers
         self._body, self._carriers = body, body.carriers
         self._size = len(body.carriers.values)  # number of carriers: the body's own, then sums of them

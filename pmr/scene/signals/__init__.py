@@ -194,6 +194,7 @@ class Table(_Knots):
         return np.asarray(Akima1DInterpolator(self.times, self.values).c)
 
     def bounds(self, start: float, end: float) -> Interval:
+        """Return the smallest and largest value within [start, end] s, extremes of the curve between knots included."""
         low, high = super().bounds(start, end)
         if self._is_straight:
             return Interval(low, high)

@@ -243,6 +243,7 @@ class Chirp(SignalBase):
 
     @property
     def strands(self) -> tuple[Strand, ...]:
+        """Pieces of polynomials and sines whose sum is the chirp, one piece for each interval of its frequencies."""
         knots, f = np.array(self.times), np.array(self.frequencies)
         breaks = np.array([knots[0] - 1.0, *knots])  # before the first knot the frequency is constant
         slopes = np.array([0.0, *(np.diff(f) / np.diff(knots)), 0.0])
@@ -253,6 +254,7 @@ class Chirp(SignalBase):
         return self.amplitude * np.cos(self._angle(t)) * 2.0 * np.pi * self.frequency(t)
 
     def second_rate(self, t: ArrayLike) -> Array:
+        """Return the second time derivatives at times t (any shape) in s, in the shape of t."""
         angle, omega = self._angle(t), 2.0 * np.pi * self.frequency(t)
         knots = np.array(self.times)
         i = np.searchsorted(knots, np.asarray(t, dtype=float), side="right") - 1

@@ -40,6 +40,7 @@ class Contacts:
     """
 
     def __init__(self, equations: Equations, inputs: Inputs) -> None:
+        """Tell rigid contacts of `equations` from those that give way, at the positions of `inputs` at t = 0."""
         self._equations = equations
         self.rigid = equations.rows(inputs.positions(0.0)).rigid[0]
         self.gives = ~self.rigid
@@ -206,6 +207,10 @@ class Pads:
     """
 
     def __init__(self, equations: Equations, contacts: Contacts, law: Friction | None) -> None:
+        """Prepare the steps of the contacts in `contacts`; `law` is the friction of pads, None without friction.
+
+        `equations` are those of the system.
+        """
         system = equations.system
         for pad in () if law is None else law.pads:
             if contacts.rigid[pad]:

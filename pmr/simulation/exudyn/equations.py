@@ -45,6 +45,7 @@ class Equations:
     """
 
     def __init__(self, system: System) -> None:
+        """Assemble the matrices of the bodies of `system`, without the coordinates that supports hold."""
         self.system, self.assembly = system, Assembly(system)
         self.sparse = all(sp.issparse(body.K) for body in system.bodies.values())
         a = self.assembly
@@ -168,6 +169,10 @@ class Paths:
     def __init__(
         self, mbs: exu.MainSystem, scene: Scene, paths: Mapping[str, Driving], aside: Sequence[str] = ()
     ) -> None:
+        """Sort the `paths` of an mbs, by name, into functions or signals of time and coordinates of nodes.
+
+        `scene` has the names of its sections and the time step; `aside` are names of paths that move no section.
+        """
         #: names of the P paths; the first belongs to the base section, which has the extension 0
         self.names = (*scene.names, *aside)
         self._t, h = np.nan, scene.time.step
@@ -299,6 +304,10 @@ class SignalInputs(Inputs):
         loads: Mapping[str, Driving],
         terms: Mapping[str, Driving],
     ) -> None:
+        """Check the names of `paths`, `loads` and `terms` against the equations' system, and evaluate all at t = 0.
+
+        Each path, load or amplitude is a signal, or a function of the mbs and the time.
+        """
         if missing := set(equations.system.paths) - set(paths):
             allowed = f"{', '.join(paths) or 'none'} given, one for each path is allowed: {', '.join(sorted(missing))}"
             raise InputError("system", "paths", None, allowed)
@@ -313,6 +322,7 @@ class SignalInputs(Inputs):
         self.begin(0.0)
 
     def positions(self, t: float) -> Array:
+        """Side positions x (1, sides) in m at t s; positions that move within a step are evaluated at each call."""
         self.number(t)
         if not self._moving:
             return self._x
@@ -321,6 +331,7 @@ class SignalInputs(Inputs):
         )
 
     def begin(self, t: float) -> None:
+        """Evaluate paths, loads and amplitudes of terms at the time t in s, at the start of a step to t."""
         self.s = {name: driving_value(path, self._mbs, t) for name, path in self._paths.items()}  # m
         before, self._t, self._x = self._x, t, self._equations.side_positions_on(self.s)
         self._k += int(not np.array_equal(before, self._x))
@@ -345,6 +356,10 @@ class TabulatedInputs(Inputs):
     """
 
     def __init__(self, equations: Equations, excitation: Excitation, lengths: StepParts) -> None:
+        """Evaluate positions, loads and amplitudes of the excitation at the ends of all parts of its steps, `lengths`.
+
+        `equations` are those of the system.
+        """
         stepping, numbers = excitation.stepping.divide(lengths.finest), lengths.numbers
         fine = excitation.with_stepping(stepping)
         self.x, self.f = equations.side_positions(fine)[numbers], fine.forces(equations.system.input_names)[numbers]

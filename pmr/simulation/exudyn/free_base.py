@@ -100,6 +100,11 @@ class ExtendingBoom:
     def __init__(
         self, equations: Equations, contacts: Contacts, boom: FreeBase, paths: Paths, along: ChangingRows
     ) -> None:
+        """Choose the paths that are coordinates, and the loads that shorten cylinders, of a `boom` on its base.
+
+        `paths` has all extensions, and `along` the rows of `contacts` as functions of these; `equations` are those of
+        the system.
+        """
         self._contacts, self._along, self.rigid = contacts, along, np.flatnonzero(contacts.rigid)
         self._numbers = np.flatnonzero(paths.along.any(axis=1))
         self._leaning = [
@@ -210,6 +215,11 @@ class Base:
     def __init__(
         self, mbs: exu.MainSystem, equations: Equations, inputs: Inputs, paths: Mapping[str, Driving], on: OnBody
     ) -> None:
+        """Prepare the boom on the rigid body that `on` names in the mbs, driven by `inputs` and `paths`.
+
+        `equations` are those of the boom's system.  Raises InputError for another body, for a node whose rotations are
+        not known, and for a luffing cylinder that holds the base.
+        """
         if LUFFING in equations.system.paths:
             allowed = "a support of the base in its place is allowed where a body of Exudyn carries the boom"
             raise InputError("scene", "frame.cylinder.stiffness", None, allowed)

@@ -144,6 +144,11 @@ class _Joint:
     """
 
     def __init__(self, base: Base, items: SystemItems, loads: tuple[str, str, str], start: Array) -> None:
+        """Find the point of the boom on `base` where the three `loads`, names of inputs, act along x, y and z.
+
+        `items` are those of the boom.  `start` (N - 6,) are the coordinates at t = 0 of the base, the boom and nodes of
+        extensions.  Raises InputError if the loads are no forces along x, y and z at one point.
+        """
         names = items.parts.equations.system.input_names
         if unknown := [name for name in loads if name not in names]:
             raise InputError("system", "loads", ", ".join(unknown), f"{', '.join(names)} are allowed")

@@ -181,6 +181,11 @@ class SystemRun:
     def __init__(
         self, system: System, excitation: Excitation, initial: Mapping[str, InitialState], formulation: Formulation
     ) -> None:
+        """Add the system to a new mbs in a `formulation`, in the states `initial` of bodies by name.
+
+        The excitation has paths, loads and time steps.  Raises InputError for systems and options that Exudyn can't
+        simulate.
+        """
         self.system, self._excitation, self._formulation = system, excitation, formulation
         self._equations, self._friction = Equations(system), Friction.from_contacts(system.contacts)
         name, add = FORMULATIONS[formulation]

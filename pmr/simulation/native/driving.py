@@ -62,6 +62,10 @@ class Drivers:
         step: float,
         in_parts: bool,
     ) -> None:
+        """Bind the drivers to the arrays `motions` (3, n) and `rows` (n,), which the kernel reads.
+
+        `step` is the time step in s; the class describes the other arguments.
+        """
         self.motions, self.rows, self._step = motions, rows, step
         views: list[Any] = [memoryview(array) for array in (*motions, rows)]
         self._values, self._rates, self._seconds, self._counts = views

@@ -134,6 +134,7 @@ class ExtensionRun:
     """Simulation of a boom with a free extension, by the kernel's steps."""
 
     def __init__(self, scene: Scene, system: System) -> None:
+        """Prepare the kernel for the `system` of a `scene` with one free extension, at its start."""
         self._scene, first = scene, held_at_start(scene)
         ((self._number, self._extension),) = scene.free_extensions.items()
         self._excitation, self.form, self._system = Excitation.from_scene(first), SystemForm.of(system), system
@@ -248,6 +249,7 @@ class LuffingRun(MachineRun):
     """Simulation of a boom that luffs by itself."""
 
     def __init__(self, scene: Scene, system: System) -> None:
+        """Prepare the kernel for the `system` of a `scene` with a free luffing angle, at its start."""
         frame = scene.frame
         assert frame is not None  # of a scene with a free luffing angle
         begun = float(frame.angles.luffing.value(np.zeros(1))[0])

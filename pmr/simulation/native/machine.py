@@ -180,6 +180,12 @@ class MachineRun:
         cylinder: Fields | None = None,
         reasons: Mapping[int, str] = REASONS,
     ) -> None:
+        """Prepare the kernel for the boom's `system` and the machine in the frame of `scene`, at rest.
+
+        With a free luffing angle `luffing` is the scene in which the angle is prescribed, None otherwise; `level` is
+        then the luffing angle in rad at which the machine does not pitch, and `cylinder` has fields of the kernel's
+        machine about the cylinder.  `reasons` are the messages for the kernel's error codes.
+        """
         frame = scene.frame
         assert frame is not None and frame.machine is not None  # of a scene with a machine
         still = BaseMotion(**dict.fromkeys(DIRECTIONS, Constant(amount=0.0)))

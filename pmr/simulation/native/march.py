@@ -61,6 +61,10 @@ class March:
     def __init__(
         self, form: SystemForm, excitation: Excitation, initial: Mapping[str, InitialState] | None = None
     ) -> None:
+        """Start the kernel for the system in `form` under the excitation, in the states `initial` of bodies by name.
+
+        If `initial` is None, the simulation starts as the excitation says.
+        """
         system, stepping, kernel = form.system, excitation.stepping, form.kernel
         self.form, self.excitation, self.t = form, excitation, excitation.times
         if system.on_one_path and excitation.paths:

@@ -112,6 +112,7 @@ class Stepper:
         frame: Mapping[str, Motion] | None = None,
         parts: int = 1,
     ) -> None:
+        """Start the simulation at t = 0; the class describes the arguments and the errors."""
         if not 0.0 < step < np.inf:
             raise InputError("stepper", "step", step, "more than 0 s is allowed")
         if not (isinstance(parts, int) and 0 <= parts <= MOST_PARTS):

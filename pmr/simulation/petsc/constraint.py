@@ -139,6 +139,11 @@ class Constraint:
         pushing: ContactState,
         shared: int = 1,
     ) -> None:
+        """Prepare contact forces on the course in `rows`, with the `factor` of the effective matrices S; collective.
+
+        `shared` is the number of integrators that share the memory for responses; the class describes the other
+        arguments.
+        """
         self._q_gain, self._factor, self._system, self.pushing = q_gain, factor, system, pushing
         self.rows = rows
         carriers, comm, least = rows.visited.of_bodies, system.comm, 0

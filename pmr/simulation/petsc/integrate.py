@@ -72,6 +72,11 @@ class Integrator:
         terms: Terms,
         shared: int,
     ) -> None:
+        """Factorise the effective matrix of steps with the scheme's `factors` for each body of `system`; collective.
+
+        `rows` are the contact rows along the course, `pushing` is the state of contacts that only push, and `terms` are
+        forces of terms and friction.
+        """
         self._terms = terms
         self._system, self._factors = system, factors
         self._q_gain, self._v_gain = factors.z_gain, factors.v_gain
@@ -168,6 +173,10 @@ class _Body:
     """Solver for the next state of one body without its contacts."""
 
     def __init__(self, model: FullModel, factor: MatrixFactor, v_gain: float, q_gain: float) -> None:
+        """Prepare right-hand sides of the `model` for `factor`, the factor of its effective matrix.
+
+        `v_gain` and `q_gain` are the derivatives of velocities and coordinates by a step's new acceleration.
+        """
         self._M, self._D, self._factor, self._v_gain = model.M, model.D, factor, v_gain
         self._is_rayleigh = model.rayleigh is not None
         self._damped = _RayleighCoefficients.from_damping(model.rayleigh or Rayleigh(0.0, 0.0), v_gain, q_gain)
@@ -234,6 +243,11 @@ class DividedSteps:
     def __init__(
         self, system: FullSystem, lengths: StepParts, fine: SampledExcitation, pushing: ContactState, first: int
     ) -> None:
+        """Make an integrator for each number of parts in `lengths`, for steps of `system` from `first` on; collective.
+
+        `fine` is the excitation sampled with the largest number of parts, and `pushing` the state of contacts that only
+        push.
+        """
         self._lengths, self._fine, self._pushing = lengths, fine, pushing
         terms = Terms(system)
         self.rows, sizes = rows_on_paths(system, fine.x, first * lengths.finest), np.unique(lengths.parts).tolist()

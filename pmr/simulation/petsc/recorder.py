@@ -123,6 +123,7 @@ class Recorder:
     """
 
     def __init__(self, system: FullSystem, stepping: TimeStepping, states: Sequence[float]) -> None:
+        """Make empty records for all steps of `stepping`, and for whole states at the times `states` in s."""
         times = np.asarray(states, float).reshape(-1)
         if np.any(~((times >= 0.0) & (times <= stepping.end * (1.0 + 1e-12)))):
             raise InputError("recording", "states", list(times), f"0 to {stepping.end:g} s are allowed")

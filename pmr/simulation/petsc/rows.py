@@ -36,6 +36,7 @@ class BlockFactor:
     """
 
     def __init__(self, system: FullSystem, factorised: Callable[[FullModel], MatrixFactor]) -> None:
+        """Factorise a matrix of each body of `system` by `factorised`, once for each different model; collective."""
         self._local, self._factors = system.local_slices, dict[int, MatrixFactor]()
         for model in system.models:
             if id(model) not in self._factors:
@@ -94,6 +95,7 @@ class Course:
     """
 
     def __init__(self, system: FullSystem, x: Array) -> None:
+        """Find the interval of each side's row at each of T steps, with the sides of `system` at x (T, q) in m."""
         names, sides = list(system.bodies), system.sides
         self.x, self.rows, self.contacts = x, system.side_rows, len(system.contacts)
         self.contact = np.array([side.contact for side in sides], np.int64)
@@ -116,6 +118,7 @@ class VisitedCarriers:
     """Carriers that sides touch on their way: indices for each body, and this rank's columns of the body's E^T."""
 
     def __init__(self, system: FullSystem, course: Course) -> None:
+        """Collect the carriers of each body of `system` that sides touch anywhere on the `course`."""
         self.numbers = [course.carriers_of(body) for body in range(len(system.models))]
         self.of_bodies = [
             model.carriers.carriers[numbers][:, model.share]
@@ -132,6 +135,7 @@ class Layout:
     """
 
     def __init__(self, course: Course) -> None:
+        """Number the entries and powers of all sides of the `course`."""
         widths = [row.touched.shape[1] for row in course.rows]
         powers = [len(row.coefficients) for row in course.rows]
         self.side_of_entry, self.side_of_power = (
@@ -159,6 +163,7 @@ class PathRows:
     """
 
     def __init__(self, course: Course, visited: VisitedCarriers, step: int = 0) -> None:
+        """Set the rows to number `step` of the steps of the `course`, on the `visited` carriers of the bodies."""
         self.course, self.layout, self.visited = course, Layout(course), visited
         self.Gamma = np.zeros((len(self.layout.side_of_power), len(self.layout.side_of_entry)))
         self.columns = np.zeros(len(self.layout.side_of_entry), np.int64)
@@ -248,6 +253,7 @@ class StoredAnswers:
     """Computes S^{-1} C^T lambda on one body from this rank's rows `answers` (n_local, p) of S^{-1} E."""
 
     def __init__(self, answers: Array, body: int, rows: PathRows) -> None:
+        """Store this rank's rows `answers` (n_local, p) of S^{-1} E for the body with the number `body`, for `rows`."""
         self._answers, self._sides = answers, rows.course.on[body]
         widths = [rows.layout.powers[k].stop - rows.layout.powers[k].start for k in self._sides]
         self._at = dict(zip(self._sides, consecutive(widths), strict=True))

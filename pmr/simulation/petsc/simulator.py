@@ -89,6 +89,10 @@ class _Run:
     def __init__(
         self, system: FullSystem, excitation: Excitation, states: Sequence[float], initial: Mapping[str, InitialState]
     ) -> None:
+        """Sample the excitation of `system` on its time grid, and compute parts of steps and the start; collective.
+
+        `states` are times in s of recorded states, `initial` the initial states of bodies by name.
+        """
         self._begin, self._contacts = time.perf_counter(), len(system.contacts)
         self._system, self._initial, self._excitation = system.with_supports(), initial, excitation
         self._at = sample_excitation(self._system, excitation)

@@ -77,6 +77,7 @@ class Terms:
     """
 
     def __init__(self, system: FullSystem) -> None:
+        """Collect the matrices of the terms of `system` and the friction of its pads; collective."""
         self._comm, self._names = system.comm, system.term_names
         self._unconverged = describe_divergence(system.term_names, system.contacts)
         self._parts = list[tuple[int, Any, Product | None, Product | None]]()
@@ -345,6 +346,10 @@ class _HeldMass:
     """Mass matrix with the rigid contacts at t = 0."""
 
     def __init__(self, system: FullSystem, at: SampledExcitation, mass: BlockFactor) -> None:
+        """Compute the responses of the bodies to forces of rigid contacts, with `mass`, the factor of M; collective.
+
+        The contacts of `system` are at their positions in the excitation `at` at t = 0.
+        """
         rigid = system.compliance.rigid
         self._comm, self._factor = system.comm, mass
         self._names = tuple(name for name, stiff in zip(system.contact_names, rigid, strict=True) if stiff)

@@ -145,6 +145,7 @@ class _Contacts:
     """
 
     def __init__(self, assembly: Assembly, x: Array, f: Array) -> None:
+        """Compute the contact rows of `assembly` at x (sides,) in m, and the contacts' motion by loads f (i,) in N."""
         self._assembly, self.rows, clearance = assembly, assembly.contact_rows(x), assembly.system.clearance
         self._pushes = ~np.isnan(clearance)
         self.push = bool(self._pushes.any())
@@ -245,6 +246,7 @@ class BorderedMatrix:
     """
 
     def __init__(self, K: Array, C: Array, F: Array) -> None:
+        """Join K (n, n), C (m, n) and F (m, m), scaled to similar size, to one matrix."""
         n, scale = len(K), float(np.abs(K).max()) or 1.0
         self._scaled, self._units = np.empty((n + len(C), n + len(C))), np.ones(n + len(C))
         self._units[n:] = scale

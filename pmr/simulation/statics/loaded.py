@@ -167,6 +167,10 @@ class Form:
     """
 
     def __init__(self, equations: Equations, closed: Mask) -> None:
+        """Invert the matrix of the `equations` with the contacts in the mask `closed` (m,), and find the buckling load.
+
+        If these contacts do not hold the structure, only `held`, which is false, and `critical`, which is 0, are set.
+        """
         self.equations, self.closed = equations, closed
         e, n = equations, len(equations.K)
         K, self._rows = e.K + e.fixed.G, e.rows if closed.all() else e.rows.select(closed)

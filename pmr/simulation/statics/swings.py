@@ -59,6 +59,10 @@ class _ForcedMotion:
     """
 
     def __init__(self, M: Array, K: Array, f: tuple[Array, Array], start: tuple[Array, Array], since: float) -> None:
+        """Compute modes of M (n, n) and K (n, n), and the motion's start in these.
+
+        `f` has f_0 and f_1 (n,), `start` x and x' (n,) at the time `since` in s.
+        """
         inertia, self._shapes = scipy.linalg.eigh(M, K)
         some = inertia > len(K) * np.finfo(float).eps * inertia[-1]
         self._w = np.where(some, 1.0 / np.sqrt(np.where(some, inertia, 1.0)), 0.0)
