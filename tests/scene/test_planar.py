@@ -120,6 +120,9 @@ def test_the_hash_changes_with_what_decides_the_result_only(tmp_path: Path) -> N
         csv.write_text(f"0, 1\n15, {end}\n")
         digests.append(scene.load(SIMPLE, [f"slider.path={{kind='table',file='{csv}'}}"]).hash)
     assert digests[0] != digests[1]
+    for kind in ("ramp", "smooth_ramp", "table"):  # three kinds with the same keys
+        digests.append(scene.load(SIMPLE, [f"slider.path={{kind='{kind}',times=[0.0,15.0],values=[1.0,2.5]}}"]).hash)
+    assert len(set(digests)) == 5
 
 
 def test_equal_scenes_are_equal_keys_of_a_table() -> None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass, field
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from pmr.files.arrays import Array
 from pmr.scene.keys import Usual
@@ -55,6 +55,11 @@ class SignalBase(BaseModel):
     """Signal over time; times in s, broadcast over arrays."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
+
+    @model_serializer(mode="wrap")
+    def _dump_kind(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Return the keys of the signal with its kind, even without defaults: several kinds have the same keys."""
+        return ({"kind": self.kind} if hasattr(self, "kind") else {}) | dump(self)
 
     @abstractmethod
     def value(self, t: ArrayLike) -> Array:
