@@ -128,7 +128,7 @@ def _driven_part(
     """Part of a computed motion's drive, as `extension_part` describes it; `warnings` come before the part's own.
 
     `histories` (T,) are the drive's quantities by name.  `stop` (T,) in m is how far a stop gives way: above 0 at the
-    greatest length, below 0 at the smallest.  `along` (T, P) in m are the path coordinates.
+    greatest length, below 0 at the smallest.  `along` (T, P) in m are the coordinates of P paths.
     """
     stop = np.where(np.abs(stop) > ROUND_OFF, stop, 0.0)
     spans = _stop_spans(response.t, stop, histories)
@@ -191,7 +191,8 @@ def _cylinder_part(
 ) -> SummaryPart:
     """Part with the extremes of `histories` (T,) of a `cylinder`, and a warning if its oil would boil.
 
-    `along` (T, P) in m are the path coordinates at the times of the response; `warnings` are added to the part's own.
+    `along` (T, P) in m are the coordinates of P paths at the times of the response; `warnings` are added to the part's
+    own.
     """
     extremes = {key: Extremes.from_history(history, response.t, along) for key, history in histories.items()}
     figures = {key.replace(" ", "_"): of.summary() for key, of in extremes.items()}

@@ -52,10 +52,10 @@ def relative_error(signal: Array, reference: Array) -> float:
     """RMS of the difference divided by the RMS of the reference, the mean of all components that move; a fraction.
 
     The result is e_NRMS without the limit of 1, so a growing motion can be recognised.  Signal and reference have the
-    shape (T,) or (T, M): times, components.  If squares of the values would leave the range of double precision, both
-    are divided by the largest absolute value of the reference first.  If the reference is zero throughout, the error is
-    0 if the signal is zero too, and 1 otherwise.  Raises ValueError if the shapes differ; SimulationError if a value is
-    not finite.
+    shape (T,) or (T, M): T times, M components.  If squares of the values would leave the range of double precision,
+    both are divided by the largest absolute value of the reference first.  If the reference is zero throughout, the
+    error is 0 if the signal is zero too, and 1 otherwise.  Raises ValueError if the shapes differ; SimulationError if a
+    value is not finite.
     """
     if signal.shape != reference.shape:
         raise ValueError(f"shapes {signal.shape} and {reference.shape} differ")
@@ -78,7 +78,7 @@ def _norms_over_time(values: Array) -> Any:
 
 
 def absolute_error(signal: Array, reference: Array) -> float:
-    """Error e_abs in the unit of the signals: the norm of `signal` - `reference`, (T,) or (T, M) each.
+    """Error e_abs in the unit of the signals: the norm of `signal` - `reference`, at T times, (T,) or (T, M) each.
 
     Raises SimulationError if a value of the difference, or its norm, is not finite.
     """
@@ -99,7 +99,7 @@ def refuse_infinite(*values: Array) -> None:
 
 
 def observed_quantities(tips: int, columns: slice) -> Mapping[str, ResponseFunction]:
-    """Functions of a response, by name, that return the compared quantities of a single body, (T, k) each.
+    """Functions of a response, by name, that return compared quantities of a single body, k columns (T, k) each.
 
     ``tip`` returns the last `tips` columns of the displacements in m.  ``beam`` returns the columns of the
     displacements in the slice `columns`, which may include the tip's.  ``pad_force`` returns all contact forces in N.

@@ -143,7 +143,7 @@ def differences(
 
 
 def probe_differences(outputs: Outputs, reference: Outputs, floors: RoundOffBounds) -> Array:
-    """Error (k,) of each probe in `outputs` against `reference`, as fractions (`probe_errors`).
+    """Error (k,) of each of k probes in `outputs` against `reference`, as fractions (`probe_errors`).
 
     `floors` has the bounds of round-off; a probe that is round-off in both counts as zero.
     """
@@ -201,12 +201,12 @@ BESIDE_KINK = 2.0
 
 
 def boom_quantities(excitation: Excitation, response: Response) -> Mapping[str, ResponseFunction]:
-    """Functions of a response, by name, each of which returns a compared quantity (T, k) of a boom.
+    """Functions of a response, by name, each of which returns a compared quantity of a boom, k columns (T, k).
 
     ``tip`` returns the displacements of the last section's tip in m, ``beam`` all displacements in m, and each kind of
     forces of `response`, such as ``pad_force``, the forces of that kind in N.  If an extension has a kink before the
-    end, there is also ``<kind>_between_kinks`` for each kind of forces, without all times within `BESIDE_KINK` steps
-    of a kink.  The force at a kink has no limit: it grows as the step gets shorter or the cylinder stiffer.
+    end, there is also ``<kind>_between_kinks`` for each kind of forces, without all times within `BESIDE_KINK` steps of
+    a kink.  The force at a kink has no limit: it grows as the step gets shorter or the cylinder stiffer.
     """
     last, t, stepping = response.outputs[len(response.output_names) - 1].body, response.t, excitation.stepping
     at = [kink for path in excitation.paths.values() for kink in path.kinks(stepping.end)]
@@ -223,7 +223,7 @@ def boom_quantities(excitation: Excitation, response: Response) -> Mapping[str, 
 
 
 def _forces_at_steps(kind: str, steps: slice | NDArray[np.bool_], response: Response) -> Array:
-    """Forces of one kind at `steps`, (S, k) in N; negligible ones are set to 0.
+    """Forces of k contacts of one kind at `steps` (S,), (S, k) in N; negligible ones are set to 0.
 
     A force is negligible if it is at most `RELATIVE_FLOOR` times the largest force of any kind, as for a cylinder that
     holds still.

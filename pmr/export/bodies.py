@@ -150,7 +150,7 @@ def _centrifugal(of: Array) -> Array:
 
 
 def _sid_lines(body: NodalBody) -> Iterator[str]:
-    """Yield the lines of a body's file."""
+    """Yield the lines of a body's file in the format SID (standard input data)."""
     m, places = len(body.omega), body.frames
     yield f"{len(places.names):5d}{m:5d}    :No. nodes, No. modes: sliders at s = {body.s!r} m, SI units"
     yield " part"

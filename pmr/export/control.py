@@ -142,7 +142,7 @@ def interpolation_error(system: System, space: StateSpace, source: str) -> list[
 def _response_table(space: StateSpace, f: Array, response: NDArray[np.complex128], output: str) -> str:
     """Comma-separated table of gain and phase of the complex `response` (S, W, i) from i inputs to one output.
 
-    There are S grid points; f (W,) are frequencies in Hz.
+    There are S grid points and W frequencies f (W,) in Hz.
     """
     of = [f"{output} / {name}" for name in space.inputs]
     places = ["s in m"] if len(space.paths) < 2 else [f'"{path} in {path_unit(path)}"' for path in space.paths]
@@ -156,7 +156,7 @@ def _response_table(space: StateSpace, f: Array, response: NDArray[np.complex128
 
 
 def _draw(space: StateSpace, f: Array, gain: Array, output: str, target: Path) -> None:
-    """Draw the `gain` (S, W, i) over S grid points and frequencies f (W,) in Hz, as the .png file `target`.
+    """Draw the `gain` (S, W, i) over S grid points and W frequencies f (W,) in Hz, as the .png file `target`.
 
     `output` names the output in titles.  There is one panel for each input.  Several paths are drawn over the sum of
     their extensions, or over the luffing angle if this sum is the same everywhere; if the angle is, too, a panel has a

@@ -91,7 +91,7 @@ def _pads_vtu(pads: Boxes, k: int) -> str:
 
 
 def _regions(grid: Grid) -> dict[str, NDArray[Any]]:
-    """Cell values ``region_<name>`` (C,) of a grid: 1 for cells in the region, 0 for others."""
+    """Values ``region_<name>`` (C,) on the C cells of a grid: 1 for cells in the region, 0 for others."""
     every = np.arange(len(grid.cells))
     return {
         f"region_{_with_underscores(name)}": np.isin(every, grid.regions[name]).astype(np.int8)

@@ -164,7 +164,8 @@ class _HeldSystem:
     def build(cls, assembly: Assembly, rows: ContactRows, firm: Mask, X: Array, omega2: Array, s: Array) -> _HeldSystem:
         """System at one grid point, with its contact rows and the mask `firm` (m,) of rigid ones.
 
-        X (n, r) and `omega2` (r,) are its modes; s (P,) are path coordinates, for messages.
+        X (n, r) are its modes and `omega2` (r,) their squared circular frequencies; s (P,) are coordinates of P paths,
+        for messages.
         """
         soft, r, B = rows.select(~firm), len(omega2), assembly.B.toarray()
         names = [name for name, rigid in zip(assembly.system.contact_names, firm, strict=True) if not rigid]

@@ -216,7 +216,10 @@ def lagrange_rule(cell: str, nodes: int, degree: int, parts: int = 1) -> Lagrang
 
 
 def rule_points(cell: str, degree: int) -> Array:
-    """Quadrature points (q, d) on the reference cell that belong to the weights of `lagrange_rule` for this degree."""
+    """Quadrature points (q, d) on the reference cell of dimension d, for the weights (q,) of `lagrange_rule`.
+
+    The rule is that for this degree.
+    """
     return np.asarray(_quadrature(getattr(basix.CellType, cell), degree)[0])
 
 
@@ -241,7 +244,7 @@ def _repeat_points(cell: str, parts: int, points: Array) -> Array:
 
 
 def _quadrature(kind: CellType, degree: int) -> tuple[Array, ...]:
-    """Points (q, d) and weights (q,) of basix' rule on a cell of `kind`, exact for polynomials of `degree`."""
+    """Points (q, d) and weights (q,) of basix' rule of q points on a cell of `kind`, exact for this `degree`."""
     if _WRAPPED:
         return basix.make_quadrature(basix.QuadratureType.Default, kind, degree)
     return basix.make_quadrature(kind, degree)
@@ -431,7 +434,7 @@ def _is_whole(folder: Path) -> bool:
 
 
 def cellwise(mesh: Mesh, values: Array) -> Function:
-    """Function that is constant in each cell, from the `values` (C,) of the cells in the order of `create_mesh`.
+    """Function that is constant in each of C cells, from `values` (C,) in the cells' order of `create_mesh`.
 
     The space of such functions is made once for a mesh, because forms take dozens of these functions and making the
     space takes most of their time.
@@ -445,12 +448,12 @@ def cellwise(mesh: Mesh, values: Array) -> Function:
 
 
 def original_cells(mesh: Mesh) -> Indices:
-    """Numbers (c,), in the input of `create_mesh`, of the cells that this rank knows: its own cells, then ghosts."""
+    """Numbers (c,), in the input of `create_mesh`, of the c cells that this rank knows: its own, then ghosts."""
     return np.asarray(mesh.topology.original_cell_index, np.int64)
 
 
 def cell_dofs(space: FunctionSpace) -> list[Indices]:
-    """Global degrees of freedom (cells, d) of each scalar component, on the cells that this rank knows."""
+    """Global degrees of freedom (cells, d) of each scalar component, d for each cell that this rank knows."""
     index_map, block = space.dofmap.index_map, space.dofmap.index_map_bs
     tables = []
     for part in _scalar_parts(space):
@@ -461,7 +464,7 @@ def cell_dofs(space: FunctionSpace) -> list[Indices]:
 
 
 def unrolled_cell_dofs(space: FunctionSpace) -> Indices:
-    """Local degrees of freedom (cells, d) on the cells that this rank knows, in the order of element matrices."""
+    """Local degrees of freedom (cells, d), d for each cell that this rank knows, in the order of element matrices."""
     table, block = _table(space.dofmap), space.dofmap.index_map_bs
     return (table[..., None] * block + np.arange(block)).reshape(len(table), -1)
 
@@ -474,7 +477,7 @@ def _scalar_parts(space: FunctionSpace) -> list[FunctionSpace]:
 
 
 def _table(dofmap: DofMap) -> Indices:
-    """Degrees of freedom (cells, d) of each cell that this rank knows, from a `dofmap`.
+    """Degrees of freedom (cells, d), d for each cell that this rank knows, from a `dofmap`.
 
     The components of a block count as one.
     """

@@ -20,7 +20,10 @@ SIGN_TOLERANCE = 1e-6
 
 
 def tall(local: Array, like: PETSc.Mat) -> PETSc.Mat:
-    """Dense PETSc matrix (n, k) from this rank's rows `local`, distributed as the rows of `like`; collective."""
+    """Dense PETSc matrix (n, k) from `local` (n_local, k), this rank's rows; collective.
+
+    The rows are distributed as those of `like`.
+    """
     return _tall(local, like.getSizes()[0], like.comm)
 
 
@@ -69,7 +72,7 @@ def sparse(rows: sp.csr_matrix, like: PETSc.Mat, columns: int | None = None) -> 
 
 
 def times(A: PETSc.Mat, local: Array) -> Array:
-    """Rows (n_local, k) of A X on this rank, from its rows `local` of X; collective.
+    """Rows (n_local, k) of A X on this rank, from `local` (rows, k), its rows of X; collective.
 
     X is distributed as the columns of A.  If X is in Fortran's order it is not copied; the result is in that order.
     """

@@ -210,7 +210,7 @@ def rectangular(card: Card, axes: Axes | None, coordinates: Sequence[float]) -> 
 
 
 def turned_axes(card: Card, points: Array) -> Array:
-    """Return the axes (k, 3, 3), as rows, of displacements at `points` (k, 3) in m that a card `*TRANSFORM` gives.
+    """Return the axes (k, 3, 3), as rows, of displacements at k `points` (k, 3) in m, by a card `*TRANSFORM`.
 
     Its line has two points, whose meaning depends on its TYPE:
 

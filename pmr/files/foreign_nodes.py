@@ -164,7 +164,7 @@ def _read_bulk_nodes(path: Path) -> ForeignNodes:
 
 
 def read_groups(path: Path) -> dict[str, Array]:
-    """Return the points (g, 3) in m of each group in a CSV file, by the group's name.
+    """Return the g points (g, 3) in m of each group in a CSV file, by the group's name.
 
     `pmr matrices --nodes` takes the same files.  Raises InputError if the file can't be read.
     """

@@ -212,7 +212,12 @@ class Resistance:
 
     @property
     def rounding_share(self) -> float:
-        """Rounding of K, at least 1e-16: the lower quartile over rows of F as a share of the row's entries."""
+        """Rounding of K as a share of its entries, at least 1e-16.
+
+        The share of a row is the largest force of K on the row under a unit translation, over the same sum with all
+        terms positive.  The lower quartile of all rows is returned, as translations take no force but round-off in most
+        rows.
+        """
         T = self.motions[:, :3]
         sizes = (abs(self.K) @ T).sum(axis=1)
         shares = np.abs(self.K @ T).max(axis=1)[sizes > 0.0] / sizes[sizes > 0.0]
@@ -256,7 +261,7 @@ class Resistance:
         return energy if self.scaled_eigenvalues[0] < energy else max(energy, CONDENSED)
 
     def _held_by_energy(self, motions: Array) -> Array:
-        """Return a matrix (h, 6) that is zero for those of six rigid `motions` (n, 6) that take no energy."""
+        """Return a matrix (h, 6) of h rows that is zero for those of six rigid `motions` (n, 6) that take no energy."""
         scale = 1.0 / np.sqrt(self.K.diagonal())
         Q, T = np.linalg.qr(motions / scale[:, None])
         energies, V = np.linalg.eigh(Q.T @ (scale[:, None] * (self.K @ (scale[:, None] * Q))))

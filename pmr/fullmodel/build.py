@@ -117,7 +117,7 @@ def _span_rows(rows: Array, reach: float) -> Array:
 def free_motions(
     system: FullSystem, structural: Mapping[str, StructuralModel], positions: CheckedPositions
 ) -> list[dict[str, Array]]:
-    """Free motions (6, f) of bodies by name at each of the T positions; collective.
+    """Free motions (6, f) of bodies by name, f of each body, at each of the T positions; collective.
 
     Motions are relative to the carrying body.  `structural` has the structural models of the bodies.  Bodies without a
     free motion are left out.
@@ -189,7 +189,7 @@ def _contact_measures(
 
 
 def _supports(bodies: Mapping[str, RigidBody], shifts: Mapping[str, Array]) -> Iterator[Array]:
-    """Yield for each of b bodies what its clamps and springs measure of rigid motions at T positions, (T, h, 6 b).
+    """Yield for each of b bodies what its h clamps and springs measure of rigid motions at T positions, (T, h, 6 b).
 
     `shifts` are matrices (T, 6, 6) by body, as `_shifts` returns them.
     """

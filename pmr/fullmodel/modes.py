@@ -138,7 +138,7 @@ def _border(T: Array, columns: Array) -> Array:
     """Return T (k, k) bordered by b rows and columns, from the lowest rows `columns` (d, b) of the new columns.
 
     The d >= b lowest rows include the new diagonal block (b, b), which is symmetrised; all higher rows of the new
-    columns are zero.  T and the result are symmetric.
+    columns are zero.  T, with k rows so far, and the result are symmetric.
     """
     d, b = columns.shape
     m = len(T) + b

@@ -223,9 +223,9 @@ class FrameAssembler:
 
     @cached_property
     def _rigid_loads(self) -> dict[bytes, Array]:
-        """Loads A_S R (n, k) that were computed so far, by the bytes of S; empty at first.
+        """Loads A_S R (n, k) that were computed so far, by the bytes of the tensor S (3, 3); empty at first.
 
-        R are the k rigid motions.
+        A_S is the inertia with S, and R (n, k) are the k rigid motions.
         """
         return {}
 

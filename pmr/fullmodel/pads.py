@@ -233,7 +233,7 @@ def fixed_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[
 
 
 def under_pad(pad: Pad, model: StructuralModel, positions: Array) -> sp.csr_matrix:
-    """Rows (p, n) of the mean under a pad centred at each of the `positions` (p,) m along the axis.
+    """Rows (p, n) of the mean motion under a pad centred at each of p `positions` (p,) in m along the axis.
 
     Raises an `InputError` if the pad leaves its face at one of them.
     """

@@ -183,7 +183,7 @@ class Coupling:
         return total
 
     def rows(self, actions: Sequence[Action | Gauge]) -> sp.csr_matrix:
-        """Rows (k, n') on z that apply or measure k actions, or measure gauges.
+        """Rows (k, n') on the n' coordinates z that apply or measure k actions, or measure k gauges.
 
         Raises an `InputError` if the model cannot move along an action's direction.
         """

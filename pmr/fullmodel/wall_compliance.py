@@ -188,7 +188,7 @@ class HeldModel:
         return np.asarray(self._T @ self._displacements(self.pads(pads, np.zeros(1))))
 
     def compliance(self, loaded_rows: sp.csr_matrix, rows: sp.csr_matrix) -> Array:
-        """Compliance (m, f): displacements of `rows` (m, n) under a unit force on each of the `loaded_rows` (f, n)."""
+        """Compliance (m, f) in m/N: what `rows` (m, n) measure under a unit force on each of f `loaded_rows` (f, n)."""
         result = np.empty((rows.shape[0], loaded_rows.shape[0]))
         for start in range(0, loaded_rows.shape[0], BLOCK):
             block = slice(start, start + BLOCK)
@@ -217,7 +217,7 @@ class HeldModel:
 
 
 def places_along(span: float, layer: float) -> Array:
-    """Distances (p,) in m from 0 to `span` at which a sliding ring is evaluated, `A_LAYER` per layer of cells (m).
+    """Distances (p,) in m, p from 0 to `span`, at which a sliding ring is evaluated, `A_LAYER` per layer of cells (m).
 
     There are at most `MOST_PLACES`; round-off in `span` does not add a distance.
     """
@@ -225,7 +225,7 @@ def places_along(span: float, layer: float) -> Array:
 
 
 def _smooth(values: Array) -> Array:
-    """Moving means of `values` (p, ...) over a layer of cells.
+    """Moving means of `values` (p, ...), at p distances, over a layer of cells.
 
     The means are needed because on a coarse mesh a pad dents the wall deeper between two nodes than on a node.
     """

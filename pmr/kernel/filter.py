@@ -62,7 +62,7 @@ class StepMatrices:
         return self.courses.shape[2]
 
     def transitions(self, steps: slice = slice(None)) -> Transitions:
-        """Transitions of some steps."""
+        """Transition matrices of the steps in a slice `steps`."""
         by_acceleration, r = self.courses[:3, 3], self.modes
         R, G = np.pad(self.R[steps], [(0, 0), (0, 0), (0, r)]), self.G[steps]
         A, B = (np.einsum("pj,tjc->tpjc", by_acceleration, by).reshape(len(by), 3 * r, by.shape[2]) for by in (R, G))
@@ -127,7 +127,7 @@ class KalmanFilter:
         return innovations
 
     def outputs(self, k: int) -> Array:
-        """Mean and variance (2, q) of the outputs at step k, after `update`, with the errors of the model."""
+        """Mean and variance (2, q) of the q outputs at step k, after `update`, with the errors of the model."""
         values = np.zeros((2, self.outputs_count))
         lib.pmr_filter_outputs(self._filter, pointer(self.memory), self._step_data(k), *map(pointer, values))
         return values

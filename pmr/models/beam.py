@@ -222,7 +222,7 @@ class Beam(FiniteElementModel, ABC):
         return rows
 
     def coordinates_at(self, places: Array) -> sp.csr_matrix:
-        """Rows (k d, n) that give the coordinates which nodes at `places` (k,) m along the axis would have."""
+        """Rows (k d, n) of the d coordinates that nodes at each of k `places` (k,) in m along the axis would have."""
         return sp.csr_matrix(sp.diags(np.tile(self.signs, len(places))) @ self.motions(places))
 
     def strip(self, face: str, window: Window) -> Strip:

@@ -113,7 +113,7 @@ class Beam2D(Beam):
 
     @property
     def masses(self) -> Array:
-        """Mass per length (E,) in kg/m of each element."""
+        """Mass per length (E,) in kg/m of each of E elements."""
         return self.stiffnesses.mass[self.number]
 
     @property
@@ -128,7 +128,7 @@ class Beam2D(Beam):
 
     @property
     def signs(self) -> Array:
-        """Signs (d,): -1 for the direction ``ry``, whose coordinate is w', minus the rotation; else 1."""
+        """Signs (d,) of the d directions: -1 for ``ry``, whose coordinate is w', minus the rotation; else 1."""
         return np.array([-1.0 if direction == "ry" else 1.0 for direction in self.directions])
 
     @cached_property
@@ -147,7 +147,7 @@ class Beam2D(Beam):
         return hermite_space(domain, linear=len(self.directions) - 2)
 
     def forms(self, space: FunctionSpace) -> Forms:
-        """Mass and stiffness as UFL forms."""
+        """Mass and stiffness as UFL forms on `space`."""
         mesh, of = space.mesh, self.stiffnesses
         (u, _, w), (du, _, dw) = (self._displacement(field) for field in _trial_and_test(space))
         stiffness = self.element_property(mesh, of.bending) * w.dx(0).dx(0) * dw.dx(0).dx(0)
@@ -213,7 +213,7 @@ class Beam2D(Beam):
         return replace(self, nodes=stations)
 
     def bending_stiffness(self, direction: str) -> dict[int, Array]:
-        """Bending stiffness EI (E,) in N m^2 for the direction z, empty for y.
+        """Bending stiffness EI (E,) in N m^2 of E elements for the direction z, empty for y.
 
         The only key is the number of the slope w' among a node's coordinates.
         """
@@ -262,7 +262,7 @@ class Beam2D(Beam):
 
     @property
     def bending_dofs(self) -> Indices:
-        """Numbers (E, 4) of the coordinates w and w' at the first, then at the second node of each element."""
+        """Numbers (E, 4) of the coordinates w and w' at the first, then at the second node of each of E elements."""
         d = len(self.directions)
         of_node = d * self.grid.cells[:, :, None] + np.array([d - 2, d - 1])
         return np.asarray(of_node.reshape(-1, 4))

@@ -112,7 +112,7 @@ class Beam3D(Beam):
 
     @property
     def masses(self) -> Array:
-        """Mass per length (E,) in kg/m of each element, with the mass of its rings."""
+        """Mass per length (E,) in kg/m of each of E elements, with the mass of its rings."""
         added = 0.0 if self._element_rings is None else self._element_rings.area
         return self.body.material.density * (self.sections.area[self.number] + added)
 
@@ -312,7 +312,7 @@ class Beam3D(Beam):
         return planes
 
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
-        """Axial and torsion stresses in the profile's corners, at points in the elements `element` (P,).
+        """Axial and torsion stresses in the profile's corners, at P points in the elements `element` (P,).
 
         `forces` are the rows of the section forces at these points.  The result is None if a section has no profile.
         """

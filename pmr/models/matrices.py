@@ -139,7 +139,7 @@ class Matrices(TracedModel):
         return Strip(places[:, 0], places[:, 1], weights, sp.csr_matrix(interpolation @ value), extent)
 
     def _group(self, name: str) -> Indices:
-        """Numbers (g,) of the nodes of the group `name`; raises an `InputError` if there is no such group."""
+        """Numbers (g,) of the g nodes of the group `name`; raises an `InputError` if there is no such group."""
         if name not in self.body_matrices.groups:
             allowed = f"groups of the file are allowed: {', '.join(self.body_matrices.groups) or 'it has none'}"
             raise InputError(self.body_matrices.source, "groups", name, allowed)
@@ -189,7 +189,7 @@ class Matrices(TracedModel):
         return Trace(name, points[nodes], weights, self._values(nodes)).shift_to(self.axis, place)
 
     def _normal(self, face: str, points: Array) -> Array:
-        """Unit vector (3,) out of the body and normal to a face, whose nodes are at `points` (g, 3) m.
+        """Unit vector (3,) out of the body and normal to a face, whose g nodes are at `points` (g, 3) m.
 
         Raises an `InputError` if the nodes do not lie in a plane, or lie on a line.
         """

@@ -84,7 +84,7 @@ def mesh_fault(cell: str, points: Array, cells: Indices) -> Fault | None:
 
 
 def triangle_normals(corners: Array) -> Array:
-    """Normals (C, 3) of triangles with `corners` (C, 3, 3) in m; the length of a normal is the area in m^2."""
+    """Normals (C, 3) of C triangles with `corners` (C, 3, 3) in m; the length of a normal is the area in m^2."""
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2.0
 
 
@@ -104,7 +104,7 @@ def _corner_volumes(cell: str, corners: Array) -> Array:
 
 
 def _connected_parts(facet_codes: Indices) -> Indices:
-    """Number (C,) of the part that each cell belongs to; cells of different parts share no facet.
+    """Number (C,) of the part that each of C cells belongs to; cells of different parts share no facet.
 
     `facet_codes` (C, f) are the codes of the f facets of each cell.
     """
@@ -177,7 +177,7 @@ class NamedMesh:
 
     @cached_property
     def spans(self) -> Array:
-        """Start and end (2, C) in m of each cell along the axis."""
+        """Start and end (2, C) in m of each of C cells along the axis."""
         x = self.points[:, self.axis][self.cells]
         return np.array([x.min(axis=1), x.max(axis=1)])
 

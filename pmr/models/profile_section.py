@@ -184,7 +184,7 @@ def _arc_angles(side: Side, x: Array) -> Array:
 
 
 def points_along(side: Side, x: Array) -> Array:
-    """Points (q, 2) m at the shares x (q,) in [0, 1] along a side."""
+    """Points (q, 2) in m at q shares x (q,) in [0, 1] along a side."""
     if side.centre is None:
         return np.asarray(side.start + x[:, None] * np.subtract(side.end, side.start))
     angle = _arc_angles(side, x)
@@ -192,7 +192,7 @@ def points_along(side: Side, x: Array) -> Array:
 
 
 def normals(side: Side, x: Array) -> Array:
-    """Outward unit vectors (q, 2) at the shares x (q,) in [0, 1] along a side."""
+    """Outward unit vectors (q, 2) at q shares x (q,) in [0, 1] along a side."""
     if side.centre is None:
         return np.tile(side.normal, (len(x), 1))
     angle = _arc_angles(side, x)

@@ -100,7 +100,7 @@ class Shell(MeshedModel):
 
     @property
     def thickness(self) -> Array:
-        """Thickness of each cell, (C,) m."""
+        """Thickness (C,) in m of each of C cells."""
         return self.plates.values("thickness") if self.walls is None else self.walls
 
     @property
@@ -205,6 +205,7 @@ class Strains:
     """Strains of a displacement u and rotation theta in UFL, in a frame of three unit vectors, the last one normal."""
 
     def __init__(self, u: Expr, theta: Expr, frame: Sequence[Expr]) -> None:
+        """Compute the strains of u and theta, UFL vectors of three, in `frame`, three unit vectors, the normal last."""
         in_plane, normal = _in_plane(frame), frame[2]
         H = ufl.dot(in_plane, _surface_gradient(u, frame))
         director = ufl.cross(normal, theta)
@@ -290,7 +291,7 @@ def draw_box(box: Box, size: float, along: float, tail_layer: float = 0.0) -> Bo
 
 
 def walls_along(box: Box, mesh: NamedMesh) -> Array:
-    """Thickness (C,) in m in the middle of each cell of a box, for a mesh that `draw_box` has described.
+    """Thickness (C,) in m in the middle of each of C cells of a box, for a mesh that `draw_box` has described.
 
     Cells of frames have the thickness of the frames' plates.
     """
@@ -319,7 +320,7 @@ def shell_body(profile: BoxProfile, material: Material) -> ShellBody:
 
 
 def frames(mesh: NamedMesh) -> Array:
-    """Unit vectors (C, 3, 3) of each triangle: along the body's axis, across that in the triangle, outward normal.
+    """Unit vectors (C, 3, 3) of C triangles: along the body's axis, across that in the triangle, outward normal.
 
     For a triangle that lies across the body's axis, the next of the axes x, y, z is used instead of the body's axis.
     """
@@ -333,7 +334,7 @@ def frames(mesh: NamedMesh) -> Array:
 
 
 def _outward(mesh: NamedMesh, places: Array, normals: Array) -> Array:
-    """The unit `normals` (f, 3) at the points `places` (f, 3) of a surface, turned away from the body's axis.
+    """The f unit `normals` (f, 3) at the points `places` (f, 3) in m of a surface, turned away from the body's axis.
 
     On a flat plate, and for a normal that points neither away from the axis nor towards it, the normal is turned so
     that its largest component is positive.

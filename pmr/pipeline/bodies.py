@@ -248,7 +248,7 @@ class Bodies:
         return reduction_error(self.scene, simulated, self.clock, self._other, estimated)
 
     def _full_frequencies(self, at: WayPoints) -> Array:
-        """Return the full system's lowest frequencies (S, f) in Hz at the positions `at`.
+        """Return the full system's f lowest frequencies (S, f) in Hz at the S positions `at`.
 
         The frequencies are read from the caches; if these lack them, they are computed and stored there.
         """

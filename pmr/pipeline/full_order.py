@@ -91,9 +91,10 @@ class FullOrder:
         return gathered_system and replace(gathered_system, terms=terms_of(self.scene, gathered_system.bodies))
 
     def frequencies(self, s: Array, count: int, c: Array) -> Array:
-        """Return the `count` lowest natural frequencies (S, f) in Hz at path coordinates s (S, P) in m.
+        """Return the f = `count` lowest natural frequencies (S, f) in Hz with P paths at s (S, P) in m.
 
-        Collective.  Every contact is closed; the system's terms, such as geometric stiffness, have amplitudes c (S, k).
+        Collective.  Every contact is closed; the system's terms, such as geometric stiffness, have amplitudes c (S, k),
+        k in each of S positions.
         """
         if ALONE in self.system.bodies and not c.size:
             solver = self.scene.reduction.solver
@@ -267,10 +268,10 @@ def _support_reactions(full_system: FullSystem, history: History) -> SupportReac
 
 
 def _lanczos_frequencies(full_system: FullSystem, places_of: Array, count: int, c: Array) -> Array | None:
-    """Return the `count` lowest frequencies (S, f) in Hz, by Lanczos iterations on rank 0, and None on other ranks.
+    """Return the f = `count` lowest frequencies (S, f) in Hz, by Lanczos iterations, on rank 0; None on other ranks.
 
     The iterations are on the saddle point of the coordinates and the contact forces.  Positions are `places_of` (S,
-    sides) in m, and terms have amplitudes c (S, k) there.  Of the terms that act on rates only the antisymmetric,
+    sides) in m, and the k terms have amplitudes c (S, k) there.  Of the terms that act on rates only the antisymmetric,
     gyroscopic part counts; it is projected on the lowest modes of the system without this part.
     """
     system = full_system.with_supports()

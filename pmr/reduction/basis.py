@@ -76,7 +76,7 @@ class Basis:
 
 
 def kappa(sigma: Array, r: int) -> float:
-    """Share of the sum of sigma^2 (k,) that is in the first r singular values.
+    """Share of the sum of k values sigma^2 (k,) that is in the first r singular values.
 
     The complement is summed, so that 1 - kappa keeps its digits.  Benner, Gugercin, Willcox 2015, section 3.1.
     """
@@ -192,7 +192,7 @@ class _SingularVectors(NamedTuple):
 def _dense_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> _SingularVectors:
     """Vectors (n_local, k) and singular values (k,), descending, of S by LAPACK on rank 0, in the product of M.
 
-    M is None for the Euclidean product.
+    There are k vectors.  M is None for the Euclidean product.
     """
     comm = S.comm.tompi4py()
     shares = comm.gather(np.array(S.getDenseArray()), root=0)

@@ -48,7 +48,7 @@ class ReducedBody:
 
     @property
     def V(self) -> NDArray[np.float64]:
-        """Basis V (n_local, k): this rank's part of the n coordinates."""
+        """Basis V (n_local, k) of k vectors: this rank's part of the n coordinates."""
         return np.array(self.basis.V.getDenseArray())
 
     @property

@@ -66,7 +66,7 @@ class FreeBody:
 
     @cached_property
     def MZ(self) -> Array:
-        """Product M Z (n_local, c) of the mass matrix and the rigid-body modes: this rank's part of the coordinates."""
+        """Product M Z (n_local, c) of the mass matrix and the c rigid-body modes, this rank's part."""
         return times(self.model.M, self.Z)
 
     def are_rigid(self, local: Array) -> Mask:
@@ -81,7 +81,7 @@ class FreeBody:
         return np.asarray(far <= RIGID**2 * size)
 
     def solve(self, g: Array) -> Array:
-        """Product K^+ g (n_local, k), this rank's part, for self-equilibrated loads g (n_local, k).
+        """Product K^+ g (n_local, k), this rank's part, for k self-equilibrated loads g (n_local, k); collective.
 
         The array g may be overwritten.
         """
@@ -108,7 +108,7 @@ class FreeBody:
         self._solver = None
 
     def _relieve(self, g: Array) -> Array:
-        """Product P K^+ P^T g (n_local, k), this rank's part, for loads g (n_local, k); in Fortran's order."""
+        """Product P K^+ P^T g (n_local, k), this rank's part, for k loads g (n_local, k); in Fortran's order."""
         g = g.copy(order="F")
         subtract(g, self.MZ, inner(self.Z, g, self.model.comm))
         x = np.asfortranarray(self.solve(g))
@@ -150,7 +150,7 @@ def released_rows(model: FullModel) -> Rows:
 
 
 def rigid_modes(model: FullModel) -> Array:
-    """Rigid-body modes (n_local, c) that fixed supports leave free, M-orthonormal: this rank's part; collective.
+    """The c rigid-body modes (n_local, c) that fixed supports leave free, M-orthonormal: this rank's part; collective.
 
     A ValueError is raised if the model's rigid motions are not known.
     """

@@ -263,7 +263,7 @@ def _not_held_error() -> InputError:
 
 
 def _named_places(scene: Scene, model: StructuralModel) -> list[str | float]:
-    """Points where loads act, and the tip; of points that coincide, only the first is listed."""
+    """Places (names or distances in m) where loads act, and the tip; of places that coincide only the first."""
     points: dict[str | float, Array] = {}
     for place in (*(load.on for load in scene.loads), scene.observe.tip):
         point = model.centroid(place)

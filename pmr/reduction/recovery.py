@@ -219,7 +219,7 @@ class Stresses:
 
     @property
     def along_beam(self) -> Array:
-        """Section forces followed by axial stresses, (S, P + p); only for a beam."""
+        """P section forces followed by p axial stresses at S times, (S, P + p); only for a beam."""
         assert self.forces is not None
         return self.forces if self.values is None else np.hstack([self.forces, self.values[:, :, 0]])
 

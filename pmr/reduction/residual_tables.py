@@ -218,5 +218,5 @@ def tables(
 
 
 def carrier_loads(model: FullModel, carriers: sp.csr_matrix) -> sp.csc_matrix:
-    """Unit loads (n_local, L) on the carriers, then on the inputs, this rank's part."""
+    """Unit loads (n_local, L) on the carriers, then on the inputs, L together, this rank's part."""
     return sp.hstack([carriers[:, model.share].T, local_csr(model.inputs)], format="csc")

@@ -66,7 +66,7 @@ class SNLine:
             raise InputError("S-N line", "cut_off", self.cut_off, "a range of 0 or more is allowed")
 
     def damage(self, ranges: Array, counts: Array) -> float:
-        """Return the damage, a number, by stress ranges (C,) in Pa that occur `counts` (C,) times; 1 is failure."""
+        """Return the damage by C stress ranges (C,) in Pa that occur `counts` (C,) times; 1 is failure."""
         share = (np.where(ranges < self.cut_off, 0.0, ranges) / self.reference) ** self.slope
         return float(counts @ share) / REFERENCE_CYCLES
 

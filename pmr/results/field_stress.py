@@ -193,7 +193,7 @@ def stress_history(
     """Return the history of the largest stress (S,) in Pa at times t (S,) in s, and its peak of all times.
 
     The largest stress occurs at the points `point` (S,), which are indices of points of `rows`.  `at_peak` is von
-    Mises' stress (P,) in Pa at all points of `rows` at the time of the peak.  With `at_peak`, the first of all points
+    Mises' stress (P,) in Pa at all P points of `rows` at the time of the peak.  With `at_peak`, the first of all points
     that share the largest stress is taken as the peak, so that round-off does not decide.  If `at_peak` is None, the
     peak is at its entry of `point`.
     """
@@ -217,8 +217,8 @@ def stress_history(
 def peaks_by_region(rows: StressRows, grid: Grid, most: Array, when: Array) -> dict[str, StressPeak]:
     """Return the stress peak in each region of a grid, by the region's name.
 
-    `most` (P,) in Pa is the largest stress over time at each point of `rows`, and `when` (P,) in s the time at which it
-    occurs.
+    `most` (P,) in Pa is the largest stress over time at each of P points of `rows`, and `when` (P,) in s the time at
+    which it occurs.
     """
     peaks = {}
     for name, cells in sorted(grid.regions.items()):

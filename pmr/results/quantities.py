@@ -121,7 +121,7 @@ class Columns:
 
 
 def values_of(response: Response) -> Array:
-    """Return all columns of a response as one array (T, c), in the order of `Columns.from_scene`."""
+    """Return all c columns of a response as one array (T, c), in the order of `Columns.from_scene`."""
     parts = [response.displacement, response.slider_force, response.others]
     return np.hstack([part for part in parts if part is not None])
 
@@ -211,9 +211,9 @@ def unit_text(unit: str) -> str:
 
 
 def _largest_measure(numbers: Sequence[int]) -> Measure | None:
-    """Return a function from the values (T, c) of all columns to the largest absolute value (T,) in columns `numbers`.
+    """Return a function from the values (T, c) of all c columns to the largest absolute value (T,) in some.
 
-    None is returned if `numbers` is empty.
+    These columns have the numbers `numbers`; None is returned if that is empty.
     """
     chosen = list(numbers)
     return (lambda values: np.abs(values[:, chosen]).max(axis=1)) if chosen else None
@@ -234,7 +234,7 @@ def _force_measure(kind: str) -> Callable[[Columns, Callable[[str], bool]], Meas
 
 
 def _support_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return a function from the values (T, c) of all columns to the largest resultant force (T,) of a support.
+    """Return a function from the values (T, c) of all c columns to the largest resultant force (T,) of a support.
 
     Supports may be rigid or elastic; `looks_at` says whether a limit depends on the support of a name.  Moments are
     used only if no force column is chosen, and columns at the pivot and on the ground are never used.  None is returned
@@ -269,7 +269,7 @@ def support_names(columns: Columns, number: int) -> tuple[str, ...]:
 
 
 def _cylinder_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return a function from the values (T, c) of all columns to the largest force (T,) that moves a section.
+    """Return a function from the values (T, c) of all c columns to the largest force (T,) that moves a section.
 
     `looks_at` says whether a limit depends on the cylinder of a name; None is returned if it depends on no cylinder.
     The force is computed by `pmr.scene.mechanism.drive_rows`: it is the force of one cylinder, or a sum over several
@@ -301,10 +301,10 @@ def _drive_measure(rows: Sequence[Array]) -> Measure | None:
 
 
 def _deflection_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return a function from the values (T, c) of all columns to the displacement (T,) in m of the last section's tip.
+    """Return a function from the values (T, c) of all c columns to the displacement (T,) in m of the last tip.
 
-    The displacement is the length of its vector, and depends on no name, so that `looks_at` is not used; None is
-    returned if no column is a displacement of a tip.
+    The tip is that of the last section.  Its displacement is the length of the displacement's vector, and depends on no
+    name, so that `looks_at` is not used; None is returned if no column is a displacement of a tip.
     """
     tips = columns.numbers_of_kind("tip")
     last = [k for k in tips if columns.bodies[k] == columns.bodies[tips[-1]]]
@@ -312,7 +312,7 @@ def _deflection_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Me
 
 
 def _stress_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return a function from the values (T, c) of all columns to the largest von Mises stress (T,) in Pa at probes.
+    """Return a function from the values (T, c) of all c columns to the largest von Mises stress (T,) in Pa at probes.
 
     `looks_at` says whether a limit depends on the probe of a name; None is returned if it depends on no probe.
     """
@@ -327,7 +327,7 @@ def _stress_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measur
 
 
 def _luffing_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return a function from the values (T, c) of all columns to the absolute force (T,) of the luffing cylinder.
+    """Return a function from the values (T, c) of all c columns to the absolute force (T,) of the luffing cylinder.
 
     None is returned if there is no luffing cylinder.  `looks_at` is not called, as there is at most one.
     """

@@ -151,10 +151,10 @@ def polygon_area(polygon: ArrayLike) -> float:
 
 
 def edge_rows(polygon: ArrayLike, height: float) -> NDArray[np.float64]:
-    """Return rows (e, 6) whose product with a force and its moment about the pivot (6,) is the moment about each edge.
+    """Return rows (e, 6) whose product with a force and its moment about the pivot (6,) is the moment about e edges.
 
     The corners of `polygon` are X and Y in m from the pivot, in either direction; edges run anticlockwise.  The pivot
-    is `height` in m above them.  A positive moment tips the machine over the edge.
+    is `height` in m above the corners.  A positive moment tips the machine over the edge.
     """
     corners = np.insert(np.asarray(polygon, float), 2, -height, axis=1)
     if polygon_area(polygon) < 0.0:

@@ -130,10 +130,11 @@ def accelerate_angle(still: Scene, angle: str) -> Scene:
 
 
 def amplitudes_at_rest(scene: Scene, extensions: Mapping[str, Array], luffing: float) -> Array:
-    """Amplitudes c (P, k) of the scene's k terms at rest, at extensions (P,) m by name and a `luffing` angle in rad.
+    """Amplitudes c (P, k) of the scene's k terms at rest in P postures.
 
-    The weight acts in full.  Loads along x have their smallest value in the scene's time, all other loads their
-    largest, since these values compress the boom most.  For a scene without terms, k is 0.
+    The postures have extensions (P,) in m by name and a `luffing` angle in rad.  The weight acts in full.  Loads along
+    x have their smallest value in the scene's time, all other loads their largest, since these values compress the boom
+    most.  For a scene without terms, k is 0.
     """
     if not list(frame_terms(scene)):
         return np.empty((len(next(iter(extensions.values()))), 0))
@@ -217,7 +218,7 @@ def _response_at_rest(
     """Response at rest in the posture `place`: forces of springs and contacts, on supports and on the machine.
 
     Each of the T `states` (T, n + m + i) consists of coordinates, contact forces and loads; c (T, k) are amplitudes of
-    terms at these states; x and `rows` are the sides' positions and the contacts as in `rest_rows`.  The response has
+    k terms at these states; x and `rows` are the sides' positions and the contacts as in `rest_rows`.  The response has
     no displacements and no energies.
     """
     system, (n, m), count = assembly.system, (assembly.size, len(rows.C)), len(states)

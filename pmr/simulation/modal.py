@@ -140,7 +140,7 @@ def modal_form(body: SlidingBody) -> ModalForm:
 
 
 def support_forces(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
-    r"""Forces (T, h) in N or N m of a body on its rigid supports, under loads (T, i).
+    r"""Forces (T, h) in N or N m of a body on its h rigid supports, under loads (T, i).
 
     `trajectory` has the body's coordinates, rates and contact forces.  The equations and symbols are those of
     `pmr.system.body_matrices`, with the accelerations from the equations of motion:

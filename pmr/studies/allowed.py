@@ -153,7 +153,7 @@ class Place:
         return LoadedStructure(self.postures.equations(self.k, named, named[HOOK]))
 
     def share(self, limit: Limit) -> Share:
-        """Return the function from states to the used shares (p,) of `limit` at this place."""
+        """Return the function from p states to the used shares (p,) of `limit` at this place."""
         return limit.share(self.postures, self.k, self.amounts)
 
     def used_share(self, limit: Limit, state: LoadedState) -> float:
@@ -174,7 +174,7 @@ class Place:
 
 
 def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, guesses: Array | None = None) -> Array:
-    """Return the load (l,) in kg that each limit allows at a place, stability last; NaN for a load above `up_to` in kg.
+    """Return the load (l,) in kg that each of `limits` and, last, stability allow at a place; NaN above `up_to` in kg.
 
     The load is 0 for a limit that is exceeded by the boom alone, without a load.  All loads are 0 if the boom alone is
     unstable.  `guesses` (l,) are loads in kg that another model allows, near which the searches begin.  Entries without
@@ -245,5 +245,5 @@ def _stability_load(loaded: LoadedStructure, up_to: float) -> float:
 
 
 def _buckling_share(states: LoadedStates) -> Array:
-    """Return the share (p,) of the buckling load that the load of each state uses, with the same contacts closed."""
+    """Return the share (p,) of the buckling load that each of p states uses, with the same contacts closed."""
     return states.load / np.array([form.critical for form in states.forms])

@@ -240,10 +240,10 @@ class StopMotion:
 
 
 def largest_governed_rows(load: Array) -> NDArray[np.int64]:
-    """Return for each limit (l,) the row of `load` (p, l) in kg with the largest load that the limit governs.
+    """Return for each of l limits the row (l,) of `load` (p, l) in kg with the largest load that the limit governs.
 
-    A limit governs a row if its load is the smallest of the row; rows with a smallest load of 0 or NaN are ignored.
-    The result is -1 for a limit that governs no row.
+    The p rows are points.  A limit governs a row if its load is the smallest of the row; rows with a smallest load of 0
+    or NaN are ignored.  The result is -1 for a limit that governs no row.
     """
     least = np.where(np.isnan(load), np.inf, load)
     which, most = least.argmin(axis=1), least.min(axis=1)

@@ -70,7 +70,7 @@ class Chart:
         )
 
     def passed_limits(self, at: PostureMatrices, k: int) -> NDArray[np.bool_]:
-        """Return whether each limit is exceeded without a load, (c, l), at the k-th posture of the model `at`.
+        """Return whether each of l limits is exceeded without a load in c cases, (c, l), at the k-th posture of `at`.
 
         The last column, stability, is true in cases in which the boom has no stable equilibrium; in these cases all
         other columns are false.
@@ -339,7 +339,10 @@ def _point_arrays(
 
 
 def _least_case(loads: Array) -> NDArray[np.int64]:
-    """Return for each limit the number (l,) of the case with the smallest of its `loads` (c, l) in kg."""
+    """Return for each of l limits the number (l,) of the case with the smallest of its `loads` (c, l) in kg.
+
+    c is the number of cases.
+    """
     return np.where(np.isnan(loads), np.inf, loads).argmin(axis=0)
 
 

@@ -104,12 +104,13 @@ class LeastLoads(NamedTuple):
         return cls(load[order], error[order], place[order], rows[0]["luffing"].reshape(-1, turns)[:, 0], order)
 
     def at_radii(self, radii: Array, lower: Array, e: int, up_to: float) -> Array:
-        """Loads and their lower bounds (2, R, l) in kg with boom length number `e`, for the tip at `radii` (R,) in m.
+        """Loads and their lower bounds (2, R, l) in kg by l limits with boom length number `e`, at R `radii` (R,) in m.
 
-        The loads are interpolated between luffing angles, and NaN at radii that the tip does not reach.  `lower` (E, A,
-        l) in kg are lower bounds of the loads.  A limit that is not reached counts as reached at `up_to` in kg.  If the
-        tip has a radius at two angles, above and below the horizontal, the smaller load counts.  The lower bound is
-        less by what interpolation with curves and with straight lines differ.
+        The radii are those of the tip.  The loads are interpolated between luffing angles, and NaN at radii that the
+        tip does not reach.  `lower` (E, A, l) in kg are lower bounds of the loads with E boom lengths at A luffing
+        angles.  A limit that is not reached counts as reached at `up_to` in kg.  If the tip has a radius at two angles,
+        above and below the horizontal, the smaller load counts.  The lower bound is less by what interpolation with
+        curves and with straight lines differ.
         """
         luffing, order = np.unique(self.luffing, return_index=True)
         place, load = self.place[e, order, 0], np.nan_to_num(self.load[e, order], nan=up_to)
@@ -218,7 +219,7 @@ def _angles_at_radii(radii: Array, place: Array, luffing: Array) -> Array:
 
 
 def _interpolate_loads(angles: Array, luffing: Array, load: Array, up_to: float, smooth: bool) -> Array:
-    """Interpolate `load` (A, l) in kg, given at the increasing angles `luffing` (A,), at `angles` (2, R) in rad.
+    """Interpolate `load` (A, l) in kg, by l limits at A increasing angles `luffing` (A,), at `angles` (2, R) in rad.
 
     The result is (2, R, l), NaN where an angle is NaN.  The inverse of the load is interpolated, as a moment that a
     limit allows is the load times a radius.  The interpolation is by monotone cubic curves, or by straight lines if not
@@ -244,7 +245,11 @@ def _interpolate_loads(angles: Array, luffing: Array, load: Array, up_to: float,
 
 
 def _round_radii(radius: Array) -> Array:
-    """Return round radii (R,) in m within the range of `radius` (E, A) in m, or all radii where angles are single."""
+    """Return R round radii (R,) in m within the range of `radius` (E, A) in m; the radii themselves if A is 1.
+
+    `radius` has the radii with E boom lengths at A luffing angles.  All of these are also returned if they are nearly
+    equal.
+    """
     low, high = float(radius.min()), float(radius.max())
     if radius.shape[1] == 1 or high - low < 1e-6 * abs(high):
         return np.unique(radius)

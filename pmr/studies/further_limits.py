@@ -208,7 +208,7 @@ def check_names(limit: str, text: str, scene: Scene) -> None:
 def amounts_of_states(
     limit_function: LimitFunction, key: str, text: str | None, at: PostureMatrices, k: int
 ) -> Callable[[LoadedStates], Array]:
-    """Return a function from states to the values (p,) of the user's `limit_function`, for posture `k` of `at`.
+    """Return a function from p states to the values (p,) of the user's `limit_function`, for posture `k` of `at`.
 
     The returned function raises InputError with `key` and `text` (the limit function's name or the expression) if the
     limit function fails or returns NaN.

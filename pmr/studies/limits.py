@@ -107,7 +107,7 @@ class Kind:
 
 
 def _share_of_quantity(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
-    """Return the function from states to the used shares (p,) of a limit on a quantity that runs have, too.
+    """Return the function from p states to the used shares (p,) of a limit on a quantity that runs have, too.
 
     `amounts` are not used.  Raises InputError if the limit is on the luffing cylinder and the cylinder has no lever arm
     to raise the boom at the k-th posture of `at`.
@@ -120,10 +120,10 @@ def _share_of_quantity(limit: Limit, at: PostureMatrices, k: int, amounts: Seque
 
 
 def _share_of_ground(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
-    """Return the function from states to the used shares (p,) of a limit on forces of outriggers or on tipping.
+    """Return the function from p states to the used shares (p,) of a limit on forces of outriggers or on tipping.
 
     Forces on the ground are those of runs (`pmr.simulation.reactions`), at the k-th posture of `at`, where the
-    components ``at.loads`` act by `amounts` (w,).
+    components ``at.loads`` act by `amounts` (w,), one for each.
     """
     at_rest = limit.stand_in(at)
     measure = limit.measure(at_rest.columns)
@@ -142,7 +142,7 @@ def _share_of_ground(limit: Limit, at: PostureMatrices, k: int, amounts: Sequenc
 
 
 def _share_of_user_function(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
-    """Return the function from states to the used shares (p,) of a limit on a user's function or expression.
+    """Return the function from p states to the used shares (p,) of a limit on a user's function or expression.
 
     The absolute value of the function or expression at the k-th posture of `at` is compared with the allowed amount.
     """
@@ -153,7 +153,7 @@ def _share_of_user_function(limit: Limit, at: PostureMatrices, k: int, amounts: 
 
 
 def _share_of_buckling(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
-    """Return the function from states to the used shares (p,) of a limit on the buckling factor.
+    """Return the function from p states to the used shares (p,) of a limit on the buckling factor.
 
     Posture and `amounts` are not used, as each state has its form.
     """
@@ -162,7 +162,7 @@ def _share_of_buckling(limit: Limit, at: PostureMatrices, k: int, amounts: Seque
 
 
 def _share_of_frequency(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
-    """Return the function from states to the used shares (p,) of a limit on the lowest natural frequency.
+    """Return the function from p states to the used shares (p,) of a limit on the lowest natural frequency.
 
     Posture and `amounts` are not used, as each state has its form.
     """
@@ -171,9 +171,9 @@ def _share_of_frequency(limit: Limit, at: PostureMatrices, k: int, amounts: Sequ
 
 
 def _share_of_overturning(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
-    """Return the function from states to the used shares (p,) of a limit on overturning, about the worst edge.
+    """Return the function from p states to the used shares (p,) of a limit on overturning, about the worst edge.
 
-    The machine stands at the k-th posture of `at`; the components ``at.loads`` act by `amounts` (w,).
+    The machine stands at the k-th posture of `at`; the components ``at.loads`` act by `amounts` (w,), one for each.
     """
     tipping = limit.tipping_moments(at, k, amounts)
     return lambda states: tipping.share(states, limit.factor)
@@ -305,7 +305,7 @@ class Limit(SceneTable):
         return float(self.most or 0.0) * float(np.prod(self.area or (1.0,)))
 
     def share(self, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
-        """Return the function from states to the used shares (p,) of the limit at the k-th posture of `at`.
+        """Return the function from p states to the used shares (p,) of the limit at the k-th posture of `at`.
 
         `amounts` (w,) are the amounts by which the w components ``at.loads`` act.  Raises InputError if the model has
         none of the columns that the limit depends on.
@@ -313,7 +313,7 @@ class Limit(SceneTable):
         return self.kind.share(self, at, k, amounts)
 
     def measure(self, columns: Columns) -> Measure:
-        """Return the function from values (p, c) of `columns` to the quantity (p,) that `most` bounds.
+        """Return the function from values (p, c) of c `columns` in p states to the quantity (p,) that `most` bounds.
 
         Raises InputError if none of the columns belongs to the limit.
         """

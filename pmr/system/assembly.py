@@ -212,7 +212,7 @@ class Assembly:
         return moved_by_moments
 
     def _weights(self, place: Place, position: float, derivative: int) -> TouchedWeights:
-        """Numbers (d,) and weights (d,) of the carriers that the row of a place touches at `position` in m.
+        """Numbers (d,) and weights (d,) of the d carriers that the row of a place touches at `position` in m.
 
         With a `derivative` of 1 or more, the weights are their derivatives of that order with respect to the position.
         """

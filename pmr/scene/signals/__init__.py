@@ -58,7 +58,7 @@ class _Knots(SignalBase):
         return np.diff([self.times, self.values])
 
     def _coefficients(self) -> Array:
-        """Return the coefficients of the polynomials (p, k) between knots, highest power first."""
+        """Return the coefficients (p, k) of the polynomials in k intervals between knots, highest of p powers first."""
         duration, rise = self._rises
         return np.array([rise / duration, self.values[:-1]])
 

@@ -229,7 +229,7 @@ class Pads:
         self.t = 0.0  # s: end of the last step
 
     def rows(self, x: Array) -> Rows:
-        """Rows of the contacts with their sides at x (1, sides) m."""
+        """Rows of the contacts with their sides at x (1, sides) in m, with the slopes that friction needs."""
         assembly, giving, m = self._equations.assembly, self._contacts.rows(x).at_time(0), len(self.gives)
         if self.law is None:
             return Rows(giving, np.zeros((m, giving.C.shape[1])), np.zeros((m, m)), np.zeros(0))
@@ -237,7 +237,7 @@ class Pads:
         return Rows(giving, assembly.row_slopes(x[0]), assembly.contact_motions_by_moments(x[0]), s)
 
     def answers(self, rows: Rows, f: Array) -> Array:
-        """Response F^-1 H f (m',) in N to loads f (i,) of the contacts in `rows` that give way."""
+        """Response F^-1 H f (m',) in N to loads f (i,) of the m' contacts in `rows` that give way."""
         displacements = rows.giving.H @ f
         return np.asarray(np.linalg.solve(rows.giving.F, displacements)) if f.any() else displacements
 

@@ -156,7 +156,7 @@ class BoomDrawing:
         self._place = np.array(place)
 
     def axes(self) -> list[Array]:
-        """Points (k, 3) in m of each section's axis, in the axes of the mbs."""
+        """Points (k, 3) in m of each section's axis, k for each section, in the axes of the mbs."""
         return [rings[:, 0] for rings in self._rings([np.zeros((1, 1, 2))] * len(self.tubes))]
 
     def graphics(self) -> list[dict[str, object]]:

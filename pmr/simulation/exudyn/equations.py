@@ -100,7 +100,7 @@ class Equations:
         return self._rows
 
     def body_coordinates(self, name: str, values: Array) -> Array:
-        """Coordinates (T, n') of the body `name` from the `values` (T, n) of all; zero for those that supports hold."""
+        """Coordinates (T, n') of the body `name`, all n' of them, from the `values` (T, n) of all; zero where held."""
         coordinates = np.zeros((len(values), self.system.bodies[name].size))
         coordinates[:, self.assembly.free_coordinates[name]] = values[:, self.assembly.coordinate_slices[name]]
         return coordinates

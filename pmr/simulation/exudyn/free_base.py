@@ -255,7 +255,7 @@ class Base:
         return 0.0 if self._gravity is None else float(self._gravity.value(t))
 
     def origin(self, x: Array) -> Array:
-        """Position (3,) in m of the pivot, with the body at displacements x (k,)."""
+        """Position (3,) in m of the pivot, with the body's k coordinates at displacements x (k,)."""
         angles = (x + self.reference)[3:]
         return (x + self.reference)[:3] + np.array(self._rotations.matrix(angles)) @ np.array(self._on.place)
 
@@ -276,7 +276,7 @@ class Base:
         return Coordinates(x[:k], x[k : k + n], self.extensions(t, x[k + n :], x[k + n :]).value)
 
     def kinematics(self, x: Array, rate: Array) -> BodyMotion:
-        """Motion of the body at displacements x (k,) with the rates `rate` (k,)."""
+        """Motion of the body with its k coordinates at displacements x (k,) with the rates `rate` (k,)."""
         angles, c, A = (x + self.reference)[3:], skew(np.array(self._on.place)), self._on.axes
         R, G = np.array(self._rotations.matrix(angles)), np.array(self._rotations.velocity(angles))
         omega, remainder = G @ rate[3:], self._rotations.remainder(angles, rate[3:])

@@ -172,7 +172,7 @@ class _Joint:
         self.mass[:3, :3] = self._firm
 
     def _responses(self, s: Array) -> InputResponse:
-        """Response of the hook's point to the three loads alone, with the paths at s (P,) m."""
+        """Response of the hook's point to the three loads alone, with P paths at s (P,) in m."""
         return self._base.answering.response(s).select(self._on)
 
     def forces_and_stiffness(self, t: float, z: Array) -> ForcesAndStiffness:
@@ -193,7 +193,7 @@ class _Joint:
     def _unloaded_point(self, t: float, q: Array, s: Array, R: Array) -> UnloadedPoint:
         """Point of the hook without the hook's force, from the pivot O.
 
-        The boom has the coordinates q (n,), the extensions s (P,) in m, and the axes R (3, 3) in space.
+        The boom has the coordinates q (n,), the P extensions s (P,) in m, and the axes R (3, 3) in space.
         """
         answers, e = self._base.answering.response(s), np.array([1.0, 0.0, 0.0])
         rows, bent, by = answers.B[:, self._on].T, np.zeros_like(q), np.zeros_like(s)

@@ -239,7 +239,7 @@ class SystemRun:
         return Motion(self._inputs.x, q, v, self._inputs.f, forces, self._inputs.c, none, none, none)
 
     def _sensor_values(self, sensor: exu.SensorIndex) -> Array:
-        """Values (N, c) that a sensor stored."""
+        """Values (N, c) that a sensor stored, c of them at each of N ends of parts of steps."""
         return read_sensor(self._mbs, sensor, self._lengths, self._describe)
 
     def _trajectory(self, motion: Motion, balanced: Balance, seconds: float) -> SystemTrajectory:

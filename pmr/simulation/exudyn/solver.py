@@ -152,7 +152,7 @@ def add_force_sensor(mbs: exu.MainSystem, connector: exu.ObjectIndex) -> exu.Sen
 def read_sensor(
     mbs: exu.MainSystem, sensor: exu.SensorIndex, stepping: TimeStepping | StepParts, place: Callable[[float], str]
 ) -> Array:
-    """Values (N, c) that a sensor stored, one row for each step or part of a step, t = 0 included.
+    """Values (N, c) that a sensor stored, a row of c for each step or part of a step, t = 0 included.
 
     Raises SimulationError if steps are missing or a value is not finite; `place` returns the text about the path at a
     time.

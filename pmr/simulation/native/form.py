@@ -132,7 +132,7 @@ class SystemForm:
         return system_in_modes(self.system, self.forms)
 
     def initial_states(self, z: Array, v: Array) -> dict[str, InitialState]:
-        """Coordinates and rates of each body by its name, from the kernel's modal ones z and v (r',)."""
+        """Coordinates and rates of each body by its name, from those of the kernel's r' modes, z and v (r',)."""
         return {
             name: InitialState(form.X @ z[self.columns[name]], form.X @ v[self.columns[name]])
             for name, form in self.forms.items()
@@ -222,8 +222,8 @@ def begin(
 def rest_states(assembly: Assembly, x: Array, f: Array, c: Array) -> dict[str, InitialState]:
     """States of all bodies of `assembly` at rest in equilibrium, by the body's name.
 
-    The sides of contacts are at x (sides,) in m; the loads are f (i,), and c (k,) are the amplitudes of terms.  Raises
-    InputError as `equilibrium`.
+    The sides of contacts are at x (sides,) in m; the loads are f (i,), and c (k,) are the amplitudes of k terms.
+    Raises InputError as `equilibrium`.
     """
     states, coordinates = dict[str, InitialState](), equilibrium(assembly, x, f, c).q
     for name, body in assembly.system.bodies.items():
@@ -256,5 +256,5 @@ def failure_reason(system: System, error: StepError, x: Array) -> str:
 
 
 def path_text(paths: Sequence[str], s: Array) -> str:
-    """Text with the coordinates s (P,) in m of the paths."""
+    """Text with the coordinates s (P,) in m of P paths."""
     return "".join(f", {path} at {at:g} m" for path, at in zip(paths, s, strict=False))

@@ -207,7 +207,8 @@ class ExtensionRun:
 def cylinder_record(columns: Array, oil: Oil | None) -> dict[str, Array]:
     """Columns (T,) of a cylinder by the names in `CYLINDER_UNITS`, those of oil only if `oil` drives the cylinder.
 
-    The argument `columns` (T, c) is in the order of `CYLINDER_COLUMNS`; `oil` is None for a cylinder without oil.
+    The argument `columns` (T, c) has c columns in the order of `CYLINDER_COLUMNS`; `oil` is None for a cylinder without
+    oil.
     """
     record = dict(zip(list(CYLINDER_COLUMNS)[: None if oil else 3], columns.T, strict=False))
     record["power"] = record["force"] * record["speed"]

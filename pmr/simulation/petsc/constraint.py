@@ -214,7 +214,7 @@ def solve_for_carriers(factor: MatrixFactor, E: sp.csr_matrix, comm: MPI.Comm, s
 
 
 def compliances(system: FullSystem, factor: BlockFactor, visited: VisitedCarriers) -> Sequence[Array]:
-    """Matrices P = E^T S^{-1} E (p, p) of all bodies, for the `visited` carriers E, from the factors of matrices S."""
+    """Matrices P = E^T S^{-1} E (p, p) of all bodies, for p `visited` carriers E each, from factors of matrices S."""
     parts = zip(factor.of_bodies, visited.of_bodies, strict=True)
     return [solve_for_carriers(S, E, system.comm, False).compliance for S, E in parts]
 

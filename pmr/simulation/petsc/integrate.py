@@ -216,7 +216,7 @@ class _RayleighCoefficients:
 
 
 def contact_frequency(system: FullSystem, x: Array, mass: BlockFactor) -> float:
-    """Largest omega in rad/s of contacts that only push, with the sides at x (T, q) in m; collective.
+    """Largest omega in rad/s of contacts that only push, with the q sides at x (T, q) in m; collective.
 
     `mass` is the factor of M.
     """

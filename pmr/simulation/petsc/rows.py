@@ -109,7 +109,7 @@ class Course:
             self.distance[:, k] = x[:, k] - row.breaks[self.interval[:, k]]
 
     def carriers_of(self, body: int) -> Indices:
-        """Numbers (p,) of a body's carriers that its rows touch at any step, ascending."""
+        """Numbers (p,), ascending, of the p carriers of a body that its rows touch at any step."""
         visited = [self.rows[k].touched[np.unique(self.interval[:, k])].ravel() for k in self.on[body]]
         return np.unique(np.concatenate([np.empty(0, np.int64), *visited]))
 
@@ -283,7 +283,7 @@ class StoredAnswers:
 
 
 def contact_rows(system: FullSystem, x: Array, rates: Array | None = None) -> sp.csr_matrix:
-    """Contact rows C (m, n) on all n coordinates, with the sides at x (q,) in m.
+    """Contact rows C (m, n) on all n coordinates, with the q sides at x (q,) in m.
 
     If `rates` (q,) in m/s are not None, the result is dC/dt.
     """

@@ -258,7 +258,7 @@ class BorderedMatrix:
         return np.asarray(self._units[:, None] * np.linalg.inv(self._scaled) * self._units)
 
     def solve(self, right: Array) -> Array:
-        """Coordinates and contact forces (n + m, k) for right sides (n + m, k)."""
+        """Coordinates and contact forces (n + m, k) for k right sides (n + m, k)."""
         return np.asarray(self._units[:, None] * np.linalg.solve(self._scaled, self._units[:, None] * right))
 
 

@@ -236,7 +236,7 @@ class Form:
         return np.asarray(values[:, :last])
 
     def is_stable(self, loads: Array) -> Mask:
-        """Mask (p,) that is true for those `loads` (p,) in kg at which the structure does not buckle."""
+        """Mask (p,) that is true for those of p `loads` (p,) in kg at which the structure does not buckle."""
         return np.asarray(loads < self.critical)
 
     @cached_property
@@ -312,7 +312,7 @@ class Form:
 
     @property
     def lifting_direction(self) -> Array:
-        """Unit vector (d,) opposite to the pull of the load, with a component for each input of the load."""
+        """Unit vector (d,) opposite to the pull of the load, with a component for each of the load's d inputs."""
         pull = np.linalg.lstsq(self.equations.load_inputs, self.equations.growing.b, rcond=None)[0]
         return np.asarray(-pull / np.linalg.norm(pull))
 

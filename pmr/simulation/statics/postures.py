@@ -337,7 +337,7 @@ class PostureMatrices:
 
 
 def side_positions(system: System, postures: PostureSet) -> Array:
-    """Positions x (P, sides) in m of the sides of all contacts in each posture."""
+    """Positions x (P, sides) in m of the sides of all contacts in each of P postures."""
     paths = {name: postures.extensions.get(name, np.zeros(postures.count)) for name in system.paths}
     paths |= {LUFFING: postures.luffing} if LUFFING in system.paths else {}
     x = np.broadcast_to(system.side_coordinates(paths), (postures.count, len(system.sides)))
@@ -372,7 +372,7 @@ def acceleration_loads(scene: Scene, system: System, postures: PostureSet, angle
 
 
 def _vertical_directions(still: Scene, postures: PostureSet) -> Array:
-    """Vertical unit vectors (P, 3) in the axes of the boom, for a scene `still`, made by `scene_at_rest`."""
+    """Vertical unit vectors (P, 3) in the axes of the boom in P postures, for a scene `still` of `scene_at_rest`."""
     assert still.frame is not None
     numbers = np.arange(postures.count, dtype=float)
     return FrameRotation.from_signals(*still.frame.angles, numbers, still.frame.base_angles).up
