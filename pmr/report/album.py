@@ -50,7 +50,7 @@ class View(NamedTuple):
 
 
 class _Views:
-    """What all pictures of a run share: bodies, colour limits, and the motion of their axes, None without a frame."""
+    """Data of all pictures of a run: bodies, colour limits, and the motion of their axes; None without a frame."""
 
     def __init__(self, bodies: MovingBodies) -> None:
         self.bodies, self.result = bodies, bodies.result

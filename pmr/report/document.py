@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes.util
+import io
 import logging
 import re
 import sys
@@ -14,12 +15,15 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+import matplotlib as mpl
+from fontTools import subset
+from fontTools.ttLib import TTFont
 
 from pmr.errors import escape_controls
 from pmr.errors.environment import import_package
 from pmr.files.whole import replacement_folder
 from pmr.report.blocks import END_OF_SCREEN, REPORT_FILES, SCREEN, Chapter, Drawing, ReportFiles
-from pmr.report.figures.canvas import FONT, drawn_text, font_face_rule
+from pmr.report.figures.canvas import FONT
 from pmr.report.sections import chapter
 from pmr.results import RunResult
 
@@ -153,3 +157,24 @@ def _without_screen(text: str) -> str:
 
     text = re.sub(rf"{SCREEN}.*?{END_OF_SCREEN}|<script\b.*?</script>", "", text, flags=re.DOTALL)
     return re.sub(r"(<style\b.*?</style>)|<svg\b(.*?</svg>)", embed_figure, text, flags=re.DOTALL)
+
+
+def drawn_text(drawn: str) -> str:
+    """All text in the SVG `drawn`; the embedded font is reduced to the characters of this text."""
+    return "".join(re.findall(r">([^<]+)<", drawn))
+
+
+def font_face_rule(family: str, characters: str) -> str:
+    """CSS rule ``@font-face`` with the font DejaVu Sans, reduced to `characters`, under the name `family`."""
+    options = subset.Options(layout_features=[], hinting=False, notdef_outline=True)
+    options.drop_tables += ["FFTM"]
+    font = TTFont(Path(mpl.get_data_path(), "fonts", "ttf", "DejaVuSans.ttf"), recalcTimestamp=False)
+    del font["GSUB"], font["GPOS"]  # slow to read: no ligatures are asked for, and "kern" has the same kerning
+    subsetter = subset.Subsetter(options)
+    subsetter.populate(text=characters + " ")
+    subsetter.subset(font)
+    buffer = io.BytesIO()
+    font.flavor = "woff"
+    font.save(buffer)
+    data = b64encode(buffer.getvalue()).decode()
+    return f'@font-face{{font-family:"{family}";src:url(data:font/woff;base64,{data}) format("woff")}}'

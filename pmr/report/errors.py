@@ -379,8 +379,8 @@ def _lacking_clauses(summed: SummedErrors) -> Iterator[str]:
     """Yield a clause for each source that is not in all sums, with the quantities in whose sums it is not."""
     for source in dict.fromkeys(name for names in summed.lacking.values() for name in names):
         labels = [label for label, names in summed.lacking.items() if source in names]
-        others = [label for label in summed.by_label if label not in labels and source in summed.sources[label]]
-        yield f"not in it: {source}" + (f" in {', '.join(labels)}" if others else "")
+        stated = [label for label in summed.by_label if label not in labels and source in summed.sources[label]]
+        yield f"not in it: {source}" + (f" in {', '.join(labels)}" if stated else "")
 
 
 def _step_words(step: Mapping[str, object]) -> str:

@@ -1,4 +1,4 @@
-"""What a run measured: its extremes in tables, rows of the table of largest values, and clauses on where and when."""
+"""Extremes of what a run measured: tables, rows of the table of largest values, and clauses on where and when."""
 
 from __future__ import annotations
 
@@ -82,8 +82,8 @@ def extremes_grid(
         most = max(of.extremes.size for of in measured if of.unit == base)
         cells = _extreme_cells(extremes, unit_for(most, base), max(NOTHING * most, floor), placed)
         rows.append((name or "slider", *cells))
-    there = then_words(result) if where is None else where
-    return Grid(f"{caption}, when they occur{there}.{remark}", ("", "least", "largest"), tuple(rows))
+    places = then_words(result) if where is None else where
+    return Grid(f"{caption}, when they occur{places}.{remark}", ("", "least", "largest"), tuple(rows))
 
 
 def _extreme_cells(extremes: Extremes, unit: Unit, negligible: float, placed: bool) -> Iterator[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.collections import PolyCollection
@@ -135,8 +136,16 @@ def render_shot(shot: Shot) -> bytes:
     return few.getvalue()
 
 
-def _face_looks(piece: Piece, view: Array, light: Array, limits: tuple[float, float]) -> tuple[Array, Array, Array]:
-    """Colours (S, 4) of a piece's faces and of their edges, and widths (S,) of these in points.
+class Looks(NamedTuple):
+    """Colours (S, 4) of faces and of their edges, and widths (S,) of the edges in points."""
+
+    faces: Array
+    edges: Array
+    widths: Array
+
+
+def _face_looks(piece: Piece, view: Array, light: Array, limits: tuple[float, float]) -> Looks:
+    """Return the looks of a piece's faces.
 
     `view` is that of the shot, `light` the direction to the light in the picture's axes, and `limits` is the range of
     values that the colours span.  Light falls on both sides of a face.
@@ -152,4 +161,4 @@ def _face_looks(piece: Piece, view: Array, light: Array, limits: tuple[float, fl
         edges[:, :3] += EDGE_OPACITY * (np.array(to_rgb(EDGE)) - edges[:, :3])
     elif piece.opacity < 1.0:
         edges[:, 3] = 0.0
-    return faces, edges, np.full(len(bright), (piece.edges or 0.5) * 72.0 / DOTS)
+    return Looks(faces, edges, np.full(len(bright), (piece.edges or 0.5) * 72.0 / DOTS))

@@ -14,12 +14,13 @@ from boom_results import SUMMARY, MakeSpace
 
 from pmr.report import columns, first_page
 from pmr.report.blocks import Chapter, Drawing, KeyNumber, Notices, Table
+from pmr.report.document import drawn_text
 from pmr.report.document import render_runs as rendered
 from pmr.report.errors import rows as error_rows
 from pmr.report.errors import summed_errors
 from pmr.report.extremes import LargestValue, largest_value
 from pmr.report.figures import space
-from pmr.report.figures.canvas import INK, drawn_text
+from pmr.report.figures.canvas import INK
 from pmr.report.first_page import first_page_tables, largest_value_rows, overload_sentences
 from pmr.report.sections import accuracy_block, chapter
 from pmr.report.sentences import key_numbers

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import io
 import re
 import warnings
@@ -16,8 +15,6 @@ from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
-from fontTools import subset
-from fontTools.ttLib import TTFont
 from matplotlib import style as styles
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -320,7 +317,6 @@ FONT = "pmr figures"  # name of the font that the page embeds
 _TAG = re.compile(r"<[^>]*>")
 _REFERENCE = re.compile(r'(href="|url\()#([^")]+)')
 _NUMBER = re.compile(r"-?\d+\.\d+")
-_FILE = Path(mpl.get_data_path(), "fonts", "ttf", "DejaVuSans.ttf")
 
 
 def svg(figure: Figure, name: str, description: str) -> str:
@@ -388,24 +384,3 @@ def drawing(name: str, draw: Callable[..., Figure], caption: str, *arguments: An
     with style():
         figure = draw(*arguments)
         return Drawing(name, svg(figure, name, caption), caption, half=figure.get_figwidth() <= HALF)
-
-
-def drawn_text(drawn: str) -> str:
-    """All text in the SVG `drawn`; the embedded font is reduced to the characters of this text."""
-    return "".join(re.findall(r">([^<]+)<", drawn))
-
-
-def font_face_rule(family: str, characters: str) -> str:
-    """CSS rule ``@font-face`` with the font DejaVu Sans, reduced to `characters`, under the name `family`."""
-    options = subset.Options(layout_features=[], hinting=False, notdef_outline=True)
-    options.drop_tables += ["FFTM"]
-    font = TTFont(_FILE, recalcTimestamp=False)
-    del font["GSUB"], font["GPOS"]  # slow to read: no ligatures are asked for, and "kern" has the same kerning
-    subsetter = subset.Subsetter(options)
-    subsetter.populate(text=characters + " ")
-    subsetter.subset(font)
-    buffer = io.BytesIO()
-    font.flavor = "woff"
-    font.save(buffer)
-    data = base64.b64encode(buffer.getvalue()).decode()
-    return f'@font-face{{font-family:"{family}";src:url(data:font/woff;base64,{data}) format("woff")}}'

@@ -220,8 +220,8 @@ def _stops(study: FinishedStudy, stops: Array) -> list[Summary]:
     deceleration, and at most.  The last is the speed in rad/s.
     """
     return [
-        stop | {"factor": factor, "rest": rest, "steady": steady, "most": most, "speed": np.rad2deg(speed)}
-        for stop, (factor, rest, steady, most, speed) in zip(study.study_file["stops"], stops.tolist(), strict=True)
+        stop | {"factor": factor, "rest": at_rest, "steady": steady, "most": most, "speed": np.rad2deg(speed)}
+        for stop, (factor, at_rest, steady, most, speed) in zip(study.study_file["stops"], stops.tolist(), strict=True)
         if not np.isnan(factor)
     ]
 

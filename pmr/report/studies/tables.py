@@ -256,8 +256,8 @@ def _value_grid(runs: Sequence[RunRecord], pattern: re.Pattern[str], base: str) 
     unit = unit_for(largest, base)
     for name in (name for name in names if sizes[name] > NOTHING * largest):
         spans = (f"{SPACE}…{SPACE}".join(_format_value(v, unit.size) for v in _span(run, name)) for run in runs)
-        found = pattern.fullmatch(name)
-        rows.append((_row_name(found[1] if found else name, base), *(span or "–" for span in spans)))
+        match = pattern.fullmatch(name)
+        rows.append((_row_name(match[1] if match else name, base), *(span or "–" for span in spans)))
         if any(f"{name}.range" in run.figures for run in runs):
             ranges = (_format_value(run.figures.get(f"{name}.range"), unit.size) for run in runs)
             rows.append((f"{SPACE}{SPACE}range of the largest load cycle", *ranges))
