@@ -115,8 +115,9 @@ def _characteristic(x: Array | float, share: float) -> Any:
         2 \sin a \tanh a\, (1 / \cosh b + \cos b) + (\cos b \tanh b - \sin b)\, (\sin a - \cos a \tanh a), \qquad
         a = x\, s / L, \quad b = x\, (1 - s / L)
 
-    It follows from the sum of the dynamic stiffnesses k_1 and k_2 in this module's docstring, divided by EI beta.  This
-    sum is multiplied by the denominators of k_1 and k_2 and divided by cosh a cosh b, so that nothing overflows.
+    The function follows from the sum of the dynamic stiffnesses k_1 and k_2 in this module's docstring, divided by EI
+    beta.  This sum is multiplied by the denominators of k_1 and k_2 and divided by cosh a cosh b, so that nothing
+    overflows.
     """
     a, b = x * share, x * (1.0 - share)
     supported = 2.0 * np.sin(a) * np.tanh(a) * (1.0 / np.cosh(b) + np.cos(b))

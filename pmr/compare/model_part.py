@@ -231,7 +231,7 @@ def _largest(*values: Array) -> Array:
 def _relative_difference(y: Array, reference: Array) -> float | None:
     """Norm of y - reference, arrays of one shape, as a fraction of that of the reference; None if that is zero.
 
-    Both are divided by the largest value of the reference first, so that squares don't overflow.
+    y and the reference are divided by the largest value of the reference first, so that squares don't overflow.
     """
     unit = float(np.abs(reference).max())
     return float(np.linalg.norm((y - reference) / unit) / np.linalg.norm(reference / unit)) if unit > 0.0 else None

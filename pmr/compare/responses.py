@@ -178,8 +178,8 @@ def check_installed(scene: Scene) -> None:
 def compared_quantities(scene: Scene, response: Response) -> Mapping[str, ResponseFunction]:
     """Functions of a response, by name, each of which returns a quantity to be compared for this scene.
 
-    The functions fit responses like `response`.  They are `observed_quantities` for a single body and `boom_quantities`
-    for a boom.
+    The functions fit responses like `response`.  These functions are `observed_quantities` for a single body and
+    `boom_quantities` for a boom.
     """
     if ALONE not in scene.bodies:
         return boom_quantities(Excitation.from_scene(scene), response)

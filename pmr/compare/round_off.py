@@ -66,8 +66,8 @@ def round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> fl
     By the inequality of Cauchy and Schwarz, the product bounds the effect of the loads on an output of the bodies with
     released contacts, in any coordinates.  Round-off is a share of this effect, even if a slider cancels the
     displacement, or if loads along the axis don't bend the body at all.  The result is linear in the loads, so that no
-    motion counts as round-off because the loads are small.  It is 0 if a body has more than `LARGEST_COMPLIANCE`
-    coordinates.
+    motion counts as round-off because the loads are small.  The result is 0 if a body has more than
+    `LARGEST_COMPLIANCE` coordinates.
     """
     return float(ROUND_OFF * _largest_motions(bodies, loads, end, length_outputs).max(initial=0.0))
 

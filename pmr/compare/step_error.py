@@ -184,7 +184,7 @@ def step_error(
     system, excitation
         System that is simulated, and its paths, loads and time grid.
     run : SystemTrajectory, optional
-        The run with the given step, if it is known; it must have chosen its own parts of steps.
+        The run with the given step, if it is known; the run must have chosen its own parts of steps.
     kinds : sequence of str
         Kinds of outputs (`pmr.compare.outputs`), besides displacements, whose errors are wanted.
     complete : callable, optional

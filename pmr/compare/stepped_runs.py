@@ -225,7 +225,8 @@ class Runs:
     def sample_initial_run(self, first: Sample) -> Sample:
         """Sample of the run with the given step and the given rho_inf.
 
-        `first` is the sample of the first run; it is returned if the first run has the given rho_inf too.
+        `first` is the sample of the first run; this sample itself is returned if the first run has the given rho_inf
+        too.
         """
         grid, stepping = self._stepped.given, self.last_grid
         if self._stepped.run is None and (stepping.rho_inf, stepping.parts) == (grid.rho_inf, grid.parts):

@@ -88,7 +88,7 @@ def comparison_part(
     """Differences to the references in the quantities that `measured` returns, and the simulators of each model.
 
     `responses` are the responses by model.  Errors that come from ringing of the full model are not listed as errors:
-    they are in ``not_judged``, with a warning each.  The warnings name `rigid`, the rigid contacts of the full model.
+    ``not_judged`` has these, with a warning each.  The warnings name `rigid`, the rigid contacts of the full model.
     """
     reduced, full = responses["reduced"].displacement, responses.get("full")
     reference = reduced if full is None else full.displacement

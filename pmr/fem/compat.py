@@ -265,8 +265,8 @@ def hermite_space(mesh: Mesh, linear: int, planes: int = 1) -> FunctionSpace:
 
     There are `planes` bending planes.  Cubic Hermite functions on an element with the coordinate X in [0, 1] are built
     from two elements.  Each has one degree of freedom at each vertex: A spans the value functions N2 and N5, B spans
-    the slope functions N3 and N6.  With the element's length J = dx/dX the deflection is ``w = w_A + J theta_B``; it is
-    C1 on graded meshes, and theta_B is the physical slope.
+    the slope functions N3 and N6.  With the element's length J = dx/dX the deflection is ``w = w_A + J theta_B``; the
+    deflection is C1 on graded meshes, and theta_B is the physical slope.
     """
     # Complete degrees (A holds the constants, B does not) also keep the two apart for FFCx, which in 0.5 compares
     # custom elements by little else.

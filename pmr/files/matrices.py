@@ -39,8 +39,8 @@ class GivenMatrices:
     A coordinate without a node has a modal amplitude (Craig-Bampton): all of them are zero in a rigid motion.
 
     Raises InputError if the matrices are not square, of one size, finite and symmetric, if a diagonal entry of M or K
-    is not positive, or if D gives energy to some motion.  It is also raised if `node`, `direction` or `groups` refer to
-    a node or direction that does not exist, or if the matrices do not fit the nodes (`pmr.files.fit.misfit`).
+    is not positive, or if D gives energy to some motion.  The error is also raised if `node`, `direction` or `groups`
+    refer to a node or direction that does not exist, or if the matrices do not fit the nodes (`pmr.files.fit.misfit`).
     """
 
     M: sp.csr_matrix  #: (n, n), symmetric, in SI units; without supports that slide
@@ -98,8 +98,8 @@ class GivenMatrices:
     def without_condensed_nodes(self) -> GivenMatrices:
         """Return the body without nodes that have no coordinate; unchanged if K holds a rigid motion.
 
-        A warning tells the number of these nodes.  If K leaves all rigid motions free, nothing holds these nodes: they
-        are condensed, or belong to no element.
+        A warning tells the number of these nodes.  If K leaves all rigid motions free, nothing holds these nodes: such
+        nodes are condensed, or belong to no element.
         """
         has = np.isin(np.arange(len(self.points)), self.node[~self.modal])
         if len(self.held) or has.all():

@@ -37,7 +37,7 @@ BEYOND_END = 1e-6
 class Gauge:
     """An output of a probe: a row (1, n) on the coordinates of a structural model, measured at the point `at` (3,) m.
 
-    `face` names the face of a wall, or the corner of a beam's section; it is empty for displacements.
+    `face` names the face of a wall, or the corner of a beam's section, and is empty for displacements.
     """
 
     name: str
@@ -81,8 +81,8 @@ def gauges(part: OneBody, model: StructuralModel) -> list[Gauge]:
 def _check_on_body(key: str, at: Point, part: OneBody, model: FiniteElementModel) -> None:
     """Raise an `InputError` with `key` if a point `at` in m is off the body: beyond an end, or far from its axis.
 
-    A point outside may have a distance of up to the width or the height of the body, whichever is more: it stands for
-    the wall that is nearest to it.  Where a beam has no width, as a planar beam along y, any distance from its axis is
+    A point outside may have a distance of up to the width or the height of the body, whichever is more: the nearest
+    wall stands for such a point.  Where a beam has no width, as a planar beam along y, any distance from its axis is
     accepted.  The axis is x, or the longest direction of a mesh from a file.
     """
     points = model.grid.points

@@ -84,7 +84,7 @@ class Part:
 class Block:
     """Tables on common breaks for q sides that travel along one path on one body.
 
-    They are also for the w sides on this body that do not travel.
+    The tables are also for the w sides on this body that do not travel.
     """
 
     part: Part

@@ -49,7 +49,7 @@ def system_data(
 ) -> SystemData:
     """Arrays of a system for the kernel, from the modal forms of its bodies by name.
 
-    `frame` is the system's moving frame; it has none if this is None.  `reduced` is the system in modes with combined
+    `frame` is the system's moving frame, None for a system without one.  `reduced` is the system in modes with combined
     rings if the caller has it; then there are no reactions of supports.
     """
     supports = [supports_of(system, name, form, reduced is None) for name, form in forms.items()]
@@ -116,7 +116,7 @@ class Outputs:
     def split(self, array: Array) -> list[Array]:
         """Columns of an array (any, both) for outputs, (any, outputs), and for reactions, (any, reactions).
 
-        Both are padded with zeros to whole registers, and by one more register.
+        Both results are padded with zeros to whole registers, and by one more register.
         """
         parts = (array[:, numbers] for numbers in (self.outputs, self.reactions))
         return [np.pad(_fill_rows(columns, columns.shape[1]), ((0, 0), (0, LANES))) for columns in parts]

@@ -50,8 +50,8 @@ class Settings:
 class Record:
     """Recorded arrays of T steps, one row for each step; quantities that are not in `names` are not recorded.
 
-    `ends` (parts, 3 + N) is about the parts of the last step alone, of which there are up to `parts`.  It has one row
-    for each part: a free extension with its rates and the N drivers at the part's end.  It is empty without a free
+    `ends` (parts, 3 + N) is about the parts of the last step alone, of which there are up to `parts`.  A row belongs to
+    a part, and has a free extension with its rates and the N drivers at the part's end.  `ends` is empty without a free
     extension.
     """
 
@@ -385,11 +385,11 @@ class BoundStep:
     """Steps of a state for loops in Python, with pointers that are made once; methods return an error code or 0.
 
     With a frame, `step` takes a step to `motions` (3, n) of the frame; of motion k only the first rows[k] rows count,
-    with `rows` (n,).  Without a frame, it takes a step to the drivers u (N,) in the first row of `motions` (3, N).
+    with `rows` (n,).  Without a frame, `step` takes a step to the drivers u (N,) in the first row of `motions` (3, N).
     `step_by_rates` does the same along cubics, with the `rates` (2, N) of the drivers at both ends of the step.
 
-    `observe` writes to `values` the quantities with the given `numbers`.  These count through the outputs, then the
-    forces of contacts, and then the outputs of a hoist, of a free luffing angle and of outriggers.
+    `observe` writes to `values` the quantities with the given `numbers`.  The numbers count through the outputs, then
+    the forces of contacts, and then the outputs of a hoist, of a free luffing angle and of outriggers.
     """
 
     def __init__(self, state: State, numbers: Sequence[int]) -> None:

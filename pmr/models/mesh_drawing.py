@@ -48,7 +48,8 @@ def _unchanged_sigpipe() -> Iterator[None]:
 class Drawing:
     """A gmsh model in which a point, or a curve between two points, is drawn once however often it is requested.
 
-    It is a context manager, as gmsh is global to the process; on exit it turns gmsh's errors into `NotDrawnError`.
+    The drawing is a context manager, as gmsh is global to the process; on exit the context turns gmsh's errors into
+    `NotDrawnError`.
     """
 
     def __enter__(self) -> Drawing:

@@ -223,12 +223,12 @@ class CellValues:
 def cell_values(model: StructuralModel, quantity: Callable[[FunctionSpace], Expr], points: Array) -> CellValues:
     """Tabulate a quantity in all cells of a model's mesh, in the order of the model's cells.
 
-    Each rank that calls this gets the values of the whole mesh; it is not collective.
+    Each rank that calls this gets the values of the whole mesh; the call is not collective.
 
     Parameters
     ----------
     model : StructuralModel
-        It has to be assembled (`is_assembled`).
+        Model that has to be assembled (`is_assembled`).
     quantity : callable
         Returns, for a function space, a UFL vector that is linear in a trial function on this space.
     points : (q, d) array

@@ -242,7 +242,7 @@ class Window:
 
 @dataclass(frozen=True)
 class Plane:
-    """Directions of a face of a body along x; they do not say how far the face is from the axis."""
+    """Directions of a face of a body along x, without the distance of the face from the axis."""
 
     normal: Array  # (3,): unit vector out of the face
     across: Array  # (3,): unit vector across the axis in the face; coordinates across are 0 nearest to the axis

@@ -272,7 +272,7 @@ def _lanczos_frequencies(full_system: FullSystem, places_of: Array, count: int, 
 
     The iterations are on the saddle point of the coordinates and the contact forces.  Positions are `places_of` (S,
     sides) in m, and the k terms have amplitudes c (S, k) there.  Of the terms that act on rates only the antisymmetric,
-    gyroscopic part counts; it is projected on the lowest modes of the system without this part.
+    gyroscopic part counts; this part is projected on the lowest modes of the system without this part.
     """
     system = full_system.with_supports()
     gathered = {id(model): model.gather() for model in dict((id(model), model) for model in system.models).values()}

@@ -137,10 +137,10 @@ class SystemCache:
         return system
 
     def arrays(self, kind: str, request: Mapping[str, object], make: Callable[[], Array]) -> Array:
-        """Return the array of this kind for this request; collective.
+        """Return the array (any shape) of this kind for this request, from the cache or made by `make`; collective.
 
-        If it is not stored, `make` is called and its result is stored.  All ranks get the same array, of the shape that
-        `make` returns.
+        If the array is not stored, `make` is called on all ranks, and the result is stored.  All ranks get the same
+        array.
         """
         file = self._file(kind, request)
         stored = self._read(file)
@@ -188,9 +188,9 @@ class SystemCache:
     def _write(
         self, file: Path, arrays: Mapping[str, NDArray[np.generic]], model: ReducedModel | System | None = None
     ) -> None:
-        """Write `arrays` to `file`, and a `model` that is not None to a file of its own; on rank 0 only.
+        """Write `arrays` (any shape) to `file`, and before that a `model`, unless None, to a file beside it.
 
-        If the disk has no room, a warning is logged.
+        The model's file is `_model_file(file)`.  Only rank 0 writes.  If the disk has no room, a warning is logged.
         """
         if self.comm.rank != 0:
             return

@@ -119,8 +119,8 @@ class FreeBody:
 def _anchor_rows(model: FullModel, Z: Array) -> list[Row]:
     """Rows that each hold one coordinate, so that together they hold the c rigid-body modes Z (n_local, c); collective.
 
-    The c coordinates are those that determine the modes best.  They are chosen by pivoted QR of the modes, with each
-    coordinate weighted by the square root of its mass.  The list is empty if c is 0.
+    The c coordinates are those that determine the modes best.  The coordinates are chosen by pivoted QR of the modes,
+    with each coordinate weighted by the square root of its mass.  The list is empty if c is 0.
     """
     if Z.shape[1] == 0:
         return []

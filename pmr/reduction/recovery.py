@@ -230,7 +230,7 @@ class FieldRecord:
 
     `stress` is None if the model has no stresses.  `by_region` has the largest stress in each of the grid's regions.
     `envelope` has the largest section forces and moments of a beam, and the axial stresses that these cause in the
-    profile's corners; it is None for other bodies.
+    profile's corners; `envelope` is None for other bodies.
     """
 
     stress: StressHistory | None

@@ -143,13 +143,13 @@ def free_modes(
     modes.  Rigid-body modes come from the geometry (`pmr.reduction.free_body`), all others are M-orthogonal to them.
 
     Modes that no load and no slider can excite, and that no damping couples to such modes, stay at rest for ever.
-    Examples are those along the axis of a straight beam with all loads across it.  They are left out.  If axial forces
-    act on the section (`stressed`), enrichment modes that such forces do not bend are left out too.  Enrichment modes
-    serve as modes without inertia, which follow axial forces (`pmr.system.attachment`).
+    Examples are those along the axis of a straight beam with all loads across it.  Such modes are left out.  If axial
+    forces act on the section (`stressed`), enrichment modes that such forces do not bend are left out too.  Enrichment
+    modes serve as modes without inertia, which follow axial forces (`pmr.system.attachment`).
 
-    The solver is ``"auto"``, ``"dense"`` or ``"slepc"``.  If a `body` of this model and solver is given, its factor is
-    used, and kept for further use.  An InputError is raised if `count` is out of range, a ConvergenceError if too few
-    modes converge.
+    The solver is ``"auto"``, ``"dense"`` or ``"slepc"``.  If a `body` of this model and solver is not None, its factor
+    is used, and kept for further use.  An InputError is raised if `count` is out of range, a ConvergenceError if too
+    few modes converge.
     """
     # one more mode shows whether flexibility is left; a dense solver has all modes, so more can be left
     rigid = sum(not row.is_fixed and row.compliance == 0.0 for row in model.rows.rows)

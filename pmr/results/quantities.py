@@ -272,7 +272,7 @@ def _cylinder_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Meas
     """Return a function from the values (T, c) of all c columns to the largest force (T,) that moves a section.
 
     `looks_at` says whether a limit depends on the cylinder of a name; None is returned if it depends on no cylinder.
-    The force is computed by `pmr.scene.mechanism.drive_rows`: it is the force of one cylinder, or a sum over several
+    The force is computed by `pmr.scene.mechanism.drive_rows`: the force of one cylinder, or a sum over several
     cylinders for a section that hangs on ropes or that other sections follow.
     """
     return _drive_measure([row for name, row in columns.drives.items() if looks_at(cylinder_name(name))])

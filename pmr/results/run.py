@@ -157,8 +157,8 @@ Columns = Mapping[str, list[str]]
 class SummaryPart:
     """A contribution to summary.json: values by key, and warnings of one line each.
 
-    `grave` are warnings that a requirement does not hold or that a result is useless.  They come before `warnings`,
-    which say how far results are off.
+    `grave` are warnings that a requirement does not hold or that a result is useless.  Grave warnings come before
+    `warnings`, which say how far results are off.
     """
 
     figures: Mapping[str, Any] = field(default_factory=dict)
@@ -252,8 +252,8 @@ class RunResult:
         """Fields of each body, and the distance (F,) in m that the body has slid along x, by the body's name.
 
         The distance is given at the F times of the fields.  A section of a boom slides out of the base by the sum of
-        the extensions up to its own.  A body alone slides by -s into the pads that hold it; it does not slide if points
-        slide along it.
+        the extensions up to its own.  A body alone slides by -s into the pads that hold it; a body along which points
+        slide does not slide itself.
         """
         t, tails = self.responses["reduced"].t, self.tails
         if self.reach is None and not self.scene.points:

@@ -231,8 +231,8 @@ _TABLES: Mapping[str, Callable[[RunResult], Table]] = {
 def _extreme_heads(unit: str = "") -> tuple[str, ...]:
     """Return the headings of the columns of extremes.
 
-    A `unit` in brackets, such as ``" [N]"``, follows after ``min`` and ``max``; it is empty if the table has a column
-    of units.
+    A `unit` in brackets, such as ``" [N]"``, follows after ``min`` and ``max``; `unit` is empty if the table has a
+    column of units.
     """
     return f"min{unit}", "t_min [s]", "s_min [m]", f"max{unit}", "t_max [s]", "s_max [m]"
 

@@ -90,8 +90,8 @@ class Body(Geometry):
     """A section: a box boom, a beam given by its stiffnesses, or the mesh of a file.
 
     With `model` ``auto`` a run takes the smallest structural model whose results are near enough to those of a shell,
-    which it measures.  The density of `material` includes `attached_mass_per_length` (m') of a box: it is rho + m' L /
-    V, with the box's length L and the volume V of its walls.
+    which it measures.  The density of `material` includes `attached_mass_per_length` (m') of a box: the density is rho
+    + m' L / V, with the box's length L and the volume V of its walls.
     """
 
     shear: Switch = Field(default=True, description="Whether beams in space have shear deformation and rotary inertia")

@@ -288,7 +288,7 @@ class LuffingCylinder(DrivenCylinder):
 
 
 class FirstExtension(SignalBase):
-    """Extension where a free one begins; it can reach `low` to `high`, and begins with the rate `speed`."""
+    """Signal of a free extension at its start, which can reach `low` to `high` and begins with the rate `speed`."""
 
     start: float
     speed: float
@@ -317,9 +317,9 @@ class FirstExtension(SignalBase):
 class FreeExtension(DrivenCylinder):
     r"""Extension that is computed with the boom's motion, with what drives the section along the boom.
 
-    The cylinder's length is the extension s.  It is driven by a force, by a length over a spring, or by oil; if no
-    drive is given, the section slides by itself.  Damping, dry friction and stops at both ends of the stroke act in
-    addition to the drive.
+    The cylinder's length is the extension s.  The cylinder is driven by a force, by a length over a spring, or by oil;
+    if no drive is given, the section slides by itself.  Damping, dry friction and stops at both ends of the stroke act
+    in addition to the drive.
     """
 
     kind: Literal["free"] = Field(default="free", description="That the extension is computed")

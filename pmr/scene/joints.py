@@ -111,7 +111,7 @@ class JointPads(RingFriction, PadPlaces):
 
 
 class Cylinder(SceneTable):
-    """Hydraulic cylinder or rope between the tails of the section and the next outer one; it holds the section."""
+    """Hydraulic cylinder or rope that holds a section, between the tails of this section and the next outer one."""
 
     stiffness: Stiffness | Literal["rigid"] = Field(default="rigid", description="Stiffness along the axis")
 

@@ -56,8 +56,8 @@ OUTWARDS = {"bottom": ("z", -1.0), "top": ("z", 1.0), "left": ("y", 1.0), "right
 class ContactWrench:
     """Force and moment (T, 6) on the ground per unit of the force of a contact between a body and the ground.
 
-    They are along the boom's axes and about the frame's pivot, at T times.  In the results of a run the force has one
-    of the `names`; without names, only a mesh file knows where the contact is.
+    Force and moment are along the boom's axes and about the frame's pivot, at T times.  In the results of a run the
+    force has one of the `names`; without names, only a mesh file knows where the contact is.
     """
 
     names: tuple[str, ...]

@@ -46,7 +46,7 @@ class Seat:
 class MovingPads:
     """Ring of pads of a joint in the model of a section along which the pads move.
 
-    It stands for all rings with the same name (`footprint`).  The pads' centres are within `positions` over the
+    The ring stands for all rings with the same name (`footprint`).  The pads' centres are within `positions` over the
     simulated time; rows of the pads are defined over `travel`.
     """
 
@@ -67,7 +67,7 @@ class RopePlace(NamedTuple):
 class Member:
     """Section `number` of a scene with all inputs of its full model.
 
-    The pads of both joints that touch the section are among these inputs.  They have one path coordinate s, the
+    The pads of both joints that touch the section are among these inputs.  All pads have one path coordinate s, the
     position of pads along the section.
     """
 

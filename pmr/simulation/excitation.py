@@ -46,7 +46,7 @@ class Excitation:
 
         The i-th section that slides along the boom has its tail at :math:`X_i = s_1 + \dots + s_i` on the boom's axis,
         the sum of the extensions.  With its mass :math:`M_i` and the axis :math:`e_x`, the load :math:`-M_i e_x X_i''`
-        acts on it; it is the input `EXTENSION`.  In a scene with a frame, this load is one of the loads that
+        acts on the section, as the input `EXTENSION`.  In a scene with a frame, this load is one of the loads that
         `pmr.simulation.frame` derives from the frame's motion.
 
         Raises InputError for a scene with a machine, whose motion is not known in advance.

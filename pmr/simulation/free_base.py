@@ -96,7 +96,7 @@ class Moments:
 class FrameMotion:
     """Angular velocity `omega` (3,) in rad/s of the boom's frame, and minus the acceleration of gravity, `weight` (3,).
 
-    Both are in the axes of the boom's frame.
+    Both vectors are in the axes of the boom's frame.
     """
 
     omega: Array
@@ -324,7 +324,7 @@ class FreeBase:
         )
 
     def weight(self, upwards: Array, count: int) -> Array:
-        """Loads (i,) by the weight on `count` = i inputs.
+        """Loads (i,) in N by the weight of the boom, on all i = `count` inputs.
 
         `upwards` (3,) in m/s^2 is minus the acceleration of gravity.
         """

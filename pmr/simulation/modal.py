@@ -208,10 +208,10 @@ def diagonalise(M: Array, K: Array) -> Modes:
 def _refine_modes(M: Array, K: Array, X: Array) -> Modes:
     """Eigenvalues (r,) and modes X (r, r) corrected to first order, with products in the precision of M and K.
 
-    The correction E has two parts.  Its antisymmetric part A turns modes: it is the couplings divided by gaps between
+    The correction E has two parts.  Its antisymmetric part A turns modes, and has the couplings divided by gaps between
     eigenvalues.  Its symmetric part scales modes by half the defect from orthonormality.  Gaps between rigid motions
     are round-off, so couplings are made symmetric before the division.  An asymmetric part by round-off, divided by the
-    gap, would cause an error of 1e-11 in X^T M X.  The factor I + E would cause an error A^T A in X^T M X, and A may be
+    gap, would cause an error of 1e-11 in X^T M X. The factor I + E would cause an error A^T A in X^T M X, and A may be
     as large as 1 / CLOSE; the factor I + E + E^2 / 2 causes A^4 / 4.
     """
     X = X.astype(M.dtype)

@@ -293,8 +293,8 @@ class TippingMoments:
     def share(self, states: LoadedStates, factor: float) -> Array:
         """Return the share (p,) of the resisting moment that is used, about the worst edge.
 
-        The moment of `factor` times the load uses it.  There is an entry for each of p states; it is infinite in states
-        in which no moment resists.
+        The used moment is that of `factor` times the load.  There is an entry for each of p states, infinite where no
+        moment resists.
         """
         load = states.load[:, None] * (self.tip_moment + states.outputs @ self.tip_derivative.T)
         held = load - self.machine - states.outputs @ self.boom.T

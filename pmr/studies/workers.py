@@ -248,7 +248,7 @@ def serve() -> None:
 def _run_order(order: Order, notes: logging.handlers.BufferingHandler) -> Failure | None:
     """Run an order and write its result into the store; return the failure, or None if all went well.
 
-    `notes` collects the warnings that are logged meanwhile; they are added to the warnings of the result.
+    `notes` collects the warnings that are logged meanwhile, which are added to the warnings of the result.
     """
     notes.flush()
     try:

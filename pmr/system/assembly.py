@@ -36,8 +36,8 @@ class Assembly:
     """Equations of all bodies as sparse matrices, on the n coordinates of the bodies that no support holds at zero.
 
     The system has m contacts, i inputs, o outputs and k terms that vary in time.  The rows C (m, n) of the contacts,
-    with their flexibility and the effect of inputs (`ContactRows`), depend on coordinates x (sides,) in m.  These are
-    the places of all contacts on their bodies, in the order of `System.sides`.
+    with their flexibility and the effect of inputs (`ContactRows`), depend on coordinates x (sides,) in m.  The
+    coordinates are the places of all contacts on their bodies, in the order of `System.sides`.
     """
 
     def __init__(self, system: System) -> None:
@@ -263,8 +263,8 @@ class Assembly:
     def _add_table_rows(self, name: str, side_numbers: Sequence[int], x: Array, contact_rows: ContactRows) -> None:
         """Add to `contact_rows` the part of the body `name`, the single one of a system with tables over its path.
 
-        All sides, with the numbers `side_numbers`, share one path coordinate.  It is the first one in x (sides, T) in m
-        that belongs to a side which travels.
+        All sides, with the numbers `side_numbers`, share one path coordinate.  The path coordinate is the first one in
+        x (sides, T) in m of a side that travels.
         """
         body, sides = self.system.bodies[name], [self.system.sides[a] for a in side_numbers]
         s = next((at for side, at in zip(sides, x, strict=True) if side.place.path is not None), x[0])

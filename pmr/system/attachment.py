@@ -210,8 +210,8 @@ class _DiagonalForm(NamedTuple):
 def _diagonalise(K: Array, M: Array) -> _DiagonalForm:
     """Combinations of vectors that are M-orthonormal with a diagonal stiffness, for their stiffness K and mass M.
 
-    K and M are (k, k).  Directions without stiffness or inertia are left out: they are round-off in a model that has
-    nearly all modes of its mesh.
+    K and M are (k, k).  Directions without stiffness or inertia are left out: such directions are round-off in a model
+    that has nearly all modes of its mesh.
     """
     count = len(K)
     sound = np.flatnonzero((np.diagonal(K) > 0.0) & (np.diagonal(M) > 0.0))

@@ -184,8 +184,8 @@ Body: TypeAlias = ReducedModel | FullOrderBody
 class FullBody(FullOrderBody):
     """Sparse full model on one process, as the simulation of the full-order reference takes it.
 
-    It has n coordinates, i inputs, o outputs and m rows: M, D, K (n, n), B (n, i), `outputs` (o, n).  The other fields
-    are those of `pmr.fullmodel.model.FullModel`.
+    The body has n coordinates, i inputs, o outputs and m rows: M, D, K (n, n), B (n, i), `outputs` (o, n).  The other
+    fields are those of `pmr.fullmodel.model.FullModel`.
     """
 
     M: sp.csr_matrix

@@ -222,7 +222,7 @@ class InputResponse:
 class EliminatedContacts:
     """Response of a system on n coordinates to inputs, after contacts that give way and hold both ways are eliminated.
 
-    The mask `gives` (m,) selects these contacts; it is false for rigid contacts and for pads that only push.
+    The mask `gives` (m,) selects these contacts, and is false for rigid contacts and for pads that only push.
     """
 
     def __init__(self, assembly: Assembly, along: ChangingRows, gives: Mask) -> None:

@@ -242,6 +242,6 @@ def cardinal_spline(degree: int, knot: float) -> PPoly:
 
 
 def value_or_zero(spline: PPoly, x: Array) -> Array:
-    """Values of a spline at x (any shape), in the shape of x; they are zero outside the spline's knots."""
+    """Values of a spline at x (any shape), in the shape of x, with zeros outside the spline's knots."""
     within = (x > spline.x[0]) & (x < spline.x[-1])
     return np.where(within, spline(np.where(within, x, 0.0)), 0.0)

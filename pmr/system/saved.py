@@ -156,7 +156,7 @@ def read(path: Path) -> StoredSystem | ReducedModel:
 def _read_term(header: _TermHeader, data: Mapping[str, NDArray[np.generic]], prefix: str) -> Term:
     """Term with the name and bodies in `header`, and with matrices from arrays of a file.
 
-    The matrices are those arrays of `data` whose names begin with `prefix`.
+    The matrices (n, n) are those arrays of `data` whose names begin with `prefix`.
     """
     matrices = {key: np.asarray(data[prefix + key], float) for key in ("stiffness", "damping") if prefix + key in data}
     on = {name: f"{prefix}supports.{body}" for body, name in enumerate(header.bodies)}

@@ -85,7 +85,7 @@ class SystemTrajectory:
         return [*of_bodies, *_arrays(self).values()]
 
     def map_arrays(self, change: Callable[[NDArray[np.generic]], NDArray[np.generic]]) -> SystemTrajectory:
-        """Return the trajectory with each array replaced by ``change(array)``, including the arrays of the bodies."""
+        """Return the trajectory with each array (T, any), also of the bodies, replaced by ``change(array)``."""
 
         def change_arrays(trajectory: Trajectory | SystemTrajectory) -> dict[str, Any]:
             return {name: change(array) for name, array in _arrays(trajectory).items()}
@@ -96,7 +96,7 @@ class SystemTrajectory:
     def select(self, steps: Indices | slice) -> SystemTrajectory:
         """Return the trajectory at the steps with the numbers `steps` (S,), or in this slice.
 
-        `parts` and `impulses` become None: they belong to the steps between successive times.
+        `parts` and `impulses` become None, as both belong to the steps between successive times.
         """
         return replace(self.map_arrays(lambda array: array[steps]), parts=None, impulses=None)
 

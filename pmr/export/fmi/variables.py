@@ -38,7 +38,7 @@ DRIVE_UNITS = {"opening": "1", "force": "N", "length": "m"}
 class Drivers:
     """A system in the kernel's form, and its N drivers.
 
-    They are paths, then loads, then motions of the frame if the frame moves.
+    The drivers are paths, then loads, then motions of the frame if the frame moves.
     """
 
     system: System
@@ -157,7 +157,10 @@ class Drivers:
 
     @property
     def is_differential(self) -> bool:
-        """Whether the model is an ordinary differential equation: it has derivatives, no rigid contact, no friction."""
+        """Whether the model is an ordinary differential equation, with derivatives and without rigid contacts.
+
+        Such a model has no friction either.
+        """
         rows = self.data.rows
         return self.has_derivatives and rows.friction is None and bool(np.all(rows.gives > 0.0))
 

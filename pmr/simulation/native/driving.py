@@ -43,8 +43,8 @@ class Drivers:
     """Motions (3, n) at the end of a step of n drivers: paths, then loads, then motions of a frame.
 
     The rows of `motions` are values, rates and second rates; a motion that is not given at a step keeps its three
-    entries.  `rows` (n,) says how many of the three were given for the next step.  Both are arrays that the kernel
-    reads; they are written through memory views, which takes a tenth of NumPy's time.
+    entries.  `rows` (n,) says how many of the three were given for the next step.  The kernel reads both arrays;
+    writing them through memory views takes a tenth of NumPy's time.
 
     `names` are the names of paths, of loads with their numbers, and of motions of the frame (None without a frame).
     `ranges` are the smallest and largest coordinate of each path in m.  `in_parts` says whether steps are divided.

@@ -146,7 +146,8 @@ class March:
         """Take all steps, and return the solver's time in s; records of each `every`-th step are passed to `take`.
 
         `take` is called with the number of the first of some consecutive records, and with the records; the first one
-        is the last record of the call before, or the start.  The energy is not checked.
+        is the last record of the call before, or the start.  The energy is not checked.  `progress` is told how far the
+        run is; None tells nobody.
         """
         count = (len(self.t) - 1) // every
         most = max(1, min(BLOCK // every, RECORDED // (2 * self.form.kernel.modes), count))

@@ -57,7 +57,7 @@ class Prediction:
 class ContactState:
     """State of a system's contacts: which are closed, and their last forces.
 
-    `mass` is a factor of M; it is needed only if some contacts only push.
+    `mass` is a factor of M, needed only if some contacts only push.
     """
 
     def __init__(self, system: FullSystem, mass: BlockFactor | None, state: State) -> None:

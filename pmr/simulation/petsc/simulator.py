@@ -284,8 +284,8 @@ def identity(
 class ReachedState:
     """State of a simulation after `step` steps, which took `seconds` of wall time.
 
-    `parts` (T,) are the numbers of parts of all steps, as chosen when the simulation began.  They are kept even if a
-    reduced model that is made again would choose others.
+    `parts` (T,) are the numbers of parts of all steps, as chosen when the simulation began.  These numbers are kept
+    even if a reduced model that is made again would choose others.
     """
 
     step: int

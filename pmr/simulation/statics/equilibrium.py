@@ -241,8 +241,9 @@ def _is_definite(A: sp.csr_matrix) -> bool:
 class BorderedMatrix:
     """Matrix ((K, C^T), (C, -F)) of a held structure; a LinAlgError of NumPy is raised where it is singular.
 
-    K (n, n) is the stiffness, C (m, n) and F (m, m) are rows and flexibility of the contacts.  It is scaled by 1 for
-    the n coordinates and by the largest entry of K for the m contact forces, so that all blocks are of similar size.
+    K (n, n) is the stiffness, C (m, n) and F (m, m) are rows and flexibility of the contacts.  The matrix is scaled by
+    1 for the n coordinates and by the largest entry of K for the m contact forces, so that all blocks are of similar
+    size.
     """
 
     def __init__(self, K: Array, C: Array, F: Array) -> None:

@@ -54,7 +54,7 @@ class Rope:
 class _ForcedMotion:
     """Solution of M x'' + K x = f_0 + t f_1 in modes, from the time `since` in s on, with `start` = (x, x') then.
 
-    `f` is (f_0, f_1).  Modes are scaled to a unit stiffness, so that modes without inertia are included: they follow
+    `f` is (f_0, f_1).  Modes are scaled to a unit stiffness, so that modes without inertia are included, which follow
     the loads at once.
     """
 
