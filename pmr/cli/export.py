@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from rich.table import Table
 from rich.text import Text
@@ -14,6 +15,9 @@ from pmr.cli.console import Folder, Model, MotionScene, Overrides, SceneFile, er
 from pmr.errors import InputError, TooManyModesError, escape_controls
 from pmr.export.formats import BODY_FORMATS, FORMATS, ONE_BODY, Options, write
 from pmr.files.whole import finish_swap, replacement_folder
+
+if TYPE_CHECKING:
+    from pmr.export.fmi.fmu import UnitObserver
 
 _SAYS = "; ".join(f"{name}: {target_format.description}" for name, target_format in FORMATS.items())
 
@@ -61,15 +65,49 @@ def export(
     console.check_output_file(out_file, model) if out_file else console.prepare_folder(model.parent)
     finish_swap(model.parent)
     with err.status(Text(f"writing {escape_controls(to)}")):  # shown on a terminal only
-        estimator = None
-        if observer is not None:
-            from pmr.observe.measured import read_unit_observer
-
-            estimator = read_unit_observer(observer, model)
+        estimator = None if observer is None else read_unit_observer(observer, model)
         written = write(to, model, out_file, Options(fmi, at, section, platforms, sources or None, estimator))
     if section is not None:
         out.text(f"section {section} alone, without its joints")
     out.text(str(written))
+
+
+def read_unit_observer(file: Path, model: Path) -> UnitObserver:
+    """Observer for an FMU, from a file that describes it and the saved system `model`, with the scene stored there.
+
+    The errors of the model are those in ``summary.json`` in the folder of the model, if it is there.  Raises InputError
+    for a model without its scene, and as `ObserverFile.observer`.
+    """
+    import numpy as np
+
+    from pmr.export.fmi.fmu import UnitObserver
+    from pmr.observe.linear import gravity_of, select_outputs
+    from pmr.observe.measured import ObserverFile
+    from pmr.scene.files import stored_scene
+    from pmr.scene.keys import RECORDED
+    from pmr.system.system import System
+
+    description, system, budget = ObserverFile.read(file), System.load(model), model.parent / "summary.json"
+    if "scene" not in system.provenance:
+        raise InputError(model.name, "provenance.scene", None, "a file that contains its scene is allowed")
+    scene = stored_scene(system.provenance["scene"], "provenance.scene", RECORDED)
+    if scene.frame is not None or system.hoist:
+        allowed = "a system without a moving frame and without a hoist is allowed"
+        raise InputError("command line", "--observer", None, allowed)
+    summary = json.loads(budget.read_text(encoding="utf-8")) if budget.is_file() else {}
+    observer = description.observer(scene, system, summary)
+    chosen = select_outputs(scene, system, observer.model.outputs)
+    return UnitObserver(
+        data=observer.filter_data(),
+        step=observer.model.step,
+        outputs=chosen.names,
+        columns=np.array(chosen.columns, np.int32),
+        orders=np.array(chosen.orders, np.int32),
+        felt=gravity_of(scene, chosen),
+        inputs=observer.model.inputs,
+        sensors=tuple(sensor.output for sensor in observer.sensors),
+        units=observer.units,
+    )
 
 
 def flexible(

@@ -1,4 +1,4 @@
-"""Observers from files and in FMUs, measurements from a table in CSV, and what is written of the estimates."""
+"""Observers from files, measurements from a table in CSV, and what is written of the estimates."""
 
 from __future__ import annotations
 
@@ -15,19 +15,12 @@ import pydantic
 from numpy.typing import NDArray
 
 from pmr.errors import InputError, missing_file_reason
-from pmr.export.fmi.fmu import UnitObserver
 from pmr.files.arrays import Array, Summary
 from pmr.files.whole import replacement_file, write_text
 from pmr.observe.budget import output_errors
 from pmr.observe.identify import read_table
-from pmr.observe.linear import (
-    gravity_of,
-    linearize,
-    select_outputs,
-)
+from pmr.observe.linear import linearize
 from pmr.observe.observer import Estimates, Observer, Payload, Sensor, UnknownLoad
-from pmr.scene.files import stored_scene
-from pmr.scene.keys import RECORDED
 from pmr.scene.scene import Scene
 from pmr.system.system import System
 
@@ -269,32 +262,3 @@ def read_measurements(file: Path, units: Mapping[str, str] | None = None) -> dic
     if not np.all(np.isfinite(t)) or not np.all(np.diff(t) > 0.0):
         raise InputError(str(file), TIME, None, "times that grow from line to line are allowed")
     return {name: (t, column) for name, column in zip(names[1:], values.T[1:], strict=True)}
-
-
-def read_unit_observer(file: Path, model: Path) -> UnitObserver:
-    """Observer for an FMU, from a file that describes it and the saved system `model`, with the scene stored there.
-
-    The errors of the model are those in ``summary.json`` in the folder of the model, if it is there.  Raises InputError
-    for a model without its scene, and as `ObserverFile.observer`.
-    """
-    description, system, budget = ObserverFile.read(file), System.load(model), model.parent / "summary.json"
-    if "scene" not in system.provenance:
-        raise InputError(model.name, "provenance.scene", None, "a file that contains its scene is allowed")
-    scene = stored_scene(system.provenance["scene"], "provenance.scene", RECORDED)
-    if scene.frame is not None or system.hoist:
-        allowed = "a system without a moving frame and without a hoist is allowed"
-        raise InputError("command line", "--observer", None, allowed)
-    summary: Any = json.loads(budget.read_text(encoding="utf-8")) if budget.is_file() else {}
-    observer = description.observer(scene, system, summary)
-    chosen = select_outputs(scene, system, observer.model.outputs)
-    return UnitObserver(
-        data=observer.filter_data(),
-        step=observer.model.step,
-        outputs=chosen.names,
-        columns=np.array(chosen.columns, np.int32),
-        orders=np.array(chosen.orders, np.int32),
-        felt=gravity_of(scene, chosen),
-        inputs=observer.model.inputs,
-        sensors=tuple(sensor.output for sensor in observer.sensors),
-        units=observer.units,
-    )

@@ -11,11 +11,12 @@ from export.fmi.libraries import CallError, Instance, loaded
 
 import pmr
 from pmr import InputError, System
+from pmr.cli.export import read_unit_observer
 from pmr.compare.simulated import excitation_of_scene
 from pmr.export.fmi import fmu
 from pmr.export.fmi.fmu import fmu_contents, write_fmu
 from pmr.files.arrays import Array
-from pmr.observe.measured import ObserverFile, read_unit_observer
+from pmr.observe.measured import ObserverFile
 from pmr.observe.observer import Estimates
 from pmr.simulation.moving import read_scene
 
