@@ -11,13 +11,13 @@ H, OMEGA, G = 0.01, 6.0, 9.81
 OUTPUTS = ("acceleration of tip", "tip", "force")
 
 
-def oscillator(steps: int) -> LinearMotion:
+def oscillator(steps: int, omega: float = OMEGA) -> LinearMotion:
     """Mass of 100 kg on a spring and a damper, with the states z, v and one that is not used; a load pushes it."""
-    A = np.array([[0.0, 1.0], [-(OMEGA**2), -0.3]])
+    A = np.array([[0.0, 1.0], [-(omega**2), -0.3]])
     whole = expm(np.block([[A, np.array([[0.0], [0.01]])], [np.zeros((1, 3))]]) * H)
     courses = np.zeros((5, 4, 1))  # one mode, which goes on by itself: its acceleration is that by the load alone
     courses[:2, :2, 0], courses[:2, 3, 0] = whole[:2, :2], whole[:2, 2]
-    C, D = np.array([A[1], [1.0, 0.0], [-3600.0, 0.0]]), np.array([[0.01], [0.0], [0.0]])
+    C, D = np.array([A[1], [1.0, 0.0], [-100.0 * omega**2, 0.0]]), np.array([[0.01], [0.0], [0.0]])
     R, G, C, D = (np.tile(matrix, (steps, 1, 1)) for matrix in (np.zeros((1, 2)), np.ones((1, 1)), C, D))
     t, units, kinds = H * np.arange(1, steps + 1), ("m/s^2", "m", "N"), ("", "tip", "support")
     return LinearMotion(t, OUTPUTS, units, kinds, ("push",), np.zeros((steps, 3)), StepMatrices(courses, R, G, C, D))

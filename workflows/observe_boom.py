@@ -23,6 +23,7 @@ import pmr
 from pmr.observe.budget import output_errors
 from pmr.observe.linear import linearize
 from pmr.observe.observer import Observer, Parameter, Payload, Sensor, UnknownLoad
+from pmr.observe.parameters import ParameterObserver
 from pmr.pipeline import run
 from pmr.scene.scene import Scene
 from pmr.system.system import System
@@ -31,7 +32,7 @@ Array = NDArray[np.float64]
 
 #: Motions by which settings were chosen, and those by which the observer is judged.
 TUNING, HELD_OUT = range(10), range(10, 40)
-END, STEP, TRUE_STEP = 6.0, 2e-3, 5e-4  # s
+END, STEP, TRUE_STEP, MEASURED_EVERY = 6.0, 1e-3, 5e-4, 2  # s, s, s and steps
 NOMINAL = 300.0  # kg: the model's payload
 DEVIATION, TIME = 150.0, 0.15  # N and s, of the random force at the tip
 FORCE, LOAD = "base: force of luffing cylinder", "fly.tip force"
@@ -56,11 +57,10 @@ class Beams:
     friction: float = 0.0
 
 
-#: Changes of one parameter: twice the compliance of pads, 3 % less Young's modulus, friction.
-CHANGES = {"pads": Beams(pads=0.5e8), "young": Beams(young=(1.0 - YOUNG) * 210e9), "friction": Beams(friction=FRICTION)}
-#: Mean of each parameter in these changes, and its root mean square; all are uniform within their ranges.
-MEAN = {"pads": 0.099, "young": 0.0, "friction": 0.5}
-ROOT_MEAN_SQUARE = {"pads": 0.37, "young": 1.0 / np.sqrt(3.0), "friction": 1.0 / np.sqrt(3.0)}
+#: What observers of other beams estimate: Young's modulus and the compliance of pads, over those of the model.  Both
+#: are uniform within their ranges, or their inverse is; the models have other values of these.
+PARAMETERS, MEAN, DEVIATIONS = ("young", "compliance of pads"), np.array([1.0, 1.099]), np.array([0.0173, 0.355])
+MODELS = ((1.0, 1.0), (0.97, 1.0), (1.03, 1.0), (1.0, 0.65), (1.0, 1.6), (1.03, 1.6))
 
 
 class Motion(NamedTuple):
@@ -167,34 +167,39 @@ def budget() -> Mapping[str, Any]:
     return {**outcome.result.summary, "budget": {"mesh": outcome.result.summary["budget"]["mesh"]}}
 
 
-def observer(motion: Motion, *, other: bool) -> Observer:
-    """Observer of a motion; for `other` beams with their parameters, of which friction only widens bands.
-
-    The mesh is a parameter that only widens bands, since a stress is wrong where a pad passes its probe: its change is
-    that to infinitely many elements, by Richardson.  Accelerations on other beams have the size of their changes as an
-    error: a vibration of another frequency, and starts and stops of pads that rub, have no pattern known beforehand.
-    """
-    model = linearize(boom(motion, Beams(), truth=False), reduced(Beams()), OUTPUTS, [LOAD])
-    usual, heavy = (reference(motion, Beams(), payload) for payload in (NOMINAL, NOMINAL + HEAVIER))
+def observer(motion: Motion, beams: Beams, further: Sequence[Parameter]) -> Observer:
+    """Observer of a motion on these beams, with `further` parameters."""
+    model = linearize(boom(motion, beams, truth=False), reduced(beams), OUTPUTS, [LOAD])
     errors = {part: of for part, of in output_errors(budget(), model, STEP).items() if part != "mesh"}
-    mesh = 4.0 / 3.0 * (reference(motion, Beams(), cells=2 * ELEMENTS) - usual)
-    parameters, squares = [Parameter("mesh", mesh, estimated=False)], np.zeros(len(OUTPUTS))
-    rates = [OUTPUTS.index(name) for name in ACCELERATIONS]
-    for name, beams in CHANGES.items() if other else ():
-        change, mean, size = reference(motion, beams) - usual, MEAN[name], ROOT_MEAN_SQUARE[name]
-        growth = (reference(motion, beams, NOMINAL + HEAVIER) - heavy - change) / HEAVIER
-        if name == "friction":  # pads rub in proportion to their forces, and stick and slide at other times
-            growth = change * np.sum(change * growth, axis=0) / np.sum(change**2, axis=0)
-        squares += np.mean((size * change) ** 2, axis=0)
-        change[:, rates] = growth[:, rates] = 0.0
-        deviation = float(np.sqrt(size**2 - mean**2))
-        parameters.append(Parameter(name, change, deviation, name != "friction", mean, growth))
-    if other:
-        shares = np.sqrt(squares / np.mean(model.reference**2, axis=0))
-        errors["beams"] = {name: float(shares[OUTPUTS.index(name)]) for name in ACCELERATIONS}
     sensors = [Sensor(name, noise) for name, noise in NOISE.items()]
     loads, payload = [UnknownLoad(LOAD, DEVIATION, TIME)], Payload(LOAD, ACCELERATIONS[0], 100.0)
-    return Observer(model, sensors, loads, payload, parameters, errors)
+    return Observer(model, sensors, loads, payload, further, errors)
+
+
+def observers(motion: Motion, *, other: bool) -> Observer | ParameterObserver:
+    """Observer of a motion; for `other` beams one that estimates Young's modulus and the compliance of pads.
+
+    Mesh and friction are parameters that only widen bands.  A stress is wrong where a pad passes its probe, so the
+    change of the mesh is that to infinitely many elements, by Richardson.  Friction does not change accelerations,
+    since starts and stops of pads that rub have no pattern known beforehand.
+    """
+    usual = reference(motion, Beams())
+    mesh = 4.0 / 3.0 * (reference(motion, Beams(), cells=2 * ELEMENTS) - usual)
+    further = [Parameter("mesh", mesh, estimated=False)]
+    if not other:
+        return observer(motion, Beams(), further)
+    rubbing, heavier = Beams(friction=FRICTION), NOMINAL + HEAVIER
+    change = reference(motion, rubbing) - usual
+    growth = (reference(motion, rubbing, heavier) - reference(motion, Beams(), heavier) - change) / HEAVIER
+    growth = (
+        change * np.sum(change * growth, axis=0) / np.sum(change**2, axis=0)
+    )  # forces of pads grow with the payload
+    rates = [OUTPUTS.index(name) for name in ACCELERATIONS]
+    change[:, rates] = growth[:, rates] = 0.0
+    further.append(Parameter("friction", change, np.sqrt(1.0 / 12.0), False, 0.5, growth))
+    models = [Beams(1e8 / compliance, 210e9 * young) for young, compliance in MODELS]
+    each = [observer(motion, beams, further) for beams in models]
+    return ParameterObserver(PARAMETERS, MEAN, DEVIATIONS, np.array(MODELS), each)
 
 
 class Judged(NamedTuple):
@@ -209,12 +214,14 @@ def judge(number: int, *, other: bool) -> dict[str, Judged]:
     """Errors and shares by estimate from 1 s on, on the beams of the model or on the `other` ones of a motion."""
     motion = draw(number)
     truth, every = simulate_truth(motion, motion.other if other else Beams()), round(STEP / TRUE_STEP)
-    estimator = observer(motion, other=other)
-    t = estimator.model.t
+    estimator, t = observers(motion, other=other), STEP * np.arange(1, round(END / STEP) + 1)
     true = {name: values[every::every].copy() for name, values in truth.outputs.items()}
     for name in ACCELERATIONS:
         true[name][-1] = np.nan  # second differences end before the last step
-    measured = {name: (t, true[name] + noise * motion.noise.standard_normal(len(t))) for name, noise in NOISE.items()}
+    at = slice(MEASURED_EVERY - 1, None, MEASURED_EVERY)
+    measured = {
+        name: (t[at], (true[name] + noise * motion.noise.standard_normal(len(t)))[at]) for name, noise in NOISE.items()
+    }
     estimates, late, judged = estimator.run(measured), t > 1.0, dict[str, Judged]()
     true["payload"] = np.full(len(t), motion.payload - NOMINAL)
     for name in ESTIMATES:

@@ -335,11 +335,13 @@ def test_what_the_model_lacks_is_refused() -> None:
 
 @pytest.mark.slow
 @pytest.mark.numerical
-def test_estimates_are_near_the_truth_and_bands_hold_it() -> None:
+@pytest.mark.parametrize("other", [False, True])
+def test_estimates_are_near_the_truth_and_bands_hold_it(other: bool) -> None:
+    """On other beams the tip would be 0.8 % off without estimates of Young's modulus and of the compliance of pads."""
     script = runpy.run_path(str(Path(__file__).parents[2] / "workflows" / "observe_boom.py"))
-    judged = script["judge"](0, other=False)
+    judged = script["judge"](0, other=other)
     for name in script["ESTIMATES"]:
-        largest = {"payload": 0.04, script["TIP"]: 0.002}.get(name, 0.01)
+        largest = {"payload": 0.04, script["TIP"]: 0.006 if other else 0.002}.get(name, 0.01)
         assert judged[name].error < largest, (name, judged)
     assert np.mean([of.share for of in judged.values()]) > 0.8, judged
 
@@ -353,12 +355,11 @@ FOLDER = Path(os.environ.get("PMR_DROPBEAR", "none"))
 def test_figures_of_the_manual_are_those_of_the_measurements() -> None:
     script = runpy.run_path(str(Path(__file__).parents[2] / "workflows" / "dropbear.py"))
     observer = PositionObserver(script["models"](), script["SETTINGS"])
-    patient = PositionObserver(observer.models, replace(script["SETTINGS"], temper=script["PATIENT_TEMPER"]))
-    expected = {"rand1": {0.0: (6.2, 0.94), 0.1: (3.3, 0.92)}, "slow6": {0.0: (3.1, 0.84), 0.1: (2.0, 0.86)}}
+    expected = {"rand1": {0.0: (4.9, 0.91), 0.1: (2.5, 0.87)}, "slow6": {0.0: (2.0, 0.93), 0.1: (1.1, 0.93)}}
     for name, by_delay in expected.items():
         for delay, (rms, held) in by_delay.items():
-            figures = script["judge"](patient if delay else observer, [script["series"](FOLDER / f"{name}.npz")], delay)
+            figures = script["judge"](observer, [script["series"](FOLDER / f"{name}.npz")], delay)
             assert figures["rms"] == pytest.approx(rms, abs=0.1) and figures["held"] == pytest.approx(held, abs=0.01)
     tuned, others = ([script["series"](FOLDER / f"{name}.npz")] for name in ("rand0", "rand1"))
     figures = script["judge_strain"](observer, tuned, others, 0)
-    assert figures["NRMS"] == pytest.approx(0.177, abs=0.01) and figures["correlation"] > 0.98
+    assert figures["NRMS"] == pytest.approx(0.175, abs=0.01) and figures["correlation"] > 0.98

@@ -1,0 +1,99 @@
+r"""Constant parameters of a model, such as Young's modulus, by observers of several models that differ in them.
+
+The log-likelihood of all measurements so far is a polynomial of second degree in the parameters, through those of the
+models; so are means of estimates.  With parameters u over their standard deviations, the innovations
+:math:`\nu_i` of model i over theirs, and the `temper` :math:`\beta`,
+
+.. math::
+    L(u) \approx -\tfrac{\beta}{2} \sum \nu_i^2, \qquad P^{-1} = 1 - \nabla^2 L, \qquad u = P\, \nabla L(0)
+
+(multiple models: Magill, IEEE Transactions on Automatic Control 10, 1965).  The variances of innovations count as
+the same in all models.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pmr.errors import InputError
+from pmr.files.arrays import Array
+from pmr.observe.observer import GATE, Estimates, Observer
+
+
+@dataclass(frozen=True)
+class ParameterObserver:
+    """Observer of p constant parameters, by observers of k models with different values of them.
+
+    Attributes
+    ----------
+    names : (p,)
+    mean, deviation : (p,) arrays
+        Expected values of the parameters and standard deviations, before the motion.
+    values : (k, p) array
+        Values of the parameters in each model.  An estimate of a parameter stays within the range of its values.
+    observers : (k,)
+        They have the same sensors and unknowns.  Innovations and alarms of the estimates are those of the first one.
+    temper : float
+        Exponent of likelihoods, 0 to 1: errors of models are correlated in time.
+
+    Raises
+    ------
+    InputError
+        If observers have different outputs, sensors or unknowns, or if there are too few values for a polynomial of
+        second degree, which has 1 + p + p (p + 1) / 2 terms.
+    """
+
+    names: Sequence[str]
+    mean: Array
+    deviation: Array
+    values: Array
+    observers: Sequence[Observer]
+    temper: float = 0.02
+
+    def __post_init__(self) -> None:
+        first, terms = self.observers[0], self._terms((self.values - self.mean) / self.deviation)
+        for each in self.observers:
+            same = each.units == first.units and len(each.model.t) == len(first.model.t)
+            if not same or [s.output for s in each.sensors] != [s.output for s in first.sensors]:
+                raise InputError(
+                    "observe", "observers", None, "the same steps, outputs, sensors and unknowns are allowed"
+                )
+        if len(self.observers) != len(terms) or np.linalg.matrix_rank(terms) < terms.shape[1]:
+            allowed = f"{terms.shape[1]} models or more are needed, for a polynomial of second degree"
+            raise InputError("observe", "values", len(self.values), allowed)
+
+    @staticmethod
+    def _terms(u: Array) -> Array:
+        """Terms (..., 1 + p + p (p + 1) / 2) of a polynomial of second degree at u (..., p)."""
+        i, j = np.triu_indices(u.shape[-1])
+        return np.concatenate([np.ones((*u.shape[:-1], 1)), u, u[..., i] * u[..., j]], axis=-1)
+
+    def run(self, measured: Mapping[str, tuple[Array, Array]]) -> Estimates:
+        """Estimates from measurements, which are those of `Observer.grid`; the parameters are further unknowns."""
+        every, p = [observer.run(measured) for observer in self.observers], len(self.names)
+        first, models = every[0], (self.values - self.mean) / self.deviation
+        fit = np.linalg.pinv(self._terms(models))
+        squares = [np.nansum(np.minimum(each.innovations**2, GATE**2), axis=1) for each in every]
+        likelihood = -0.5 * self.temper * np.cumsum(squares, axis=1).T @ fit.T
+        (i, j), slope = np.triu_indices(p), likelihood[:, 1 : 1 + p]
+        curvature = np.zeros((len(slope), p, p))
+        curvature[:, i, j] -= likelihood[:, 1 + p :]
+        sizes, directions = np.linalg.eigh(curvature + np.swapaxes(curvature, 1, 2))
+        P = (directions / (1.0 + np.maximum(sizes, 0.0))[:, None, :]) @ np.swapaxes(directions, 1, 2)
+        u = np.clip(np.einsum("tij,tj->ti", P, slope), models.min(axis=0), models.max(axis=0))
+        course = np.einsum("mk,ktq->tmq", fit, [each.means for each in every])
+        means, small = np.einsum("tm,tmq->tq", self._terms(u), course), 1e-3
+        gradient = [
+            np.einsum("tm,tmq->tq", self._terms(u + small * e) - self._terms(u - small * e), course) / (2.0 * small)
+            for e in np.eye(p)
+        ]
+        variance = first.deviations**2 + np.einsum("itq,tij,jtq->tq", gradient, P, gradient)
+        return replace(
+            first,
+            unknowns=(*first.unknowns, *self.names),
+            means=np.hstack([means, self.mean + self.deviation * u]),
+            deviations=np.hstack([np.sqrt(variance), self.deviation * np.sqrt(np.diagonal(P, axis1=1, axis2=2))]),
+        )
