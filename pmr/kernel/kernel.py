@@ -241,12 +241,15 @@ class Bank:
     following: Mapping[str, float]
 
 
-def advance_bank(bank: Bank, y: Array, activity: Array, least_level: Array, delay: int = 0) -> BankRecord:
+def advance_bank(
+    bank: Bank, y: Array, activity: Array, least_level: Array, of_speeds: Array, delay: int = 0
+) -> BankRecord:
     """Take T steps from equally likely places, with measurements y (T,); NaN stands for no measurement.
 
     `activity` (T,), 0 to 1, is how much the slider is in motion.  The level of the innovations, a running mean of their
     squares divided by their variance, scales all variances; it never falls below `least_level` (T,) and the floor of
-    `bank`.  Probabilities of a step are those by measurements of up to `delay` further steps.
+    `bank`.  `of_speeds` (T, D) are logarithms of likelihoods of the speeds.  Probabilities of a step are those by
+    measurements of up to `delay` further steps.
     """
     S, n = bank.H.shape
     fields = {name: value for name, value in vars(bank).items() if name != "following"} | dict(bank.following)
@@ -255,7 +258,7 @@ def advance_bank(bank: Bank, y: Array, activity: Array, least_level: Array, dela
     lib.pmr_bank_start(data, pointer(memory))
     record = BankRecord(np.zeros((len(y), len(bank.up) * S)), np.zeros((len(y), n)), np.zeros(len(y)))
     out = structure("pmr_bank_record", record._asdict())
-    signals = [np.ascontiguousarray(x, float) for x in (y, activity, least_level)]
+    signals = [np.ascontiguousarray(x, float) for x in (y, activity, least_level, of_speeds)]
     lib.pmr_bank_advance(data, pointer(memory), len(y), *map(pointer, signals), out)
     places, of_models = np.zeros((len(y), S)), pointer(record.probability)
     lib.pmr_bank_places(data, pointer(memory), len(y), pointer(signals[1]), delay, of_models, pointer(places))

@@ -12,16 +12,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
 
 from pmr.errors import InputError
-from pmr.export.state_space import StateSpace
 from pmr.files.arrays import Array
 from pmr.kernel.kernel import Bank, advance_bank
+
+if TYPE_CHECKING:
+    from pmr.export.state_space import StateSpace
 
 #: w in rad/s: parts of a state have one size at 100 Hz.
 SCALE = 2.0 * np.pi * 100.0
@@ -77,6 +79,7 @@ def place_models(
     mass: float = 0.0,
     measured: Mapping[float, Sequence[float]] | None = None,
     rows: Sequence[ArrayLike] = (),
+    fixed: Mapping[float, float] | None = None,
 ) -> PlaceModels:
     """Models at the places of a state space with one path, for an accelerometer at the place of a load.
 
@@ -97,6 +100,9 @@ def place_models(
         every place keep the model's frequencies.
     rows : sequence of (q,) arrays
         Weights of the state space's outputs for each further output.
+    fixed : mapping, optional
+        Damping ratios of further modes, by frequencies in Hz.  They are the same at all places, such as those of the
+        ground, and only add to the acceleration.
 
     Raises
     ------
@@ -116,25 +122,45 @@ def place_models(
         for k in range(min(len(measured[place]) for place in measured)):
             target = np.array([measured[place][k] for place in at])
             frequencies[:, k] *= np.interp(places, at, target / np.interp(at, places, frequencies[:, k]))
-    n = 2 * r
-    F, H, noise = np.zeros((S, n, n)), np.zeros((S, n)), np.zeros((S, r, n, n))
+    fixed = fixed or {}
+    f, alone = len(fixed), np.eye(len(fixed))
+    n, m = 2 * (r + f), r + f
+    F, H, noise = np.zeros((S, n, n)), np.zeros((S, n)), np.zeros((S, m, n, n))
     for k in range(S):
-        b, omega = shapes[k], 2.0 * np.pi * frequencies[k]
-        M = np.eye(r) + mass * np.outer(b, b)
-        momenta, inverse = M @ modes[k], np.linalg.inv(M)
+        b, vectors = np.append(shapes[k], np.ones(f)), scipy.linalg.block_diag(modes[k], alone)
+        omega, damped = 2.0 * np.pi * np.append(frequencies[k], [*fixed]), np.append(ratios[k], [*fixed.values()])
+        M = scipy.linalg.block_diag(np.eye(r) + mass * np.outer(shapes[k], shapes[k]), alone)
+        momenta, inverse = M @ vectors, np.linalg.inv(M)
         A = np.zeros((n, n))
-        A[:r, r:] = SCALE * np.eye(r)
-        A[r:, :r] = -inverse @ (momenta * omega**2) @ momenta.T / SCALE
-        A[r:, r:] = -inverse @ (momenta * (2.0 * ratios[k] * omega)) @ momenta.T
-        F[k], H[k] = scipy.linalg.expm(A * step), b @ A[r:]
-        for j in range(r):
-            push = np.concatenate([np.zeros(r), modes[k][:, j] / (np.abs(b @ modes[k][:, j]) * omega[j])])
+        A[:m, m:] = SCALE * np.eye(m)
+        A[m:, :m] = -inverse @ (momenta * omega**2) @ momenta.T / SCALE
+        A[m:, m:] = -inverse @ (momenta * (2.0 * damped * omega)) @ momenta.T
+        F[k], H[k] = scipy.linalg.expm(A * step), b @ A[m:]
+        for j in range(m):
+            push = np.concatenate([np.zeros(m), vectors[:, j] / (np.abs(b @ vectors[:, j]) * omega[j])])
             for point in range(POINTS):
                 response = scipy.linalg.expm(A * step * (point + 0.5) / POINTS) @ push
                 noise[k, j] += np.outer(response, response) / POINTS
     weights = np.array(rows, float).reshape(len(rows), len(space.outputs))
-    further = np.einsum("oq,sqr->sor", weights, space.C[:, :, :r])
-    return PlaceModels(step, places, frequencies, F, H, noise, np.concatenate([further / SCALE, 0.0 * further], axis=2))
+    further = np.zeros((S, len(rows), n))
+    further[:, :, :r] = np.einsum("oq,sqr->sor", weights, space.C[:, :, :r]) / SCALE
+    return PlaceModels(step, places, frequencies, F, H, noise, further)
+
+
+class SlidingNoise(NamedTuple):
+    """Power of the vibration that a slider excites, the `activity`, which grows with the third power of its speed v.
+
+    The power P has the likelihood exp(-`trust` / 2 ln^2((P + `rest`) / (`rest` + `moving` |v|^3))).
+    """
+
+    moving: float = 1.0  # power at 1 m/s
+    rest: float = 1e-6  # power at rest
+    trust: float = 0.0  # 0: the power tells nothing of the speed
+
+    def likelihood(self, power: Array, speeds: Array) -> Array:
+        """Logarithms (T, D) of the likelihoods of D speeds at powers (T,)."""
+        expected = self.rest + self.moving * np.abs(speeds) ** 3
+        return np.asarray(-0.5 * self.trust * np.log((power[:, None] + self.rest) / expected) ** 2)
 
 
 @dataclass(frozen=True)
@@ -153,6 +179,7 @@ class PositionSettings:
     floor: float = 1e-7  # least variance of innovations, (m/s^2)^2 or in the sensor's unit
     active: float = 1e-2  # `activity` at which the slider is as likely in motion as not
     share: float = 0.36  # least level over activity
+    noise: SlidingNoise = SlidingNoise()  # what `activity` tells of the speed
 
 
 class Band(NamedTuple):
@@ -210,7 +237,8 @@ class PositionObserver:
     Raises
     ------
     InputError
-        If places are not evenly spaced, or a speed passes more than half a place in a step.
+        If places are not evenly spaced, a speed passes more than half a place in a step, there is another number of
+        `mode_noise` than of modes, or a number of `noise` is not allowed.
     """
 
     models: PlaceModels
@@ -229,19 +257,29 @@ class PositionObserver:
         if len(self.settings.mode_noise) != self.models.noise.shape[1]:
             allowed = f"one number for each of {self.models.noise.shape[1]} modes is allowed"
             raise InputError("observe", "mode_noise", self.settings.mode_noise, allowed)
+        noise = self.settings.noise
+        if not (noise.rest > 0.0 and noise.moving > 0.0 and noise.trust >= 0.0):
+            raise InputError(
+                "observe", "noise", tuple(noise), "rest and moving above 0 and trust from 0 on are allowed"
+            )
+
+    @property
+    def speeds(self) -> Array:
+        """Speeds (D,) in m/s of the filters, in ascending order with rest in the middle."""
+        fast = np.sort(self.settings.speeds)
+        return np.concatenate([-fast[::-1], [0.0], fast])
 
     def bank(self) -> Bank:
         """Bank of filters for the kernel, with stationary gains at all places."""
         models, settings = self.models, self.settings
         S, n = models.H.shape
+        speeds = self.speeds * models.step / np.diff(models.places).mean()
         gain, variance = np.zeros((S, n)), np.zeros(S)
         for k in range(S):
             Q = np.einsum("j,jab->ab", settings.mode_noise, models.noise[k]) + 1e-12 * np.eye(n)
             P = scipy.linalg.solve_discrete_are(models.F[k].T, models.H[k][:, None], Q, np.eye(1))
             variance[k] = models.H[k] @ P @ models.H[k] + 1.0
             gain[k] = P @ models.H[k] / variance[k]
-        cells = np.array(sorted(settings.speeds)) * models.step / np.diff(models.places).mean()
-        speeds = np.concatenate([-cells[::-1], [0.0], cells])
         spread = np.where(speeds == 0.0, 0.1, 1.0) * settings.spread
         up, down = np.maximum(speeds, 0.0) + spread, np.maximum(-speeds, 0.0) + spread
         at_rest, in_motion = (
@@ -286,7 +324,8 @@ class PositionObserver:
             raise InputError("observe", "activity", power.shape, allowed)
         power = np.ascontiguousarray(np.broadcast_to(power, y.shape))
         settings, models = self.settings, self.models
-        record = advance_bank(self.bank(), y, power / (power + settings.active), settings.share * power, later)
+        told = power / (power + settings.active), settings.share * power, settings.noise.likelihood(power, self.speeds)
+        record = advance_bank(self.bank(), y, *told, later)
         likely = np.argmax(record.probability, axis=1)
         outputs = np.einsum("ton,tn->to", models.rows[likely], record.states)
         return Positions(models.places, record.probability, record.states, record.level, outputs)

@@ -11,7 +11,7 @@ from pmr import InputError, PositionObserver
 from pmr.export.state_space import StateSpace
 from pmr.files.arrays import Array
 from pmr.kernel.kernel import Bank
-from pmr.observe.position import PlaceModels, PositionSettings, place_models, sensor_modes
+from pmr.observe.position import SCALE, PlaceModels, PositionSettings, SlidingNoise, place_models, sensor_modes
 
 STEP, GRID = 1e-3, np.linspace(0.0, 0.1, 9)
 
@@ -56,6 +56,13 @@ def test_models_are_those_of_the_state_space() -> None:
     np.testing.assert_allclose(heavy[5], expected, rtol=1e-10)
     corrected = place_models(space, "push", STEP, (0.01, 0.01), measured={0.0: [21.0], 0.1: [40.0]})
     np.testing.assert_allclose(corrected.frequencies[[0, 4, 8], 0], [21.0, 30.0 * 1.025, 40.0], rtol=1e-12)
+    further = place_models(space, "push", STEP, (0.01, 0.01), rows=[[0.0, 1.0]], fixed={24.0: 0.02})
+    body, omega = np.ix_([0, 1, 3, 4], [0, 1, 3, 4]), 2.0 * np.pi * 24.0
+    np.testing.assert_allclose(further.F[3][body], models.F[3], atol=1e-13)
+    np.testing.assert_allclose(further.H[3, [2, 5]], [-(omega**2) / SCALE, -2.0 * 0.02 * omega], rtol=1e-13)
+    pair = np.log(np.linalg.eigvals(further.F[3][np.ix_([2, 5], [2, 5])])) / STEP
+    np.testing.assert_allclose([abs(pair[0]), pair[0].real], [omega, -0.02 * omega], rtol=1e-9)
+    assert further.noise.shape == (9, 3, 6, 6) and not further.rows[:, :, [2, 5]].any()
     undamped = place_models(space, "push", STEP, 0.0)
     A = np.block([[np.zeros((2, 2)), 200 * np.pi * np.eye(2)], [space.A[2, 2:, :2] / (200 * np.pi), np.zeros((2, 2))]])
     np.testing.assert_allclose(undamped.F[2], expm(A * STEP), atol=1e-12)
@@ -83,7 +90,9 @@ def test_the_bank_is_a_mixture_of_filters() -> None:
     With a delay a place has the chance of the measurements so far and, from it on, of those that follow.
     """
     models, rng = string_models(), np.random.default_rng(1)
-    settings = PositionSettings(mode_noise=(0.01, 0.02), speeds=(0.2, 1.0), floor=1e-4, spread=0.02)
+    sliding = SlidingNoise(moving=0.05, rest=1e-3, trust=0.3)
+    settings = PositionSettings(mode_noise=(0.01, 0.02), speeds=(0.2, 1.0), floor=1e-4, spread=0.02, noise=sliding)
+    v = np.repeat([1.0, 0.2, 0.0, 0.2, 1.0], len(GRID))
     observer = PositionObserver(models, settings)
     y, _ = moved(models, np.full(40, 5), rng)
     y[20] = np.nan
@@ -104,10 +113,11 @@ def test_the_bank_is_a_mixture_of_filters() -> None:
             size = p @ (e**2 / V)
             level += (settings.attack if size > level else settings.decay) * (size - level)
         level = max(level, settings.floor, settings.share * power[k])
+        weight = -0.15 * np.log((power[k] + 1e-3) / (1e-3 + 0.05 * v**3)) ** 2
         if np.isfinite(y[k]):
             x += np.tile(bank.gain, (D, 1)) * e[:, None]
-            weight = -0.5 * settings.temper * (np.log(V) + e**2 / (V * level))
-            likelihoods[k] = np.exp(weight - weight.max()) + 1e-10 / p
+            weight -= 0.5 * settings.temper * (np.log(V) + e**2 / (V * level))
+        likelihoods[k] = np.exp(weight - weight.max()) + (1e-10 / p if np.isfinite(y[k]) else 0.0)
         filtered[k] = p * likelihoods[k]
         p = filtered[k] / filtered[k].sum()
         np.testing.assert_allclose(found.probability[k], p.reshape(D, S).sum(axis=0), rtol=1e-9, atol=1e-14)
@@ -142,7 +152,9 @@ def test_wrong_input_is_refused() -> None:
     for arguments in (("nothing", STEP, 0.01), ("push", STEP, (0.01, 0.01, 0.01))):
         with pytest.raises(InputError, match="observe"):
             place_models(space, *arguments)
-    for settings in (PositionSettings(mode_noise=(1.0,)), PositionSettings(mode_noise=(1.0, 1.0), speeds=(100.0,))):
+    silent = PositionSettings(mode_noise=(1.0, 1.0), noise=SlidingNoise(rest=0.0))
+    fast = PositionSettings(mode_noise=(1.0, 1.0), speeds=(100.0,))
+    for settings in (PositionSettings(mode_noise=(1.0,)), fast, silent):
         with pytest.raises(InputError, match="observe"):
             PositionObserver(models, settings)
     with pytest.raises(InputError, match="acceleration"):

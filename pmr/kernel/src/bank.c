@@ -4,7 +4,8 @@
 
    With probabilities p_di of speed d at place i and states x_di, a step changes speeds by W = (1 - a) rest + a active,
    moves places by `up` and `down`, predicts F_i x_di, corrects by the innovation e = y - H_i x_di, and weights by
-   exp(-temper / 2 (ln V_i + e^2 / (V_i level))).  The level, a running mean of e^2 / V, scales all covariances.
+   exp(-temper / 2 (ln V_i + e^2 / (V_i level))) and by what else tells the speed, `of_speeds`.  The level, a running
+   mean of e^2 / V, scales all covariances.
 
    Measurements behind a step tell more of its place: with predictions q of the next step from p, and probabilities g of
    that step which are known already, g_now = p M (g / q), where M is the chance to change from one speed and place to
@@ -79,7 +80,7 @@ static double arrive(const pmr_bank *b, const double *q, const double *z, int d,
 }
 
 void pmr_bank_advance(const pmr_bank *b, double *memory, int64_t steps, const double *y, const double *activity,
-                      const double *least_level, const pmr_bank_record *record)
+                      const double *least_level, const double *of_speeds, const pmr_bank_record *record)
 {
     const int D = b->speeds, S = b->places, n = b->states;
     const size_t models = (size_t)D * S;
@@ -110,16 +111,14 @@ void pmr_bank_advance(const pmr_bank *b, double *memory, int64_t steps, const do
             }
         if (!missing) *level += (power > *level ? b->attack : b->decay) * (power - *level);
         *level = fmax(*level, fmax(b->floor, least_level[k]));
-        for (j = 0; j < models && !missing; j++) {
+        for (j = 0; j < models; j++) {
             const size_t at = j % S;
+            const double V = b->variance[at], squares = log(V) + e[j] * e[j] / (V * *level);
             for (c = 0; c < n; c++) x[j * n + c] += b->gain[at * n + c] * e[j];
-            e[j] = -0.5 * b->temper * (log(b->variance[at]) + e[j] * e[j] / (b->variance[at] * *level));
+            e[j] = of_speeds[k * D + (int64_t)(j / S)] - (missing ? 0.0 : 0.5 * b->temper * squares);
             top = fmax(top, e[j]);
         }
-        for (j = 0; j < models; j++) {
-            if (!missing) p[j] = p[j] * exp(e[j] - top) + LEAST;
-            total += p[j];
-        }
+        for (j = 0; j < models; j++) total += p[j] = p[j] * exp(e[j] - top) + (missing ? 0.0 : LEAST);
         memset(room, 0, n * sizeof(double));
         for (j = 0; j < models; j++) {
             p[j] /= total;

@@ -477,11 +477,11 @@ typedef struct {
 } pmr_bank_record;
 
 /* Doubles of a bank's memory; all places equally likely; `steps` steps with measurements y, NaN where there is none, by
-   how much each is in motion (0 to 1), and the least level of each. */
+   how much each is in motion (0 to 1), the least level of each, and logarithms (steps, D) of the likelihoods of speeds. */
 size_t pmr_bank_memory(const pmr_bank *bank);
 void pmr_bank_start(const pmr_bank *bank, double *memory);
 void pmr_bank_advance(const pmr_bank *bank, double *memory, int64_t steps, const double *y, const double *activity,
-                      const double *least_level, const pmr_bank_record *record);
+                      const double *least_level, const double *of_speeds, const pmr_bank_record *record);
 /* Probabilities of places (steps, S) from those of speeds and places, each by the measurements of up to `delay` further
    steps.  `memory` is as long as that of the bank, which it replaces. */
 void pmr_bank_places(const pmr_bank *bank, double *memory, int64_t steps, const double *activity, int64_t delay,
