@@ -212,7 +212,7 @@ def rectangular(card: Card, axes: Axes | None, coordinates: Sequence[float]) -> 
 def turned_axes(card: Card, points: Array) -> Array:
     """Return the axes (k, 3, 3), as rows, of displacements at k `points` (k, 3) in m, by a card `*TRANSFORM`.
 
-    Its line has two points, whose meaning depends on its TYPE:
+    The card's line has two points, whose meaning depends on the card's TYPE:
 
     - R: one on the x axis and one in the xy plane; the axes are parallel at all points;
     - C: two on the polar axis; the axes are radial, circumferential and axial;

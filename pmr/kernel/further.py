@@ -196,13 +196,13 @@ def support_arrays(
 def cylinder_arrays(scene: Scene, paths: Sequence[str], numbers: Mapping[str, int], outputs: int) -> Arrays:
     """Arrays by which the kernel computes the force of the luffing cylinder, by name.
 
-    ``cylinder_hinges`` (4,) are the coordinates x, z in m of its foot and its lug.  The force of the cylinder follows
-    from K forces on the ground, ``cylinder_sources`` (K,), by their moments about the pivot.  ``cylinder_moments`` (K,
-    1 + P) are the moments of unit forces in m, and the changes of these by 1 m of each of P paths.  All forces with a
-    moment are needed.  ``cylinder_pin`` has the numbers of the pin's reactions along x and z (-1 if there are none) and
-    of the force at the lug.  `numbers` maps the names of outputs, reactions and contact forces to their numbers;
-    `outputs` is the number of outputs.  The result is empty without a cylinder or if a force has no number, and also if
-    the cylinder holds the base, as its force is then that of a contact.
+    ``cylinder_hinges`` (4,) are the coordinates x, z in m of the cylinder's foot and of its lug.  The force of the
+    cylinder follows from K forces on the ground, ``cylinder_sources`` (K,), by their moments about the pivot.
+    ``cylinder_moments`` (K, 1 + P) are the moments of unit forces in m, and the changes of these by 1 m of each of P
+    paths.  All forces with a moment are needed.  ``cylinder_pin`` has the numbers of the pin's reactions along x and z
+    (-1 if there are none) and of the force at the lug.  `numbers` maps the names of outputs, reactions and contact
+    forces to their numbers; `outputs` is the number of outputs.  The result is empty without a cylinder or if a force
+    has no number, and also if the cylinder holds the base, as its force is then that of a contact.
     """
     if scene.frame is None or scene.frame.cylinder is None or scene.holding_cylinder is not None:
         return {}

@@ -248,10 +248,10 @@ class Stand:
     def columns(self, wrench: Array) -> Array:
         """Return force and moment on the ground, forces of outriggers, margins over edges and use of the polygon.
 
-        The result (T, 6 + n + e + 1) has these quantities as columns, in this order.  `wrench` (T, 6) are the force and
-        the moment about the pivot by which boom and machine press on the ground, along the axes of the machine.  A
-        SimulationError is raised if the search for the outriggers that lift off does not end, or if forces are not
-        finite.
+        The result (T, 6 + n + e + 1) has these quantities as columns, in this order, for n outriggers and e edges.
+        `wrench` (T, 6) are the force and the moment about the pivot by which boom and machine press on the ground,
+        along the axes of the machine.  A SimulationError is raised if the search for the outriggers that lift off does
+        not end, or if forces are not finite.
         """
         return self._call_kernel(lib.pmr_stand_columns, wrench, 7 + len(self.places) + len(self.corners))
 
@@ -280,7 +280,7 @@ class Stand:
 
 
 def masses_wrench(masses: Sequence[MachineMass], angles: Array, falling: Array) -> Array:
-    """Force and moment about the pivot (T, 6) by weight and inertia of masses, along the axes of the machine.
+    """Force and moment about the pivot (T, 6) in N and N m by weight and inertia of masses, along the machine's axes.
 
     `angles` (T, 3, 4) in rad are slewing, roll, pitch and yaw, with rates and second rates.  `falling` (T, 3) in m/s^2
     is the gravity and the acceleration of the pivot, upwards along axes of the ground.

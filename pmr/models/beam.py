@@ -181,22 +181,22 @@ class Beam(FiniteElementModel, ABC):
         """Rows (k d, n) that measure the d displacements and rotations of the axis at `places` (k,) in m along it."""
         return self._axis_rows(places, np.eye(len(self.directions)))
 
-    def _axis_rows(self, places: Array, of: Array) -> sp.csr_matrix:
+    def _axis_rows(self, places: Array, combinations: Array) -> sp.csr_matrix:
         """Sparse rows (k m, n) of m combinations of the axis' motions at each of k `places` (k,) in m along the axis.
 
-        Row i m + j is combination j at place i.  `of` (m, d) are the coefficients of the combinations: displacements
-        along, then rotations about, the d directions.
+        Row i m + j is combination j at place i.  `combinations` (m, d) are their coefficients: displacements along,
+        then rotations about, the d directions.
         """
         d, x = len(self.directions), self.node_stations[self.grid.cells]
         e = np.clip(np.searchsorted(x[:, 0], places, side="right") - 1, 0, None)  # at a node, the element behind it
         h = np.diff(x)[e, 0]
-        ends = of @ self.in_elements(h, (places - x[e, 0]) / h, self.number[e])
-        ends = ends.reshape(len(places), len(of), 2, d).swapaxes(1, 2)
+        ends = combinations @ self.in_elements(h, (places - x[e, 0]) / h, self.number[e])
+        ends = ends.reshape(len(places), len(combinations), 2, d).swapaxes(1, 2)
         local = ends @ self.node_transformations[self.number[e], None]  # `transformation` of these elements alone
         columns = d * self.grid.cells[e][:, None, :, None] + np.arange(d)
         entries, columns = (part.ravel() for part in np.broadcast_arrays(local.swapaxes(1, 2), columns))
         starts = np.arange(0, entries.size + 1, 2 * d)
-        rows = sp.csr_matrix((entries, columns, starts), (len(of) * len(places), d * len(self.node_stations)))
+        rows = sp.csr_matrix((entries, columns, starts), (len(combinations) * len(places), d * len(self.node_stations)))
         rows.eliminate_zeros()
         return rows
 
@@ -414,7 +414,7 @@ class Beam(FiniteElementModel, ABC):
         return first + np.array([i for i, d in enumerate(self.directions) if d in directions], np.int64)
 
     def rigid_motions(self) -> Array:
-        """Coordinates (n, d) under unit rigid motions along and about the directions."""
+        """Coordinates (n, d) under unit rigid motions along and about the d directions."""
         numbers = [DIRECTIONS.index(direction) for direction in self.directions]
         nodes = self.grid.points
         motions = rigid_motions(np.repeat(nodes, len(numbers), axis=0), np.tile(numbers, len(nodes)))[:, numbers]

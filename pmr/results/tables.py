@@ -77,7 +77,7 @@ def write_tables(result: RunResult, folder: Path) -> None:
 def force_table(result: RunResult) -> Table:
     """Return a table of the smallest and largest force of every pad, slider and elastic support.
 
-    Each has its time and its path coordinate.
+    Each value has its time and its path coordinate.
     """
     rows: list[tuple[Cell, ...]] = [
         (model, name, *extremes.summary().values())
@@ -128,7 +128,7 @@ def reaction_extremes(response: Response, path: Array) -> dict[Reaction, Extreme
 def reaction_table(result: RunResult) -> Table:
     """Return a table of the smallest and largest force or moment of every rigid support.
 
-    Each has its time and its path coordinate.
+    Each value has its time and its path coordinate.
     """
     rows: list[tuple[Cell, ...]] = [
         (model, of.support, of.unit, *extremes.summary().values())

@@ -356,7 +356,7 @@ class FreeBase:
                     yield (term.number if term.kind == "cylinder load" else None), self._terms[term.name].toarray()
 
     def loads(self, f: Array, extended: Extensions) -> Array:
-        """Force and moment about O (6,) by loads f (i,) on the undeformed boom, as far as `extended`.
+        """Force and moment about O (6,) by loads f (i,) on the undeformed boom with sections as `extended`.
 
         Loads by inertia are left out.
         """

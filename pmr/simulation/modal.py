@@ -228,10 +228,10 @@ def _refine_modes(M: Array, K: Array, X: Array) -> Modes:
 
 
 def modal_damping(D: Array, remainder: Array, omega2: Array, X: Array, rayleigh: Rayleigh | None) -> Array:
-    """Matrix X^T D X (r, r), exactly diagonal if damping is Rayleigh's or couples modes by round-off only.
+    """Matrix X^T D X (r, r) for r modes X (n, r), exactly diagonal if damping is Rayleigh's or couples no modes.
 
-    `omega2` (r,) are the squared frequencies of the modes X.  `remainder` is D - alpha M - beta K of the `rayleigh`
-    damping; all of D if `rayleigh` is None.
+    Couplings that are round-off count as none.  `omega2` (r,) are the squared frequencies of the modes.  `remainder` is
+    D - alpha M - beta K of the `rayleigh` damping; all of D if `rayleigh` is None.
     """
     classical = np.zeros_like(omega2) if rayleigh is None else rayleigh.modal_damping(omega2)
     if np.linalg.norm(remainder) <= CLASSICAL * np.linalg.norm(D):

@@ -50,7 +50,7 @@ def truncate(model: ReducedModel, r: int) -> ReducedModel:
     return with_tables(
         replace(
             replace(model, flexibility=None, carriers=None).leading(r),
-            enrichment=modes if model.enrichment is None else _chain_modes(modes, model.enrichment),
+            enrichment=modes if model.enrichment is None else _join_modes(modes, model.enrichment),
             carriers=model.carriers.truncate(r, modes),
         )
     )
@@ -147,7 +147,7 @@ def _block_diagonal(A: Array, diagonal: Array) -> Array:
     return result
 
 
-def _chain_modes(first: EnrichmentModes, second: EnrichmentModes) -> EnrichmentModes:
+def _join_modes(first: EnrichmentModes, second: EnrichmentModes) -> EnrichmentModes:
     """Enrichment modes of `first`, followed by those of `second`, with the `matrices` of `second`.
 
     The `matrices` of `second` are those on the coordinates of the model and on the modes of both.

@@ -378,7 +378,7 @@ class Study(StudyBase):
 
     @cached_property
     def _luffing_angles(self) -> tuple[float, ...]:
-        """Luffing angles in the scene's unit; raises InputError if there is none."""
+        """Luffing angles in the scene's unit; raises InputError if the study names no angle."""
         angles = self.luffing.values if isinstance(self.luffing, Range) else self.luffing
         if not angles:
             raise InputError("study", "luffing", None, "at least one angle is allowed")
