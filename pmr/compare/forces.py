@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,6 +19,7 @@ from pmr.scene import Scene
 from pmr.scene.built import PadRing, force_name, friction_name, reaction_name
 from pmr.scene.choice import has_axial_motion
 from pmr.scene.frame import INERTIA
+from pmr.scene.joints import JointPads
 from pmr.scene.keys import cylinder_name, qualified_name
 from pmr.scene.mechanism import drive_rows, longest_rope, rope_shares
 from pmr.scene.members import EXTENSION, members
@@ -42,9 +43,10 @@ def forces_part(scene: Scene, system: System, response: Response) -> SummaryPart
     joined, along, figures = len(scene.sections) > 1, scene.path_positions(response.t), dict[str, Any]()
     if joined or scene.pads:
         loads = pad_extremes(scene, response)
-        pressures = _pad_pressures(scene, loads)
+        areas = {name: of.ring.length * of.ring.width for name, of in pads_on_faces(scene, loads).items()}
         figures["pads"] = [
-            {"name": name, **extremes.summary()} | pressures.get(name, {}) for name, extremes in loads.items()
+            {"name": name, **of.summary()} | ({"pressure": of.size / areas[name]} if name in areas else {})
+            for name, of in loads.items()
         ]
     if joined:
         figures["cylinders"] = list(_cylinder_rows(scene, system, response))
@@ -52,30 +54,37 @@ def forces_part(scene: Scene, system: System, response: Response) -> SummaryPart
     warnings = _kink_warnings(kinks) + unknown_force_warnings(scene, response)
     warnings += missing_reaction_warnings(scene)
     pulled = pulled_pad_warnings(scene, system.contacts, response)
-    return SummaryPart(
-        figures | reaction_rows(scene, response, along) | support_rows(scene, response), warnings, pulled
-    )
+    figures |= reaction_rows(scene, response, along)
+    supports = support_rows(scene, response)
+    return SummaryPart(figures | ({"supports": supports} if supports else {}), warnings, pulled)
 
 
-def _pad_pressures(scene: Scene, loads: Mapping[str, Extremes]) -> dict[str, dict[str, float]]:
-    """Entry ``pressure`` in Pa of pads by name, the largest size of their force over their area.
+class PadOnFace(NamedTuple):
+    """Ring of a pad, and the name of the face on which the pad is."""
 
-    `loads` are the extremes of the pads' forces by name.  Pads that are points have no entry.
-    """
-    areas = dict[str, float]()
+    ring: PadRing | JointPads
+    face: str
+
+
+def pads_on_faces(scene: Scene, names: Iterable[str]) -> dict[str, PadOnFace]:
+    """Return ring and face of those of the pads `names` that are on faces, by name; pads that are points have none."""
+    rings, pads = dict[str, PadRing | JointPads](), dict[str, PadOnFace]()
     for body, part in scene.bodies.items():
         for key, ring in part.keyed_rings.items():
-            if ring.faces is not None:
-                end = key.partition("[")[0].removeprefix("joint.").removeprefix("pads")
-                areas[" ".join(filter(None, (body, end, ring.name)))] = ring.length * ring.width
-    rings = {name: max((r for r in areas if name.startswith(f"{r} ")), key=len, default=None) for name in loads}
-    return {name: {"pressure": loads[name].size / areas[ring]} for name, ring in rings.items() if ring is not None}
+            end = key.partition("[")[0].removeprefix("joint.").removeprefix("pads")
+            rings |= {} if ring.faces is None else {" ".join(filter(None, (body, end, ring.name))): ring}
+    for name in names:
+        if of := [start for start in rings if name.startswith(f"{start} ")]:
+            ring, place = rings[max(of, key=len)], name.removeprefix(max(of, key=len))
+            faces = [face for face in ring.faces or () if f"{place} ".startswith(f" {face} ")]
+            pads |= {name: PadOnFace(ring, max(faces, key=len))} if faces else {}
+    return pads
 
 
-def support_rows(scene: Scene, response: Response) -> dict[str, object]:
-    """Entry ``supports`` of summary.json: extremes in N of each support's force, the resultant of all its directions.
+def support_rows(scene: Scene, response: Response) -> list[dict[str, Any]]:
+    """Rows of ``supports`` of summary.json: extremes in N of each support's force, the resultant of all its directions.
 
-    The force of a support that holds a single direction has a sign.  Without such supports the result is empty.
+    The force of a support that holds a single direction has a sign.
     """
     columns, along, rows = Columns.from_scene(scene, response), scene.path_positions(response.t), list[dict[str, Any]]()
     for name, numbers in columns_by_support(columns, lambda _: True).items():
@@ -89,7 +98,7 @@ def support_rows(scene: Scene, response: Response) -> dict[str, object]:
                     **Extremes.from_history(force, response.t, along).summary(),
                 }
             )
-    return {"supports": rows} if rows else {}
+    return rows
 
 
 def pad_extremes(scene: Scene, response: Response) -> dict[str, Extremes]:

@@ -16,10 +16,11 @@ from pmr.compare.accuracy import accuracy_summary, accuracy_warnings
 from pmr.compare.axial_forces import axial_part
 from pmr.compare.forces import pad_extremes
 from pmr.compare.frequencies import frequency_part, response_on_way, result_paths
-from pmr.compare.responses import check_installed, check_memory, memory_warnings
+from pmr.compare.play import simulate_varied_play
+from pmr.compare.responses import Simulation, check_installed, check_memory, memory_warnings
 from pmr.compare.summary import origin_part, reliability_part, simulation_part, theory_part
 from pmr.compare.trust import budget_warnings, quantities_not_covered
-from pmr.errors import InputError, call_on_first_rank, environment
+from pmr.errors import InputError, SimulationError, call_on_first_rank, environment
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions
@@ -265,21 +266,42 @@ def _measure(
             cache = cache or next(iter(bodies.caches.values()), None)
             of_model = {"model": measure_model(scene, comm, cache, of_run if with_full else None)}
         model = {**budget, **of_model}.get("model", {})
-        return of_mesh | {"model": model | _stress_at_pads(bodies, motions)}
+        simulation = None if motions.reduced is None else motions.reduced.first
+        walls = _stress_at_pads(bodies, motions, simulation)
+        return {**of_mesh, "model": model | walls, **_play(bodies, motions, walls)}
 
 
-def _stress_at_pads(bodies: Bodies, motions: Motions) -> Summary:
-    """Return the entries of ``budget.model`` on stress in walls at pads; empty without a recovery of stresses.
+def _stress_at_pads(bodies: Bodies, motions: Motions, simulation: Simulation | None) -> Summary:
+    """Return the entries of ``budget.model`` on stress in walls at pads in a simulation of a run; collective.
 
-    Collective.
+    There are none without a recovery of stresses.  The simulation is None on other ranks than 0.
     """
     scene, comm = bodies.scene, next(iter(bodies.built.values())).model.comm
     if scene.recovery is None or not scene.recovery.stress:
         return {}
     from pmr.pipeline.stress_at_pads import stress_at_pads  # FEniCSx, which bodies of given matrices go without
 
-    states = comm.bcast(None if motions.reduced is None else motions.reduced.first.states)
+    states = comm.bcast(None if simulation is None else simulation.states)
     return stress_at_pads(scene, bodies.built, motions.recovered, states)
+
+
+def _play(bodies: Bodies, motions: Motions, walls: Summary) -> Summary:
+    """Return ``play`` of the error budget: largest values of the reduced system with another play; collective.
+
+    The keys are those of `pmr.compare.play.VariedPlay.summary`; ``reason`` is there instead if the system can't be
+    simulated.  `walls` is the stress in walls in the run.  The entry is missing if pads hold both ways.
+    """
+    comm, scene = next(iter(bodies.built.values())).model.comm, bodies.scene
+    try:
+        varied = call_on_first_rank(comm, lambda: simulate_varied_play(scene, bodies.system, bodies.excitation))
+    except (InputError, SimulationError) as error:
+        return {"play": {"reason": error.allowed if isinstance(error, InputError) else str(error)}}
+    if not comm.bcast(varied is not None):
+        return {}
+    other_walls, part = _stress_at_pads(bodies, motions, None if varied is None else varied.simulation), None
+    if motions.reduced is not None and varied is not None:
+        part = varied.summary(scene, motions.reduced.first.response, walls, other_walls)
+    return {"play": comm.bcast(part)}
 
 
 def _body_masses(built: Mapping[str, AssembledBody]) -> dict[str, float]:

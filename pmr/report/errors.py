@@ -30,7 +30,15 @@ from pmr.report.numbers import (
     significant,
     times_the_true_error,
 )
-from pmr.report.subject import force_words, is_alone, is_luffing_cylinder_alone, scope_words, shown_force_name
+from pmr.report.subject import (
+    direction_words,
+    force_words,
+    is_alone,
+    is_luffing_cylinder_alone,
+    play_words,
+    scope_words,
+    shown_force_name,
+)
 from pmr.results import RunResult
 from pmr.results.quantities import (
     COMPARED,
@@ -57,6 +65,8 @@ LEAST = 1e-5
 LUFFING_LABEL = QUANTITIES["luffing_force"].label
 #: Sources that a quantity does not depend on, by its label.
 UNAFFECTED = {QUANTITIES["frequency"].label: ("time step",)}
+#: Change of a largest value by the play of pads below which it is not stated by itself.
+SMALL_CHANGE = 0.01
 #: Clause on what the errors of the stresses of beams do not cover.
 WALLS = "in stresses the bending of a beam's walls under pads, which a shell has"
 
@@ -257,9 +267,13 @@ def trust_table(result: RunResult) -> Table:
     remark = _estimate_words(result)
     texts["reduction"] = f"{source}: {texts['reduction']}" if reduction else ""
     texts["reduction"] = "; ".join(filter(None, (texts["reduction"], remark))) or NOT_COMPARED
+    if play := _play_changes(result):
+        parts["play of pads"] = {name: abs(change) for name, change in play.items()}
+        texts["play of pads"] = _play_text(result)
     if sums := (summed := summed_errors(summary)).by_label:
         of_largest = dict(sorted(sums.items(), key=lambda item: -item[1]))
-        texts["added up"] = "; ".join((_list_without_round_off(of_largest), *_lacking_clauses(summed)))
+        without = ["not in it: play of pads"] if play else []
+        texts["added up"] = "; ".join((_list_without_round_off(of_largest), *_lacking_clauses(summed), *without))
     stressed = "reduced" in summary.get("max_von_mises", {})
     walls = [WALLS] if stressed and any(traits_of(of).is_beam for of in members(result.scene)) else []
     missing = {
@@ -289,6 +303,39 @@ def certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
     for key in ("tip", "pad_force", "reaction"):
         if (error := summed.by_label.get(label := QUANTITIES[key].label)) is not None:
             yield label, f"± {format_percent(error, 2)} {summed.sources_clause(label)}"
+    if text := _play_text(result):
+        yield "play of pads", text
+
+
+def _play_changes(result: RunResult) -> dict[str, float]:
+    """Changes of largest values by another play of pads, as fractions of these values, by their names in words."""
+    names = {"luffing_force": "luffing cylinder", "probe": "stress at probes", "pad_force": "pads",
+             "cylinder_force": "extension cylinders", "wall_stress": "stress in walls"}  # fmt: skip
+    changes = dict[str, float]()
+    for row in _play(result).get("rows", ()):
+        label = names.get(row["quantity"], QUANTITIES[row["quantity"]].label)
+        if row["quantity"] == "tip":
+            label = f"tip {direction_words(result, row['name'])}"
+        changes[row["name"] if row["quantity"] == "support" else label] = row["varied"] / row["value"] - 1.0
+    return dict(sorted(changes.items(), key=lambda item: -abs(item[1])))
+
+
+def _play(result: RunResult) -> Mapping[str, Any]:
+    """Entry ``budget.play`` of a run; empty if it has none."""
+    return (result.summary.get("budget") or {}).get("play") or {}
+
+
+def _play_text(result: RunResult) -> str:
+    """Sentence on the changes of largest values by another play of pads; empty if there was no run with it."""
+    changes = _play_changes(result)
+    if not changes:
+        return f"not known: {_play(result)['reason']}" if "reason" in _play(result) else ""
+    listed = [f"{name} {100.0 * of:+.1f}{SPACE}%" for name, of in changes.items() if abs(of) >= SMALL_CHANGE]
+    small = [name for name, of in changes.items() if abs(of) < SMALL_CHANGE]
+    listed += [f"less than {format_percent(SMALL_CHANGE)} of {', '.join(small)}"] if small else []
+    gap = _play(result)["gap"]
+    where = " from face to face, which compare.play assumes as the scene states no clearance" if gap else ""
+    return f"{play_words(gap)}{where}: largest values change by {', '.join(listed)}"
 
 
 def _stress_certainty(result: RunResult) -> str:

@@ -40,7 +40,7 @@ from pmr.report.subject import (
     has_pushing_pads,
     is_alone,
     is_raised,
-    no_play_clause,
+    play_clause,
     wall_stress_words,
 )
 from pmr.results import RunResult
@@ -200,7 +200,8 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
         used = f", {format_percent(share)} of the {format_quantity(allowed, 'Pa')} of yield"
         if "error" in shell:
             used += f", with this bar {format_percent((shell['value'] + shell['error']) / allowed)}"
-    contains = f"{WALL_STRESS_PARTS}{WALL_STRESS_BAR if 'error' in shell else ''}; without welds"
+    contains = f"{WALL_STRESS_PARTS}{WALL_STRESS_BAR if 'error' in shell else ''}"
+    contains += f"{play_clause(result, 'wall_stress')}; without welds"
     text = f"{wall_stress_words(shell)}{used}, {peak_place_clause(result, at)}; {contains}"
     return largest_value("wall_stress", f"{text}{_missing_clause(result.summary)}", share)
 
@@ -268,7 +269,9 @@ def _deflection_rows(result: RunResult) -> LargestValues:
         if direction == "z" and is_turned:  # neither up nor down in space
             side = "above" if largest.value > 0.0 else "below"
             size = f"{format_length(abs(largest.value))} {side} its straight axis"
-        yield largest_value("tip", f"{size}, {extreme_clause(result, largest)}{no_play_clause(result)}", name=row)
+        yield largest_value(
+            "tip", f"{size}, {extreme_clause(result, largest)}{play_clause(result, 'tip', direction)}", name=row
+        )
         if direction == "z" and is_turned and (angles := elevation(result, response.t)) is not None:
             largest = extremes_of(result, values * np.cos(angles)).largest
             text = f"{_deflection_text('z', largest.value)}, {extreme_clause(result, largest)}"

@@ -17,7 +17,7 @@ from pmr.report.subject import (
     has_free_luffing,
     joint_section,
     luffing_support_names,
-    no_play_clause,
+    play_clause,
     shown_force_name,
 )
 from pmr.results import RunResult
@@ -193,7 +193,7 @@ def _forces_by_kind_rows(result: RunResult) -> LargestValues:
             pushed = replace(largest, value=abs(largest.value))
             yield largest_value(key, value_at(result, pushed, unit, f"{name} {_push_or_pull(largest)}"))
         else:
-            play = no_play_clause(result) if key == "pad_force" else ""
+            play = play_clause(result, key) if key == "pad_force" else ""
             yield largest_value(key, value_at(result, largest, unit, _bearer_words(key, name)), end=play)
             if key == "pad_force":
                 yield from _yield_rows(result, forces)

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pmr.files.arrays import Array, Summary
-from pmr.report.numbers import SPACE, format_percent, format_quantity
+from pmr.report.numbers import SPACE, format_input, format_percent, format_quantity
 from pmr.results import BodyResult, RunResult
-from pmr.results.quantities import wall_stress
+from pmr.results.quantities import QUANTITIES, wall_stress
 from pmr.scene.built import Load, PadRing
 from pmr.scene.choice import input_directions
 from pmr.scene.joints import JointPads
@@ -44,14 +44,24 @@ class AppliedLoad:
     source: Load
 
 
-def no_play_clause(result: RunResult) -> str:
-    """Clause that a figure is computed without the play of pads.
+def play_clause(result: RunResult, quantity: str, name: str = "") -> str:
+    """Clause with the largest value of a quantity if pads have another play (``budget.play`` of summary.json).
 
-    It is empty unless some pads only push, and none of these has play.
+    `name` is that of a part or a direction.  If there was no run with another play, it says so where pads that only
+    push have none.
     """
+    play = (result.summary.get("budget") or {}).get("play") or {}
+    for row in play.get("rows", ()):
+        if (row["quantity"], row["name"]) == (quantity, name):
+            return f"; {format_quantity(row['varied'], QUANTITIES[quantity].unit)} {play_words(play['gap'])}"
     rings = [ring for part in result.scene.sections for ring in part.rings if ring.unilateral]
     gaps = [any(of.values()) if isinstance(of := ring.clearance, dict) else of for ring in rings]
     return "; without play of pads, which no error bar has in it" if rings and not any(gaps) else ""
+
+
+def play_words(gap: float) -> str:
+    """Words for a play of pads of `gap` m from face to face."""
+    return f"with {format_input(1e3 * gap, 'mm')} of play of pads" if gap else "without the play of pads"
 
 
 def walls_clause(result: RunResult) -> str:

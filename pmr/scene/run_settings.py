@@ -267,6 +267,11 @@ class Compare(SceneTable):
         description="Allowed error of the structural model, by which body.model = 'auto' chooses; a run warns where "
         "its model or mesh is further off",
     )
+    play: Annotated[Distance, Usual(0.0, 0.02)] = Field(
+        default=1e-3,
+        description="Play of pads from face to face with which `pmr run` simulates a scene once more whose pads only "
+        "push and have no clearance; 0: not",
+    )
 
 
 class _Target(SceneTable):

@@ -16,15 +16,15 @@ from pmr.report import columns, first_page
 from pmr.report.blocks import Chapter, Drawing, KeyNumber, Notices, Table
 from pmr.report.document import drawn_text
 from pmr.report.document import render_runs as rendered
+from pmr.report.errors import LEAST, certainty_rows, summed_errors
 from pmr.report.errors import rows as error_rows
-from pmr.report.errors import summed_errors
 from pmr.report.extremes import LargestValue, largest_value
 from pmr.report.figures import space
 from pmr.report.figures.canvas import INK
 from pmr.report.first_page import first_page_tables, largest_value_rows, overload_sentences
 from pmr.report.sections import accuracy_block, chapter
 from pmr.report.sentences import key_numbers
-from pmr.report.subject import no_play_clause, walls_clause
+from pmr.report.subject import play_clause, walls_clause
 from pmr.results import Response, RunResult
 from pmr.results.response import LUFFING_ANGLE, Output
 from pmr.scene import Scene
@@ -622,7 +622,32 @@ def test_figures_say_where_pads_have_no_play(clearance: object, said: bool) -> N
     both_ways = SimpleNamespace(unilateral=False, clearance=0.0)
 
     def clause(*rings: object) -> str:
-        return no_play_clause(SimpleNamespace(scene=SimpleNamespace(sections=[SimpleNamespace(rings=rings)])))
+        scene = SimpleNamespace(sections=[SimpleNamespace(rings=rings)])
+        return play_clause(SimpleNamespace(scene=scene, summary={}), "pad_force")
 
     assert (clause(tight, ring) == "; without play of pads, which no error bar has in it") is said
     assert clause() == clause(both_ways) == ""
+
+
+@pytest.mark.parametrize(
+    ("gap", "words"), [(1e-3, f"with 1{SPACE}mm of play of pads"), (0.0, "without the play of pads")]
+)
+def test_another_play_of_pads_has_a_row_a_bar_and_a_clause_beside_each_figure(
+    boom: RunResult, gap: float, words: str
+) -> None:
+    rows = [("tip", "z", 0.2, 0.25), ("pad_force", "", 4e3, 4.01e3), ("support", "base: pin", 5e3, 4e3)]
+    keys = "quantity", "name", "value", "varied"
+    play = {"gap": gap, "rows": [dict(zip(keys, row, strict=True)) for row in rows]}
+    varied = replace(boom, summary=boom.summary | {"budget": {"play": play}})
+    assert play_clause(varied, "tip", "z") == f"; 250{SPACE}mm {words}" and "varied" not in play_clause(
+        varied, "tip", "y"
+    )
+    tables = {table.title: table for table in first_page.first_page_tables(varied)}
+    trust = tables["How far to trust it"]
+    for table in (trust, tables["How sure"]):
+        text = dict(table.rows)["play of pads"]
+        assert text.startswith(words) and ("compare.play" in text) is (gap > 0.0)
+        assert f"+25.0{SPACE}%, base: pin -20.0{SPACE}%, less than 1.00{SPACE}% of pads" in text
+    assert trust.bars["play of pads"] == pytest.approx(np.log10(0.25 / LEAST) / trust.decades)
+    varied.summary["budget"]["play"] = {"reason": "it is stuck"}
+    assert dict(certainty_rows(varied))["play of pads"] == "not known: it is stuck"
