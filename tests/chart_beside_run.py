@@ -236,8 +236,8 @@ VALUES: dict[str, Callable[[Run, Limit], float]] = {
     "frequency": lambda run, limit: run._frequency(),
     "overturning": lambda run, limit: run.tipping(limit),
 }
-#: Kinds of limits that other tests compare: those of a user, and the field, which takes shells.
-OTHERS = {"function", "expression", "field"}
+#: Kinds of limits that other tests compare: those of a user, the field, which takes shells, and pulls of the cylinder.
+OTHERS = {"function", "expression", "field", "luffing-pull"}
 
 
 def _area(polygon: Sequence[tuple[float, float]]) -> float:

@@ -47,7 +47,7 @@ def dynamic_factors_part(scene: Scene, system: System | SystemForm, response: Re
     if frame is None or scene.hoist is not None or scene.computed_key is not None or frame.base is not None:
         return SummaryPart()
     names, rows = [output.name for output in response.outputs], list[dict[str, Any]]()
-    form = SystemForm.of(system)
+    form, at_rest = SystemForm.of(system), dict[int, Response | None]()  # by the step, which kinds may share
     for kind in KINDS:
         of_kind = [
             k
@@ -60,16 +60,23 @@ def dynamic_factors_part(scene: Scene, system: System | SystemForm, response: Re
             continue
         values = response.column(number)
         step = int(np.abs(values).argmax())
-        try:
-            posture = _still(scene, float(response.t[step]))
-            still = march_once(posture, form, excitation_of_scene(posture, form.system))
-        except SimulationError:  # nothing holds the boom at rest in this posture
+        if step not in at_rest:
+            at_rest[step] = _response_at_rest(_still(scene, float(response.t[step])), form)
+        if (still := at_rest[step]) is None:
             continue
         rest = float(still.column([output.name for output in still.outputs].index(names[number]))[0])
         if abs(rest) > floor:
             rows.append({"name": names[number], "kind": kind, "t": float(response.t[step]),
                          "largest": float(values[step]), "rest": rest})  # fmt: skip
     return SummaryPart({"dynamic_factors": rows} if rows else {})
+
+
+def _response_at_rest(posture: Scene, form: SystemForm) -> Response | None:
+    """The response of a system to a scene at rest; None if nothing holds the boom in its posture."""
+    try:
+        return march_once(posture, form, excitation_of_scene(posture, form.system))
+    except SimulationError:
+        return None
 
 
 def _still(scene: Scene, t: float) -> Scene:

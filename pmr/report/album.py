@@ -213,7 +213,7 @@ class _Views:
             t=_two_decimals(moment.t, "s"),
             peak=_two_decimals(peak, "s") if abs(peak - moment.t) > near else "",  # fields are kept at some times only
         )
-        return View("close", shot, caption)
+        return View("close", shot, f"{caption}{walls_clause(self.result)}")
 
     def _caption(self, moment: Moment) -> str:
         """Return the caption of a view.
@@ -223,8 +223,7 @@ class _Views:
         """
         stress = ""
         if self.bodies.cell_stresses:
-            largest = f"{stress_name(self.result.scene)} {format_quantity(moment.peak, 'Pa')}"
-            stress = f", {largest}{walls_clause(self.result)}"
+            stress = f", {stress_name(self.result.scene)} {format_quantity(moment.peak, 'Pa')}"
         return prose(
             "picture",
             extension=_two_decimals(moment.extension, "m"),

@@ -332,7 +332,7 @@ def _play_text(result: RunResult) -> str:
         return f"not known: {_play(result)['reason']}" if "reason" in _play(result) else ""
     listed = [f"{name} {100.0 * of:+.1f}{SPACE}%" for name, of in changes.items() if abs(of) >= SMALL_CHANGE]
     small = [name for name, of in changes.items() if abs(of) < SMALL_CHANGE]
-    listed += [f"less than {format_percent(SMALL_CHANGE)} of {', '.join(small)}"] if small else []
+    listed += [f"less than {format_percent(SMALL_CHANGE)}: {', '.join(small)}"] if small else []
     gap = _play(result)["gap"]
     where = " from face to face, which compare.play assumes as the scene states no clearance" if gap else ""
     return f"{play_words(gap)}{where}: largest values change by {', '.join(listed)}"

@@ -21,7 +21,7 @@ from pmr.report.subject import (
     shown_force_name,
 )
 from pmr.results import RunResult
-from pmr.results.quantities import QUANTITIES
+from pmr.results.quantities import QUANTITIES, resultant_name
 from pmr.results.response import Extreme, Extremes
 from pmr.results.tables import FORCE_OF
 from pmr.scene.keys import cylinder_name, qualified_name
@@ -112,7 +112,7 @@ def _support_use_rows(result: RunResult) -> LargestValues:
         name: support.allowed_force
         for body, part in result.scene.bodies.items()
         for support in part.supports
-        if support.allowed_force is not None and (name := qualified_name(body, support.name)) in extremes
+        if support.allowed_force is not None and (name := resultant_name(body, support)) in extremes
     }
     if allowed:
         name = max(allowed, key=lambda name: extremes[name].size / allowed[name])

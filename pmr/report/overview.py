@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -59,8 +59,16 @@ def system_rows(result: RunResult) -> Rows:
             if low or high:
                 free = name == "luffing" and scene.frame.computed_key == "luffing"
                 yield name, format_range(low, high, "°") + (_drive_clause(scene.frame.cylinder) if free else "")
+        if scene.frame.cylinder is not None:
+            foot, lug = (_place_from_pivot(x, z) for x, z in (scene.frame.cylinder.foot, scene.frame.cylinder.lug))
+            yield "luffing cylinder", f"foot on the machine {foot}; lug on the boom {lug}, where it lies level"
         if (ground := scene.frame.ground) is not None:
             yield "stands on", _describe_ground(ground, scene.frame.unit)
+            corners = (f"{of.name} {format_place(of.at, 'm')}" for of in ground.outriggers)
+            yield "outriggers, x and y from the pivot", "; ".join(corners)
+            weights = [f"{of.name} {_format_mass(of.mass)} {format_place(of.at, 'm')}" for of in ground.masses]
+            if weights:
+                yield "masses of the machine, x, y, z from the pivot", "; ".join(weights)
     elif gravity is not None:
         raised = f"{format_input(round(gravity.elevation, 1))}°" if is_raised(result) else "0°, it lies level"
         yield "raised by", raised
@@ -78,6 +86,17 @@ def system_rows(result: RunResult) -> Rows:
         yield "slider at", f"s = {format_range(*scene.path_bounds, f'{SPACE}m')}"
     yield from _tip_rows(result)
     yield "time", format_input(scene.time.end, "s")
+
+
+def format_place(at: Sequence[float], unit: str) -> str:
+    """Format the coordinates of a place with their unit, in brackets."""
+    return f"({', '.join(format_input(value) for value in at)}){SPACE}{unit}"
+
+
+def _place_from_pivot(x: float, z: float) -> str:
+    """Words for a place in the boom's plane that is x m ahead of the pivot and z m above it."""
+    along, up = "ahead of" if x >= 0.0 else "behind", "above" if z >= 0.0 else "below"
+    return f"{format_input(abs(x), 'm')} {along} the pivot and {format_input(abs(z), 'm')} {up} it"
 
 
 def _describe_hoist(hoist: Hoist, end: float) -> str:

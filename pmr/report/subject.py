@@ -65,11 +65,16 @@ def play_words(gap: float) -> str:
 
 
 def walls_clause(result: RunResult) -> str:
-    """Clause of a caption on the stress in walls, which no picture of beams shows; empty if it is not known."""
+    """Sentence on the largest stress in walls, which no picture of beams shows; empty if it is not known."""
     walls = wall_stress(result.summary)
     if walls is None:
         return ""
-    return f"; walls under pads reach {wall_stress_words(walls)} at {walls['t']:.3g}{SPACE}s of this run, not drawn"
+    side = f"{walls['region']} wall" if walls["region"] else "walls"
+    of = f"{side} of {walls['section']}" if walls.get("section") else side
+    return (
+        f" The largest stress of this run is not drawn, as beams lack it: {wall_stress_words(walls)} at a pad, {of}, "
+        f"{walls['position'][0]:.3g}{SPACE}m from the tail, at {walls['t']:.3g}{SPACE}s."
+    )
 
 
 def wall_stress_words(walls: Summary) -> str:

@@ -20,7 +20,7 @@ import numpy as np
 from pmr.files.arrays import Array, Summary
 from pmr.results.field_stress import FIBRE, PLANE, SPATIAL, von_mises
 from pmr.results.response import Extreme, Extremes, Output, Response
-from pmr.scene.built import force_name, reaction_name
+from pmr.scene.built import Support, force_name, reaction_name
 from pmr.scene.choice import traits_of
 from pmr.scene.keys import cylinder_name, qualified_name
 from pmr.scene.mechanism import AT_GROUND, AT_PIVOT, CYLINDER, drive_rows, rope_shares
@@ -259,6 +259,15 @@ def columns_by_support(columns: Columns, looks_at: Callable[[str], bool]) -> dic
     return groups
 
 
+def resultant_name(body: str, support: Support, separator: str = ": ") -> str:
+    """Return the name of the resultant force of a support of `body`, which has a name of its own or one by its place.
+
+    The `separator` stands between both names: that of ``supports`` in summary.json, or a space as in names of contacts.
+    """
+    rows = DIRECTION.sub("", support.row_name(support.held_directions[0]))
+    return f"{body}{separator}{rows}" if body else rows
+
+
 def support_names(columns: Columns, number: int) -> tuple[str, ...]:
     """Return both names of the support in column `number`: the column's own, and the contact's, as ``base pivot x``."""
     body, name = columns.bodies[number], columns.names[number]
@@ -332,6 +341,15 @@ def _luffing_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measu
     None is returned if there is no luffing cylinder.  `looks_at` is not called, as there is at most one.
     """
     return _largest_measure([k for k in columns.pivot_columns().values() if columns.names[k] == CYLINDER])
+
+
+def _luffing_pull_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
+    """Return a function from the values (T, c) of all columns to the pull (T,) of the luffing cylinder, 0 if it pushes.
+
+    None is returned if there is no luffing cylinder.  `looks_at` is not called, as there is at most one.
+    """
+    forces = [k for k in columns.pivot_columns().values() if columns.names[k] == CYLINDER]
+    return (lambda values: np.maximum(-values[:, forces], 0.0).max(axis=1)) if forces else None
 
 
 def _least_measure(kind: str) -> Callable[[Columns, Callable[[str], bool]], Measure | None]:
@@ -418,6 +436,10 @@ QUANTITIES: Mapping[str, Quantity] = {
             "largest force of the luffing cylinder", sign=PUSHES,
             # a luffing cylinder is a support that gives way
             limit=ChartLimit("luffing", _luffing_measure, "forces of cylinders"),
+        ),
+        Quantity(
+            "luffing_pull", "pulls of the luffing cylinder", "N", "cylinder",
+            limit=ChartLimit("luffing-pull", _luffing_pull_measure, ""),
         ),
         Quantity(
             "luffing_use", "use of the luffing cylinder", "1", "cylinder", (), "largest use of the luffing cylinder",

@@ -15,7 +15,7 @@ import numpy as np
 
 from pmr.errors import InputError
 from pmr.errors.environment import is_installed
-from pmr.results.quantities import DIRECTION, stress_remark
+from pmr.results.quantities import DIRECTION, resultant_name, stress_remark
 from pmr.scene.choice import has_unlike_side_walls, lateral_load_reasons
 from pmr.scene.hints import boom_scales
 from pmr.scene.members import members
@@ -162,7 +162,7 @@ def _support_limits(scene: Scene) -> Iterator[SupportLimit]:
     for body, part in scene.bodies.items():
         for support in part.supports:
             if support.allowed_force is not None:
-                name = f"{body} {support.name}".strip()
+                name = resultant_name(body, support, " ")
                 of_support = [column for column in names if DIRECTION.sub("", column) == name]
                 forces = [json.dumps(column) for column in of_support if not re.search(" r[xyz]( |$)", column)]
                 if forces:  # a support of angles alone has moments
@@ -178,24 +178,18 @@ def check_chart(file: Path, scene: Scene, up_to: float) -> None:
         raise InputError("command line", "--up-to", up_to, "a load above 0 kg is allowed")
 
 
-def _allowed_luffing_force(scene: Scene) -> float | None:
-    """Return the least push in N that the luffing cylinder bears over the scene's luffing angles.
+def _allowed_luffing_forces(scene: Scene) -> dict[str, float]:
+    """Return the least push and pull in N that the luffing cylinder bears over the scene's luffing angles.
 
-    None if the scene limits no push.  A chart does not look at the allowed pull: at rest the cylinder pushes unless
-    boom and load lean behind the pivot.  A warning says so if the scene limits the pull alone.
+    They are by the limits of a chart.  A push or pull that the scene does not limit is left out.
     """
     frame = scene.frame
     if frame is None or frame.cylinder is None or not frame.cylinder.has_allowed_forces:
-        return None
+        return {}
     angles = np.linspace(*frame.angles.luffing.bounds(0.0, scene.time.end), LUFFING_PLACES)
     allowed = frame.cylinder.allowed_forces(frame.cylinder.length_and_arm(angles).length)
-    push = float(allowed.push.min())
-    if math.isfinite(push):
-        return push
-    logger.warning(
-        "the luffing cylinder is not limited: a chart limits its push, and frame.cylinder has no allowed_push"
-    )
-    return None
+    forces = {"luffing": float(allowed.push.min()), "luffing-pull": float(np.min(allowed.pull))}
+    return {of: force for of, force in forces.items() if math.isfinite(force)}
 
 
 def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
@@ -236,6 +230,6 @@ def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
         tips=scene.frame.ground is not None,
         stress=1e-6 * min(filter(None, yields)) if yields and all(yields) else None,  # MPa
         walls=_wall_limits(scene),
-        push=_allowed_luffing_force(scene),
+        cylinder=_allowed_luffing_forces(scene),
         supports=_support_limits(scene),
     )

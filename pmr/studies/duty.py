@@ -1,8 +1,8 @@
 """Load cases of a chart, and its duty tables: the allowed load over radius and boom length, as manuals print it.
 
 A load case has the loads that act at once, and factors that the user chooses, with the standard that gives them.  A
-duty table has a load at each round radius, interpolated between the luffing angles of the chart; outside the radii that
-a boom length reaches there is none.
+duty table has a load at each round radius, and at the least and the greatest one.  It is interpolated between the
+luffing angles of the chart; outside the radii that a boom length reaches there is none.
 """
 
 from __future__ import annotations
@@ -245,7 +245,7 @@ def _interpolate_loads(angles: Array, luffing: Array, load: Array, up_to: float,
 
 
 def _round_radii(radius: Array) -> Array:
-    """Return R round radii (R,) in m within the range of `radius` (E, A) in m; the radii themselves if A is 1.
+    """Return the least and the greatest `radius` (E, A) in m and round radii between them (R,); all radii if A is 1.
 
     `radius` has the radii with E boom lengths at A luffing angles.  All of these are also returned if they are nearly
     equal.
@@ -256,7 +256,8 @@ def _round_radii(radius: Array) -> Array:
     decade = 10.0 ** np.floor(np.log10((high - low) / MOST_RADII))
     step = next(s for s in (decade * STEPS[0], decade * STEPS[1], decade * STEPS[2], 10.0 * decade)
                 if (high - low) / s <= MOST_RADII)  # fmt: skip
-    return np.asarray(step * np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1.0))
+    between = step * np.arange(np.floor(low / step + 1e-9) + 1.0, np.ceil(high / step - 1e-9))
+    return np.concatenate([[low], between, [high]])
 
 
 #: Hoisting classes of EN 13001-2: the least dynamic factor phi2,min for drives HD1, and its slope beta2 in s/m.

@@ -112,7 +112,7 @@ def _share_of_quantity(limit: Limit, at: PostureMatrices, k: int, amounts: Seque
     `amounts` are not used.  Raises InputError if the limit is on the luffing cylinder and the cylinder has no lever arm
     to raise the boom at the k-th posture of `at`.
     """
-    if limit.of == "luffing" and not at.place.arm[k] > 0.0:
+    if limit.of in ("luffing", "luffing-pull") and not at.place.arm[k] > 0.0:
         reason = f"at {np.rad2deg(at.place.luffing[k]):.4g} degrees the cylinder has an arm of {at.place.arm[k]:.2g} m"
         raise InputError("study", "luffing", None, f"angles at which it raises the boom are allowed: {reason}")
     measure, share_of_unit = limit.measure(at.columns), limit.factor / limit.allowed_amount
@@ -360,7 +360,7 @@ class Limit(SceneTable):
 
         No model is built, so names that only a model knows are not checked.
         """
-        if self.of == "luffing" and (scene.frame is None or scene.frame.cylinder is None):
+        if self.of in ("luffing", "luffing-pull") and (scene.frame is None or scene.frame.cylinder is None):
             allowed = "a scene with frame.cylinder is allowed, which says where its hinges are"
             raise InputError("study", f"limits.{self.name}.of", self.of, allowed)
         on_ground = self.of == "overturning" and not self.polygon or self.kind.share is _share_of_ground

@@ -191,6 +191,12 @@ def test_a_load_that_acts_both_ways_has_two_heads(make_result, signal: object, h
     assert arrows(make_result(loads=[{"name": "F", "on": 5.0, "signal": signal}])) == {"F": heads}
 
 
+def test_a_load_that_does_not_act_at_the_drawn_moment_has_the_time_of_its_largest_value(make_result) -> None:
+    late = {"kind": "smooth_ramp", "times": [0.2, 0.4], "values": [0.0, 5.0]}
+    (name,) = arrows(make_result(loads=[{"name": "F", "on": 5.0, "signal": late}]))
+    assert name == "F (at 0.4 s)"
+
+
 def test_what_slides_and_holds_is_played_without_fields(whole: RunResult) -> None:
     """The slider keeps its place, the support moves with the body: it is at -s while the slider is at 0."""
     data = body_motion(MovingBodies(whole))

@@ -102,5 +102,10 @@ def test_a_machine_on_outriggers_says_on_what_it_stands() -> None:
     asked = rows(result, "What was asked")
     masses = f"4 outriggers, with machine masses of 7500{SPACE}kg"
     assert asked["stands on"] == f"{masses}, on ground that rises by 0.5° along X and 1° along Y"
+    ground = result.scene.frame.ground
+    corners = asked["outriggers, x and y from the pivot"].split("; ")
+    assert corners == [f"{of.name} ({of.at[0]:g}, {of.at[1]:g}){SPACE}m" for of in ground.outriggers]
+    machine = asked["masses of the machine, x, y, z from the pivot"].split("; ")
+    assert [text.partition(f"{SPACE}kg (")[0] for text in machine] == [f"{of.name} {of.mass:g}" for of in ground.masses]
     assert asked["fly: gust"] == "0 at all times, on tip along y"
     assert [drawing.name for drawing in sections.input_block(result, "case-1").drawings] == ["case-1-angles"]

@@ -16,9 +16,10 @@ from pmr import InputError
 from pmr.compare.outputs import run_from_start
 from pmr.files import npz
 from pmr.reduction.bodies import join_bodies, reduce_bodies
-from pmr.results.quantities import von_mises_stress
+from pmr.results.quantities import Columns, von_mises_stress
 from pmr.scene import Load, Scene, load_any
 from pmr.scene.ground import Ground, MachineMass
+from pmr.scene.mechanism import CYLINDER
 from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.structures import PointMass
 from pmr.simulation import Excitation
@@ -284,6 +285,14 @@ def test_a_luffing_cylinder_carries_the_moment_to_second_order(raised: PostureMa
         arm = (foot.conjugate() * turned).imag / abs(turned - foot)
         load, _ = loads([Limit(name="a", of="luffing", most=100e3, factor=1.25)], raised, k)
         assert berry(load, angle)[1] / arm == pytest.approx(80e3, rel=1e-3)
+
+
+def test_a_luffing_cylinder_that_pushes_uses_nothing_of_an_allowed_pull(raised: PostureMatrices) -> None:
+    limit = Limit(name="a", of="luffing-pull", most=1.0)
+    for k in (0, 1):
+        assert np.isnan(loads([limit], raised, k)[0])
+    columns = Columns((CYLINDER, "tip z"), ("reaction", "tip"), ("N", "m"), ("", ""))
+    assert limit.measure(columns)(np.array([[-3.0, -9.0], [2.0, 1.0]])).tolist() == [3.0, 0.0]
 
 
 def test_a_column_stands_up_to_its_buckling_load_and_a_hanging_one_for_ever(raised: PostureMatrices) -> None:

@@ -54,6 +54,7 @@ RAISING: Mapping[str, Any] = {"color": MUTED, "linewidth": 1.6}  # style of a lu
 ROPE: Mapping[str, Any] = {"color": INK, "linewidth": 0.8, "marker": "s", "markersize": 4.0, "markevery": [-1]}
 FAINT = 0.3  # share of a section's colour in the mixture with white, at moments without the largest stress
 LOAD, ARROW = "#7b2d8e", 0.3  # colour of loads, and length of their arrows in inches
+ACTING = 1e-3  # share of its largest value from which on a load acts
 SYMBOLS = {"clamped": "s", "pad": "s"}  # markers of supports; others are triangles
 APART = 0.35  # in, least distance between the ends of two axes that both have a label
 #: Style of the ring at the largest stress.
@@ -156,7 +157,7 @@ def _draw_boom(result: RunResult, view: str, across: str, up: str, from_side: bo
     else:
         ax.plot([0.0], [0.0], marker="^" if from_side else "o", markersize=6.0, color=INK, zorder=4.0)
     if from_side:
-        _draw_loads(ax, result, {item.body: (item.x, item.side[moment]) for item in bodies})
+        _draw_loads(ax, result, {item.body: (item.x, item.side[moment]) for item in bodies}, int(steps[moment]))
     return add_legend(figure)
 
 
@@ -178,11 +179,12 @@ def _draw_fixtures(ax: Axes, result: RunResult, step: int) -> None:
         ax.plot(*(place * direction[:, None]), marker=marker, **look, zorder=3.5)
 
 
-def _draw_loads(ax: Axes, result: RunResult, axes: Mapping[str, tuple[Array, Array]]) -> None:
+def _draw_loads(ax: Axes, result: RunResult, axes: Mapping[str, tuple[Array, Array]], step: int) -> None:
     """Draw each force in the plane of the view as an arrow, with two heads if it changes its sign, and its name.
 
     `axes` are the points x (n,) in m of each body's axis, and their places (n, 2) in m in the view.  Forces at one
-    place in one direction share an arrow.
+    place in one direction share an arrow.  A force that does not act at the step number `step`, which is drawn, has the
+    time of its largest value.
     """
     inch = float(np.ptp(ax.get_xlim())) / (HALF - LEFT - RIGHT)
     forces, names = dict[tuple[str, str, float, bool], Array](), dict[tuple[float, ...], list[str]]()
@@ -205,7 +207,10 @@ def _draw_loads(ax: Axes, result: RunResult, axes: Mapping[str, tuple[Array, Arr
                  "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 1.0}  # fmt: skip
         (x_foot, z_foot), (x_tip, z_tip) = foot.tolist(), at.tolist()
         ax.annotate("", (x_tip, z_tip), (x_foot, z_foot), arrowprops=arrow, annotation_clip=False)
-        names.setdefault((round(x_foot, 1), round(z_foot, 1), float(z_foot > z_tip + 0.1 * inch)), []).append(name)
+        acts = style != "-|>" or np.linalg.norm(force[step]) > ACTING * np.linalg.norm(force[k])
+        when = "" if acts else f" (at {result.responses['reduced'].t[k]:.3g} s)"
+        side = (round(x_foot, 1), round(z_foot, 1), float(z_foot > z_tip + 0.1 * inch))
+        names.setdefault(side, []).append(f"{name}{when}")
     for (x_foot, z_foot, is_above), of_place in names.items():
         ax.annotate(", ".join(of_place), (x_foot, z_foot), (0.0, 2.0 if is_above else -2.0), color=LOAD, ha="right",
                     textcoords="offset points", va="bottom" if is_above else "top", fontsize=7.0)  # fmt: skip

@@ -127,7 +127,9 @@ def _key_numbers(study: FinishedStudy, chart: LoadChart, error: Array, parts: Pa
     number of points at which another limit may govern within the error bars.
     """
     count, most, radius = len(study.study_file["limits"]) + 1, float(np.nanmax(chart.load)), chart.place[..., 0]
-    key_numbers = [KeyNumber(str(chart.load.size), "points", f"{count} limit{'s' if count > 1 else ''}")]
+    turns = len(parts[0]["at.slewing"])
+    turned = f"each at {turns} slewing angles, " if turns > 1 else ""
+    key_numbers = [KeyNumber(str(chart.load.size), "points", f"{turned}{count} limit{'s' if count > 1 else ''}")]
     if most > 0.0:
         governed = "most that a limit governs" if np.isnan(chart.load).any() else "most"
         at_most = radius[np.unravel_index(np.nanargmax(chart.load), radius.shape)]

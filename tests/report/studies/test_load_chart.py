@@ -115,7 +115,9 @@ def test_key_numbers_have_the_load_at_the_largest_radius_and_its_limit() -> None
     for at_tip, shown in ((120.0, "120\u00a0kg"), (0.0, NOT_PERMITTED)):
         load[1, 1] = at_tip
         chart = LoadChart(place, load, which, ["tip", "pads of fly"], 2e4)
-        _, most, farthest = _key_numbers(study, chart, np.full((2, 2), np.nan), [])
+        turned = [{"at.slewing": np.linspace(0.0, 180.0, 5)}]
+        points, most, farthest = _key_numbers(study, chart, np.full((2, 2), np.nan), turned)
+        assert (points.value, points.note) == ("4", "each at 5 slewing angles, 2 limits")
         assert (most.value, most.note) == ("900\u00a0kg", "at a radius of 5\u00a0m")
         assert (farthest.value, farthest.label) == (shown, "at the largest radius, 11.25\u00a0m")
         assert farthest.note == "by pads of fly"
