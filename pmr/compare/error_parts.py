@@ -100,8 +100,8 @@ def reduction_error(
 ) -> ReductionError:
     """Estimate the error of the reduction by enrichment modes, or for a single body by the `other` model.
 
-    The result lists the effects that the error does not cover.  If `estimated` is not None, it is taken as the estimate
-    and nothing is computed.  `other` is None for booms of several sections.  Each step is a stage of `clock`.
+    The result lists the effects that the error does not cover.  `other` is None for booms of several sections.  If only
+    `estimated` is not None, it is taken as the estimate and not computed.  The estimate is a stage of `clock`.
     """
     system, excitation = simulated.system, simulated.excitation
     models = system.modal

@@ -171,7 +171,7 @@ class Beam3D(Beam):
 
         The point (y, z) of a section moves by :math:`(u - y \psi_v - z \psi_w,\; v - z \phi,\; w + y \phi)`, where u,
         v, w are the displacements of the centroid.  Without shear, the rotations :math:`\psi_v` and :math:`\psi_w` of
-        the section have no inertia.  Rings welded to the walls add their own inertia in the same way.
+        the section have no inertia.  Rings, the transverse plates inside a box, add their inertia.
         """
         mesh, sections, rho = space.mesh, self.sections, self.body.material.density
         sizes = sections.area, *sections.second_moments.T

@@ -211,9 +211,9 @@ def unit_text(unit: str) -> str:
 
 
 def _largest_measure(numbers: Sequence[int]) -> Measure | None:
-    """Return a function from the values (T, c) of all c columns to the largest absolute value (T,) in some.
+    """Return a function from the values (T, c) of all c columns to the largest absolute value (T,) in chosen ones.
 
-    These columns have the numbers `numbers`; None is returned if that is empty.
+    The chosen columns have the numbers `numbers`; None is returned if that is empty.
     """
     chosen = list(numbers)
     return (lambda values: np.abs(values[:, chosen]).max(axis=1)) if chosen else None

@@ -171,9 +171,9 @@ class SectionMoments:
 
     @classmethod
     def of(cls, boom: Boom, extended: Extensions, q: Array, rate: Array, beta: Moments) -> SectionMoments:
-        """Moments at coordinates q (n,) with rates `rate` (n,) and sections as `extended`; `beta` is linear in q.
+        """Moments at coordinates q (n,) with rates `rate` (n,), where `beta` is the part that is linear in q.
 
-        `beta` has the linear part of the moments.
+        The sections of the boom are as far out as `extended`.
         """
         n, beta_rate = len(q), beta.slope @ extended.rate
         by_motion = np.zeros((*beta.value.shape[:3], 6 + n + len(extended.value)))

@@ -183,7 +183,7 @@ def align_tables(*tables: PPoly, domain: tuple[float, float] | None = None) -> l
 
 
 def same_degree(*coefficients: Array) -> list[Array]:
-    """Arrays of coefficients (p, ...) with zeros in front, so that all arrays have the highest degree of any."""
+    """Arrays of coefficients (p, ...) with zeros in front, so that all have one degree, the highest among them."""
     most = max(map(len, coefficients))
     return [np.concatenate([np.zeros((most - len(c), *c.shape[1:])), c]) for c in coefficients]
 
