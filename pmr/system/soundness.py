@@ -147,7 +147,7 @@ def natural_frequencies(M: Array, V: Array | None, K: Array) -> Array:
     omega2, X = scipy.linalg.eigh(K, M)
     W = np.diag(np.sqrt(np.maximum(omega2, 0.0)))
     turning = np.block([[np.zeros_like(W), W], [-W, -X.T @ V @ X]])
-    return np.asarray(np.abs(scipy.linalg.eigvalsh(1j * (turning - turning.T) / 2.0)[len(W) :]))
+    return np.asarray(scipy.linalg.svdvals((turning - turning.T) / 2.0)[::-2])  # each omega is a singular value twice
 
 
 #: A row takes part in a dependence if its share is at least this fraction of the largest share.
