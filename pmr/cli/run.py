@@ -10,8 +10,9 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from functools import partial
+from importlib import import_module
 from multiprocessing import active_children, get_context, parent_process
 from os.path import isdir
 from pathlib import Path
@@ -114,6 +115,9 @@ def run(
         console.prepare_folder(where, RESULT_FILES)
     outcomes = []
     with helper_process() as helper:
+        if helper is not None and any(part.body.box for *_, scene in loaded for part in scene.sections):
+            with suppress(OSError):
+                helper.submit(import_module, "pmr.pipeline")  # at the same time as this process
         import numpy as np
 
         from pmr.errors.environment import Clock

@@ -18,14 +18,13 @@ from pmr.errors import ConvergenceError, InputError, NotHeldError, SimulationErr
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies, log_warnings
-from pmr.fullmodel.from_scene import structure_of
 from pmr.reduction.bodies import Reduction, reduce_bodies, with_stress_flags
 from pmr.reduction.cache import Cache, SystemCache, cache_in
 from pmr.reduction.from_scene import Vectors
 from pmr.results import Frequencies, Response
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
-from pmr.scene.choice import has_giving_walls, model_of, traits_of
+from pmr.scene.choice import model_of, traits_of
 from pmr.scene.members import members
 from pmr.scene.model_ladder import candidate_scenes, comparable_scene, model_comparison
 from pmr.system.system import System
@@ -147,30 +146,25 @@ def start_richer(scene: Scene, cache: Cache, helper: Executor) -> Future[None] |
     return None
 
 
-def start_walls(scene: Scene, helper: Executor) -> Future[None] | None:
-    """Let another process compute what the walls of beams need on meshes of their own.
+def start_stresses(scene: Scene, helper: Executor) -> Future[None] | None:
+    """Let another process, one of `helper`, compute the local stress in walls at pads and store it for later calls.
 
-    The process is one of `helper`, and computes the local stress at pads and the compliance on the mesh of
-    `measure_mesh`, which are stored for later calls.  Returns None if no beam has walls, and if no process can be
-    started.
+    Returns None if the scene asks for no stresses, if no beam of it has walls, and if no process can be started.
     """
-    if any(traits_of(member).is_beam and member.part.body.box is not None for member in members(scene)):
-        with suppress(BrokenExecutor, OSError):
-            return helper.submit(_store_walls, scene)
+    has_walls = any(traits_of(member).is_beam and member.part.body.box is not None for member in members(scene))
+    if not has_walls or scene.recovery is None or not scene.recovery.stress:
+        return None
+    with suppress(BrokenExecutor, OSError):
+        return helper.submit(_store_stresses, scene)
     return None
 
 
-def _store_walls(scene: Scene) -> None:
-    """Store local stresses and the compliance of walls; errors are those of the run that needs both."""
+def _store_stresses(scene: Scene) -> None:
+    """Store the local stress in the walls of a scene; errors are those of `pmr.pipeline.stress_at_pads`."""
     from pmr.fullmodel.wall_stress import store_stresses  # FEniCSx, which bodies of given matrices go without
 
-    if scene.recovery is not None and scene.recovery.stress:
-        with suppress(*UNNEEDED):
-            store_stresses(scene)
-    if scene.goal is None and scene.computed_key is None:
-        with suppress(*UNNEEDED):
-            for member in filter(has_giving_walls, members(mesh_part.other_mesh(scene).scene)):
-                structure_of(member)
+    with suppress(*UNNEEDED):  # the process that needs the stress meets them too
+        store_stresses(scene)
 
 
 def _store_richer(scene: Scene, folder: Path, content: str) -> None:

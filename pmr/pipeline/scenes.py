@@ -38,7 +38,7 @@ from pmr.pipeline.model_errors import (
     measure_model,
     reduce_scene,
     start_richer,
-    start_walls,
+    start_stresses,
 )
 from pmr.reduction.bodies import Reduction
 from pmr.reduction.cache import Cache, cache_in
@@ -110,7 +110,7 @@ def run(
     of mesh and structural model, even if the scene does not ask for them; the folder keeps what takes longest.  These
     errors are measured last; before, `keep` is called on rank 0 with the outcome without these errors.  `shared` are
     results of a single body's full model that other runs have computed.  `helper` has another process, which meanwhile
-    computes what walls need on other meshes and reduces the richer model for this measurement.
+    computes the stress in walls at pads and reduces the richer model for this measurement.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def run(
         chosen = decide_models(scene, comm, clock, cache)
         scene, helps = chosen.scene, list[Future[None] | None]()
         if helper is not None and measures is not None:
-            helps.append(start_walls(scene, helper))
+            helps.append(start_stresses(scene, helper))
         with clock.stage("assemble"):
             built = build_bodies(scene, comm)
             free_motions = free_motion_warnings(scene, built) if scene.free_motions == "allowed" else []
@@ -248,7 +248,7 @@ def _measure(
     The model's error is measured if the scene asks for it, or if `budget` lacks it and `cache` is not None; the mesh's
     error if there is a cache and the scene has no tolerance or budget.  Where the model's error is known, the stress in
     walls at pads stands beside it.  The cache keeps what takes longest.  `helps` are done when another process has
-    stored the richer model there, and what walls need.
+    stored the richer model there, and the local stress.
     """
     comm, clock, scene = next(iter(bodies.built.values())).model.comm, bodies.clock, bodies.written_scene
     is_wanted, of_mesh, of_model = scene.compare.richer not in ("auto", "none"), dict[str, Any](), dict[str, Any]()

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 import pmr
-from pmr.compare.mesh_part import other_mesh
 from pmr.compare.simulated import simulate_with_states
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
-from pmr.fullmodel import wall_compliance
 from pmr.fullmodel.pads import Pad
 from pmr.fullmodel.wall_stress import (
     Estimate,
@@ -23,7 +21,6 @@ from pmr.fullmodel.wall_stress import (
     WallPeak,
     store_stresses,
 )
-from pmr.pipeline import model_errors
 from pmr.pipeline import stress_at_pads as at_pads
 from pmr.pipeline.model_errors import reduce_scene
 from pmr.reduction.recovery import recover
@@ -100,15 +97,3 @@ def test_stresses_stored_before_a_run_are_all_that_it_looks_at(
     recovered = recover(scene, reduction.built, reduction.bodies, states, {})
     at_pads.stress_at_pads(scene, reduction.built, recovered, states)
     assert looked_at and looked_at <= stored
-
-
-@pytest.mark.slow
-def test_walls_stored_before_a_run_are_those_of_its_other_mesh(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("PMR_CACHE", str(tmp_path))
-    scene = pmr.load_scene(WORKFLOWS / "boom_beam_walls.toml", [*SHORT[:3], "recovery={every=0.1, stress=false}"])
-    model_errors._store_walls(scene)
-    assert len(list(tmp_path.glob("walls-*.npz"))) == 1
-    monkeypatch.setattr(wall_compliance, "_compute_compliance", lambda *_: pytest.fail("computed once more"))
-    measured = model_errors.measure_mesh(scene, reduce_scene(other_mesh(scene).scene, MPI.COMM_WORLD).system, None,
-                                         MPI.COMM_WORLD, None)  # fmt: skip
-    assert measured["mesh_reason"] is None

@@ -25,15 +25,15 @@ def scene(*changes: str) -> pmr.scene.Scene:
 class AtOnce(Executor):
     """Executor that runs a task when it is submitted, and stores the structural model of its scene in `models`.
 
-    Tasks about walls are counted and not run.
+    Tasks that store stresses are counted and not run.
     """
 
     def __init__(self) -> None:
-        self.models, self.walls = [], 0
+        self.models, self.stresses = [], 0
 
     def submit(self, function, scene_of_task, *arguments) -> Future:
-        if function is pipeline._store_walls:
-            self.walls += 1
+        if function is pipeline._store_stresses:
+            self.stresses += 1
             function = str
         else:
             self.models.append(scene_of_task.only_section.body.model)
@@ -54,7 +54,7 @@ def test_a_run_measures_its_model_and_mesh_last_and_the_next_one_finds_both(tmp_
     result = run(
         scene(), measures=tmp_path, keep=lambda one: before.append(dict(one.result.summary)), helper=helper
     ).result
-    assert helper.models == ["shell"] and helper.walls == 1 and sorted(reduced) == ["beam3d", "beam3d", "shell"]
+    assert helper.models == ["shell"] and helper.stresses == 1 and sorted(reduced) == ["beam3d", "beam3d", "shell"]
     first = result.summary["budget"]
     assert "budget" not in before[0] and before[0] == {key: result.summary[key] for key in before[0]}
     (warned,) = [one for one in result.summary["warnings"] if one.startswith("the model is off by up to")]
