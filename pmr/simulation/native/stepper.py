@@ -419,7 +419,7 @@ class Stepper:
                 raise InputError("stepper", f"s.{path}", s[path], allowed)
 
     def _check_followers(self) -> None:
-        """Raise InputError unless all sections that follow a free extension begin at the extension they follow."""
+        """Raise InputError unless sections that follow a free extension begin at their ratio of it plus an offset."""
         at = dict(zip(self._drivers.paths, self._bound.motions[0].tolist(), strict=False))
         first = next(iter(self._moved), "")
         for path, (ratio, offset) in self._moved.items():
