@@ -12,16 +12,17 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
+import numpy as np
 from pydantic import BaseModel
 
 from pmr.scene.built import GRAVITY, Load
 from pmr.scene.choice import has_walls_that_could_give, traits_of
 from pmr.scene.joints import BoomSection
 from pmr.scene.keys import Hinted, Usual, qualified_name, quantity_of, usual_ranges
-from pmr.scene.members import members
+from pmr.scene.members import Member, members
 from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase
-from pmr.scene.structures import PointMass
+from pmr.scene.structures import PointMass, Probe
 
 Scales = Mapping[str, float]
 
@@ -48,6 +49,8 @@ OTHER_UNITS: Mapping[str, Mapping[str, float]] = {
     "1": {"%": 0.01},
 }
 
+#: Distance of a probe from the nearest corner, as a share of that between two corners, from which it is between them.
+FROM_CORNER = 0.3
 #: Share of a section's length up to which a probe is at the place of a force.
 AT_JUMP = 1e-6
 
@@ -91,9 +94,9 @@ def hints(scene: Scene) -> list[str]:
 
 
 def _probe_remarks(scene: Scene) -> Iterator[str]:
-    """Yield a sentence for each probe of a beam's stress at a place where section forces jump.
+    """Yield a sentence for each probe of a beam's stress between its corners, or where section forces jump.
 
-    Such places are supports, masses and loads at points, and the lug of the luffing cylinder.
+    Section forces jump at supports, masses and loads at points, and at the lug of the luffing cylinder.
     """
     frame = scene.frame
     for number, member in enumerate(members(scene)):
@@ -108,12 +111,29 @@ def _probe_remarks(scene: Scene) -> Iterator[str]:
         for probe in part.probes if traits_of(member).is_beam else ():
             if probe.at is None or not {"stress", "strain"} & set(probe.measures):
                 continue
+            if _is_between_corners(member, probe):
+                yield (
+                    f"probe {probe.name} of {part.name or 'the body'} is between corners of the box: a beam has "
+                    "stresses at its corners alone, and the probe has that of the nearest one, or of one of two that "
+                    "are as near; probes at the corners have all of them"
+                )
             for acting in (name for x, name in jumps.items() if abs(x - probe.at[0]) <= AT_JUMP * part.length):
                 yield (
                     f"probe {probe.name} of {part.name or 'the body'} is where {acting} acts, at {probe.at[0]:.6g} m: "
                     "section forces jump there, and the probe has the stress on the side of the tail alone; a probe "
                     "beside this place on each side has both"
                 )
+
+
+def _is_between_corners(member: Member, probe: Probe) -> bool:
+    """Return whether a probe on a beam in space is far from all corners of its box, and names none of them."""
+    box = member.part.body.box
+    if probe.at is None or probe.face or box is None or traits_of(member).is_planar:
+        return False
+    corners = np.array([corner.position for corner in box.profile_at(probe.at[0]).corners])
+    nearest, second = np.argsort(np.linalg.norm(corners - probe.at[1:], axis=1))[:2]
+    apart = float(np.linalg.norm(corners[nearest] - corners[second]))
+    return float(np.linalg.norm(corners[nearest] - probe.at[1:])) > FROM_CORNER * apart
 
 
 def table_hints(table: BaseModel, scene: Scene) -> list[str]:

@@ -300,13 +300,28 @@ def test_a_probe_where_section_forces_jump_is_named(x: float, acting: str) -> No
 
 
 def test_a_probe_beside_a_support_or_a_mass_of_a_body_is_named() -> None:
-    probe = "probes=[{name='gauge', at=[6.0, 0.05, 0.1], measures=['stress', 'displacement']}]"
+    probe = "probes=[{name='gauge', at=[6.0, 0.15, 0.2], measures=['stress', 'displacement']}]"
     (remark,) = hints(scenes.load_any("boom_beam", [probe, "masses.payload.at=[6.0,0.0,-0.4]"]))
     assert "probe gauge of the body is where the mass payload acts, at 6 m" in remark
 
 
 def test_a_probe_at_a_load_along_a_body_is_named() -> None:
-    probe = "probes=[{name='gauge', at=[4.0, 0.05, 0.1], measures=['stress']}]"
+    probe = "probes=[{name='gauge', at=[4.0, 0.15, 0.2], measures=['stress']}]"
     load = "loads=[{name='push', on=4.0, direction='z', signal={kind='constant', amount=1e3}}]"
     (remark,) = hints(scenes.load_any("boom_beam", [probe, load]))
     assert "probe gauge of the body is where the load push acts, at 4 m" in remark
+
+
+@pytest.mark.parametrize(
+    ("probe", "is_between"),
+    [
+        ("at=[3.0,0.0,0.2]", True), ("at=[3.0,0.15,0.0]", True), ("at=[3.0,0.14,0.2]", False),
+        ("at=[3.0,0.067,-0.2]", False), ("at=[3.0,0.0,0.2],face='top left'", False),
+    ],
+)  # fmt: skip
+def test_a_probe_of_stress_between_corners_of_a_beam_is_named(probe: str, is_between: bool) -> None:
+    """With a force to the side one of both corners has far more stress, and the probe has that of one of them."""
+    lines = hints(scenes.load("boom_beam", [f"probes=[{{name='p',{probe}}}]"]))
+    assert [line.partition(" of the box")[0] for line in lines] == [
+        "probe p of the body is between corners"
+    ] * is_between
