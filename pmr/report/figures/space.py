@@ -188,11 +188,13 @@ def _draw_loads(ax: Axes, result: RunResult, axes: Mapping[str, tuple[Array, Arr
     """
     inch = float(np.ptp(ax.get_xlim())) / (HALF - LEFT - RIGHT)
     forces, names = dict[tuple[str, str, float, bool], Array](), dict[tuple[float, ...], list[str]]()
+    sizes = dict[tuple[str, str, float, bool], Array]()
     for load in input_loads(result):  # a force along an axis of the ground has two parts
         if load.body in axes and load.source.acts == "force" and load.direction in ("x", "z") and np.any(load.values):
             key = (load.body, load.source.name, load.position, load.name != load.source.name)
             force = forces.setdefault(key, np.zeros((len(load.values), 2)))
             force[:, ("x", "z").index(load.direction)] = load.values
+            sizes[key] = np.abs(load.source.signal.value(result.responses["reduced"].t))  # out of the plane, too
     for (body, name, position, is_of_ground), force in forces.items():
         x, places = axes[body]
         at = np.array([np.interp(position, x, places[:, k]) for k in (0, 1)])
@@ -207,8 +209,9 @@ def _draw_loads(ax: Axes, result: RunResult, axes: Mapping[str, tuple[Array, Arr
                  "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 1.0}  # fmt: skip
         (x_foot, z_foot), (x_tip, z_tip) = foot.tolist(), at.tolist()
         ax.annotate("", (x_tip, z_tip), (x_foot, z_foot), arrowprops=arrow, annotation_clip=False)
-        acts = style != "-|>" or np.linalg.norm(force[step]) > ACTING * np.linalg.norm(force[k])
-        when = "" if acts else f" (at {result.responses['reduced'].t[k]:.3g} s)"
+        size = sizes[body, name, position, is_of_ground]
+        acts = style != "-|>" or size[step] > ACTING * size.max()
+        when = "" if acts else f" (at {result.responses['reduced'].t[size.argmax()]:.3g} s)"
         side = (round(x_foot, 1), round(z_foot, 1), float(z_foot > z_tip + 0.1 * inch))
         names.setdefault(side, []).append(f"{name}{when}")
     for (x_foot, z_foot, is_above), of_place in names.items():
