@@ -102,9 +102,9 @@ def has_giving_walls(member: Member) -> bool:
 
 
 def has_walls_that_could_give(member: Member) -> bool:
-    """Whether the chosen model is a beam of a box whose walls are rigid under pads, but could be made flexible."""
-    body = member.part.body
-    return body.box is not None and body.walls == "rigid" and traits_of(member).walls_may_give
+    """Whether the chosen model is a beam of a box whose walls are rigid under its pads, but could be made flexible."""
+    body, has_pads = member.part.body, bool(member.pads) and not member.points
+    return body.box is not None and body.walls == "rigid" and traits_of(member).walls_may_give and has_pads
 
 
 def motion_directions(member: Member) -> tuple[Direction, ...]:

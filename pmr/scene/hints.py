@@ -329,7 +329,7 @@ def _wall_effects(scene: Scene) -> list[str]:
 
     The list is empty if no pad presses on a beam whose walls could be modelled as compliant.
     """
-    if not any(has_walls_that_could_give(member) and member.pads for member in members(scene)):
+    if not any(map(has_walls_that_could_give, members(scene))):
         return []
     return [
         "compliance of walls under pads, so that deflections are too small, frequencies too high and forces of pads "

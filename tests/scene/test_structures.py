@@ -13,7 +13,7 @@ from pmr import InputError
 from pmr import scene as scenes
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
-from pmr.scene.choice import choose_model, has_giving_walls
+from pmr.scene.choice import choose_model, has_giving_walls, has_walls_that_could_give
 from pmr.scene.members import footprint, member_at
 from pmr.scene.structures import BoxProfile, Material, PointMass
 
@@ -133,6 +133,15 @@ def test_walls_give_way_unless_stresses_take_a_shell() -> None:
     assert choose_model(chosen).model == "beam3d" and has_giving_walls(chosen)
     stresses = member_at(scenes.load(boom, ["body.walls=give", "recovery.stress=true"]))
     assert choose_model(stresses).model == "shell" and not has_giving_walls(stresses)
+
+
+def test_walls_could_give_under_pads_alone() -> None:
+    """A warning of the model's error advised it on a cantilever without pads, where the key is refused."""
+    boom = WORKFLOWS / "boom_beam.toml"
+    assert has_walls_that_could_give(member_at(scenes.load(boom)))
+    held = member_at(scenes.load(boom, ["supports=[{name='clamp',kind='clamped'}]"]))
+    part = held.part.model_copy(update={"pads": (), "slider": None})
+    assert not has_walls_that_could_give(member_at(held.scene.model_copy(update={"sections": (part,)})))
 
 
 def test_a_shell_takes_over_the_scene_of_a_beam_whose_walls_give_way() -> None:
