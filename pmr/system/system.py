@@ -404,7 +404,7 @@ class System(BodySystem[SlidingBody]):
         if self.terms:
             allowed = (
                 "a system without terms that vary in time (a frame that moves, second order) is allowed here; "
-                "`pmr simulate` follows them"
+                "`pmr simulate` follows them if all motions are prescribed"
             )
             raise InputError(source, "terms", ", ".join(self.term_names), allowed)
         return self
