@@ -77,10 +77,10 @@ class _UnusualNumber:
         usual = f"{self.low:.3g} to {self.high:.3g}{unit}" if self.low else f"up to {self.high:.3g}{unit}"
         if math.isinf(self.high):
             usual = f"{self.low:.3g}{unit} and more"
-        likely = OTHER_UNITS.get(self.unit, {}).items()
-        likely_units = {other: factor for other, factor in likely if self.low <= abs(self.value) * factor <= self.high}
-        meant = [f"{other} ({self.value * factor:.3g}{unit})" for other, factor in likely_units.items()]
-        question = f"is it in {' or '.join(meant[:2])}?" if meant else "is the unit right?"
+        values = {other: self.value * factor for other, factor in OTHER_UNITS.get(self.unit, {}).items()}
+        likely = {other: value for other, value in values.items() if self.low <= abs(value) <= self.high}
+        meant = [f"{self.value:.6g} {other} ({value:.3g}{unit})" for other, value in likely.items()]
+        question = f"is {' or '.join(meant[:2])} meant?" if meant else "is the unit right?"
         return f"{self.key} = {self.value:.6g}{unit} is unusual: {usual} is usual here; {question}"
 
 

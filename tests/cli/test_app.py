@@ -188,7 +188,7 @@ def test_a_number_in_another_unit_is_a_warning_of_the_run_its_summary_and_its_re
     keys = ["time.end=0.1", "slider.path=1.3", "compare.against=[]", "simulation.simulators=['march']"]
     keys += ["damping={ratio=0.5,frequencies=[1.0,10.0]}"]
     done = run_command("run", SIMPLE, "--out", str(tmp_path), *(p for k in keys for p in ("--set", k)))
-    hint = "damping.ratio = 0.5 is unusual: up to 0.3 is usual here; is it in % (0.005)?"
+    hint = "damping.ratio = 0.5 is unusual: up to 0.3 is usual here; is 0.5 % (0.005) meant?"
     assert done.returncode == 0 and f"warning: {hint}\n" in done.stdout
     assert json.loads((tmp_path / "summary.json").read_text())["warnings"][0] == hint
     assert f"D{hint[1:]}" in (tmp_path / "report.html").read_text()

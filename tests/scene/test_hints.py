@@ -81,7 +81,7 @@ def test_no_scene_that_comes_with_the_package_has_one(file: Path) -> None:
 def test_a_number_in_another_unit_is_hinted_at_once(scene: str | Path, changes: list[str], key: str, unit: str) -> None:
     (hint,) = hints(scenes.load_any(scene, changes))
     named, _, rest = hint.partition(" = ")
-    assert key in named and " is usual here; is it in " in rest and f" {unit} (" in rest
+    assert key in named and " is usual here; is " in rest and f" {unit} (" in rest and " meant?" in rest
 
 
 def test_what_is_alike_has_one_hint_that_counts_it() -> None:
@@ -90,8 +90,8 @@ def test_what_is_alike_has_one_hint_that_counts_it() -> None:
     ]
     tail, mouth = hints(scenes.load_any("boom_three", soft))
     assert tail == (
-        "sections[1].joint.tail[0].stiffness = 100000 N/m is unusual: 2e+06 to 1e+14 N/m is usual here; is it in N/mm "
-        "(1e+08 N/m) or kN/mm (1e+11 N/m)? (1 more like it)"
+        "sections[1].joint.tail[0].stiffness = 100000 N/m is unusual: 2e+06 to 1e+14 N/m is usual here; is 100000 "
+        "N/mm (1e+08 N/m) or 100000 kN/mm (1e+11 N/m) meant? (1 more like it)"
     )
     assert mouth.startswith("sections[1].joint.mouth[0].stiffness = 100000 N/m") and mouth.endswith("(1 more like it)")
 
