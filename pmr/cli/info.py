@@ -109,9 +109,10 @@ def describe_scene(scene: Scene) -> dict[str, str]:
 
 
 def describe_study(file: Path) -> dict[str, str]:
-    """Return lines, by name, about a study that is not computed yet: its title, and of each part kind, runs and ranges.
+    """Return lines, by name, about a study that is not computed yet: title, kind, number of runs, varied values.
 
-    Raises InputError for a study that can't be planned.
+    Each part of a collection has a line with its title and runs.  Of more than `LISTED` values of a key, the first ones
+    are listed.  Raises InputError for a study that can't be planned.
     """
     from pmr.studies import call
 

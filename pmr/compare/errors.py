@@ -73,7 +73,7 @@ def relative_error(signal: Array, reference: Array) -> float:
 
 
 def _norms_over_time(values: Array) -> Any:
-    """Euclidean norm (...) of the T values of each component of `values` (T, ...)."""
+    """Norm (...) of each component of `values` (T, ...): the root of the sum of the squares at the T times."""
     return np.sqrt(np.einsum("t...,t...->...", values, values))
 
 
@@ -270,9 +270,10 @@ def force_errors(
 
 
 def band_limit(y: Array, step: float) -> float:
-    """Frequency in Hz above which 1 % of the signals y (T, o) lies, by their RMS; 0 if all signals are constant.
+    """Frequency in Hz above which the signals y (T, o) have an RMS of 1 % of their own; 0 if all are constant.
 
-    `step` is the time between samples in s.
+    The mean of each of the o signals is removed, its ends are faded out by a Hann window, and the RMS is that of all
+    signals together.  So the signals need one unit.  `step` is the time between samples in s.
     """
     from scipy.fft import next_fast_len  # imported here: it is slow to import and rarely needed
 
@@ -296,7 +297,7 @@ def band_of_response(response: Response) -> float:
 def error_below_frequency(signal: Array, reference: Array, step: float, highest: float) -> float:
     """`relative_error` of a signal (T, o) against a reference, after frequencies above `highest` in Hz are removed.
 
-    `step` is the time between samples in s.
+    The frequencies are removed from both, and the reference is (T, o) too.  `step` is the time between samples in s.
     """
     too_high = np.fft.rfftfreq(len(signal), step) > highest
     spectra = [np.fft.rfft(values, axis=0) for values in (signal, reference)]

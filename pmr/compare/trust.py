@@ -322,9 +322,9 @@ def alternating_share(signal: Array) -> float:
     .. math:: \mathrm{rms}(\delta^8 y / 2^8) / \mathrm{rms}(y)
 
     with the signal y and its central difference :math:`\delta` over a step.  For a tone with n steps a period, the
-    share is :math:`\sin^8(\pi / n)`: 1e-4 for ten steps, 1 for two.  Such a part comes from the time integration: the
-    multipliers of rigid rows that move ring in this way (docs/time_integration.md), long before displacements or
-    energies show it.  The share is 0 for fewer than nine steps.
+    share is :math:`\sin^8(\pi / n)`: 1e-4 for ten steps, 1 for two.  Such a part comes from the time integration:
+    forces of rigid contacts that travel alternate from step to step (docs/time_integration.md), long before
+    displacements or energies show it.  The share is 0 for fewer than nine steps.
     """
     size = float(np.sqrt(np.mean(signal**2)))
     if size == 0.0 or len(signal) < 9:

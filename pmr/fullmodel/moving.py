@@ -230,9 +230,10 @@ class FrameAssembler:
         return {}
 
     def geometric_stiffness(self, name: str) -> PETSc.Mat:
-        """Geometric stiffness K_g (n, n) of the unit state `name`, a key of `STATES`; collective.
+        """Geometric stiffness K_g (n, n) of the model under the unit load `name` (a key of `STATES`); collective.
 
-        The loads of the state include the inertia of the point masses.
+        The unit load is an acceleration of the frame or a force of 1 N at the tip of the model, which is held at its
+        tail.  The load by an acceleration includes the inertia of the point masses.
         """
         load, x = STATES[name], np.eye(3)[0]
         forces = [(m.on, -m.mass * (load.acceleration + load.stretch * self._station(m) * x)) for m in self._masses]

@@ -183,7 +183,10 @@ class Coupling:
         return total
 
     def rows(self, actions: Sequence[Action | Gauge]) -> sp.csr_matrix:
-        """Rows (k, n') on the n' coordinates z that apply or measure k actions, or measure k gauges.
+        """Rows (k, n') of k actions and gauges on the n' coordinates z of the structure, in the order of `actions`.
+
+        A row of an action measures the displacement or rotation along its direction; transposed, it applies a force or
+        moment there.  A row of a gauge only measures.  Where walls are flexible, rows of actions include their dents.
 
         Raises an `InputError` if the model cannot move along an action's direction.
         """

@@ -172,12 +172,16 @@ class HeldModel:
         return sp.vstack(means, "csr")[order]
 
     def motions(self, ends: Sequence[tuple[str, str]]) -> sp.csr_matrix:
-        """Rows (m, n) that measure the motion of m ends, each along or about its direction."""
+        """Rows (m, n) that measure the motion of m ends, pairs of a group and a direction such as ``("tip", "y")``."""
         rows = [self._model.motion(end)[[DIRECTIONS.index(d)]] @ self._T for end, d in ends]
         return sp.csr_matrix(sp.vstack([sp.csr_matrix((0, self._T.shape[1])), *rows]))
 
     def _displacements(self, loaded_rows: sp.csr_matrix) -> Array:
-        """Static displacements (n, f) under a unit force on each of the f rows `loaded_rows` (f, n)."""
+        """Displacements (n, f) of the held model under a unit force on each of the f rows `loaded_rows` (f, n) alone.
+
+        If the model has free rigid motions, the load is the force less the inertia forces of the mean acceleration that
+        it causes, and the displacements have no part of these motions.
+        """
         f = loaded_rows.T.toarray()
         x = self._factor.solve_columns(np.asfortranarray(f - self._MR @ self._solve_rigid(self._R.T @ f)))
         x -= self._R @ self._solve_rigid(self._MR.T @ x)

@@ -123,7 +123,11 @@ class Arrangement:
 
 
 def arrange(system: System) -> Arrangement:
-    """Arrange the rows of a system whose bodies are in their modes; flexibility that is round-off becomes zero."""
+    """Split the contact rows of a system, whose bodies are in their modes, into constants and a block for each path.
+
+    A contact whose flexibility is at most round-off of the largest one in the system becomes rigid: its flexibility is
+    set to zero.
+    """
     rows, m = _arrange_exactly(system), len(system.contacts)
     rigid = np.zeros(len(rows.F), bool)
     rigid[:m] = is_round_off(np.diag(rows.gives[:m]), system.largest_flexibility)
@@ -132,7 +136,7 @@ def arrange(system: System) -> Arrangement:
 
 
 def _without_rigid_flexibility(block: Block, rigid: NDArray[np.bool_]) -> Block:
-    """Return the block with zero flexibility for the rows in the mask `rigid` (m + n,)."""
+    """Return the block with zero flexibility for the rigid contacts: those in the mask `rigid` (m + n,) of all rows."""
     on, staying = rigid[block.numbers], block.staying.c.copy()
     if not on.any() and not rigid[block.stays].any():
         return block
@@ -148,7 +152,7 @@ def _without_rigid_flexibility(block: Block, rigid: NDArray[np.bool_]) -> Block:
 
 
 def _arrange_exactly(system: System) -> Arrangement:
-    """Arrange the rows of a system; flexibility that is round-off is kept."""
+    """Split the contact rows of a system into constants and a block for each path, with all flexibility as it is."""
     parts, friction = _body_parts(system), Friction.from_contacts(system.contacts)
     F = np.pad(system.compliance.constant, (0, 0 if friction is None else len(friction.pads)))
     size = {what: getattr(parts[-1], what).stop for what in ("modes", "inputs", "outputs")}
@@ -219,9 +223,10 @@ def _block_on_path(
     stays: Indices,
     weights: Array,
 ) -> Block:
-    """Block of the `sides` on one path of a body, over `domain` in m.
+    """Block of the `sides` that travel along the path number `path` on the body in `part`, over `domain` in m.
 
-    Sides on the body that don't travel have rows with the numbers `stays` (w,), and `weights` (w, K) on the K carriers.
+    Sides on this body that don't travel have rows with the numbers `stays` (w,), and `weights` (w, K) on the body's K
+    carriers.
     """
     rows = [_row_on_path(system, side) for side in sides]
     breaks = common_breaks([PPoly(row.coefficients, row.breaks) for row in rows], domain)

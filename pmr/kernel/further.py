@@ -357,10 +357,11 @@ def frame_arrays(frame: Frame | None, paths: Sequence[str]) -> Arrays:
 
 
 def _quantity(quantity: tuple[str | int, ...], numbers: dict[str, int]) -> list[int]:
-    """Number in `KINDS` of a quantity's kind, followed by two numbers; a number that the kind does not need is zero.
+    """Return three numbers by which the kernel reads a quantity: that of its kind in `KINDS`, and two arguments.
 
-    Gravity, named loads and motions of the base become the kind ``motion`` with the number of the motion in `numbers`.
-    Gravity and motions of the base that the scene does not have become zero: a ``reach`` that sums no paths.
+    An argument that the kind does not need is 0.  `numbers` has the numbers of the frame's drivers by name.  Gravity,
+    a load and a motion of the base have the kind ``motion``, with the driver's number as the first argument.  If the
+    scene has no gravity or no such motion of the base, its value is 0: it is the kind ``reach`` of section 0.
     """
     kind, *of = quantity
     if kind in ("gravity", "load", "shaken"):

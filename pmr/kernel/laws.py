@@ -224,7 +224,7 @@ class Stand:
 
     @classmethod
     def of_ground(cls, ground: Ground) -> Stand:
-        """Return the outriggers of a scene's ground."""
+        """Return places, stiffnesses, polygon corners and height of a scene's ground, as arrays for the kernel."""
         return cls(
             np.array([outrigger.at for outrigger in ground.outriggers]),
             np.array([outrigger.stiffness for outrigger in ground.outriggers]),

@@ -1,1 +1,1 @@
-"""Virtual sensing: what a boom carries and suffers, estimated from few sensors by reduced models, with bands."""
+"""Virtual sensing: payload, loads and forces of a boom, estimated from few sensors by reduced models."""

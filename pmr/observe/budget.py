@@ -1,4 +1,4 @@
-"""Parts of the error of a run's outputs, as standard deviations of what an observer adds to its bands."""
+"""Errors of a run's outputs by their source; an observer takes them for standard deviations that widen its bands."""
 
 from __future__ import annotations
 
@@ -18,10 +18,11 @@ PARTS: Mapping[str, tuple[str, ...]] = {
 def output_errors(summary: Summary, motion: LinearMotion, run_step: float | None = None) -> dict[str, dict[str, float]]:
     """Errors of a linear model's outputs, as fractions of their RMS, by part of the budget, then by output.
 
-    `summary` is the content of a run's ``summary.json``, whose time step was `run_step` s.  If the model has another
-    step, its error of the step is scaled by the squares of the steps, since the scheme is of second order.  An output
-    that a part does not cover is missing in that part.  Accelerations and velocities have the errors of velocities, or
-    those of displacements if the part does not cover velocities.
+    The parts are the keys of `PARTS`.  `summary` is the content of a run's ``summary.json``, and `run_step` the run's
+    time step in s.  If the model `motion` has another step, the error of the step is scaled by the square of the ratio
+    of both, since the scheme is of second order; None leaves the error as it is.  An output that a part does not cover
+    is missing in that part.  Accelerations and velocities have the errors of velocities, or those of displacements if
+    the part does not cover velocities.  The result is empty if the summary has no error budget.
     """
     errors = dict[str, dict[str, float]]()
     for part, keys in PARTS.items():
@@ -37,7 +38,7 @@ def output_errors(summary: Summary, motion: LinearMotion, run_step: float | None
 
 
 def _error_of(table: Summary, name: str, kind: str) -> float | None:
-    """Error of the output `name` of a kind as one part's `table` has it; None if the part does not cover it.
+    """Error of the output `name` of a `kind`, a fraction, in the `table` of a part of the budget; None if it lacks one.
 
     The error of a probe of this name comes first, then that of a quantity of this kind.  A velocity or acceleration has
     the error of velocities, or that of the beam's displacements if no velocities are covered.

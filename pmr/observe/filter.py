@@ -33,10 +33,10 @@ SILENT, INTERVALS = 0.5, 3.0
 
 
 def find_stuck(values: Array, step: float) -> NDArray[np.bool_]:
-    """Mask (T, p): where a sensor's measurement equals all those of the `STUCK` s before, at steps of `step` s.
+    """Mask (T, p): where a sensor repeats one value: its measurement equals all those of the `STUCK` s before.
 
-    `values` (T, p) are the measurements; NaN stands for none.  The measurement has to be the third of equal values at
-    least.  Steps without a measurement are passed over, and are never stuck.
+    `values` (T, p) are the measurements of p sensors at T steps of `step` s; NaN stands for none.  A measurement is
+    marked if at least two equal ones come before it.  Steps without a measurement are passed over, and never marked.
     """
     stuck = np.zeros(values.shape, bool)
     for column, marked in zip(values.T, stuck.T, strict=True):
@@ -48,10 +48,11 @@ def find_stuck(values: Array, step: float) -> NDArray[np.bool_]:
 
 
 def find_silent(values: Array, step: float) -> NDArray[np.bool_]:
-    """Mask (T, p), true where a sensor has had no measurement for too long, at T steps of `step` s and p sensors.
+    """Mask (T, p): where a sensor has had no measurement for too long.
 
-    `values` (T, p) are not finite where nothing was measured.  Too long is longer than `SILENT` s and than `INTERVALS`
-    times the median interval of the sensor's measurements.  The start counts as a measurement.
+    `values` (T, p) are the measurements of p sensors at T steps of `step` s, not finite where nothing was measured.
+    Too long is longer than `SILENT` s and than `INTERVALS` times the median interval of the sensor's measurements.  The
+    start counts as a measurement.
     """
     silent = np.zeros(values.shape, bool)
     steps = np.arange(len(values))
@@ -72,18 +73,19 @@ class Watched:
     variance: Array  # (T, q)
     states: Array  # (T, N)
     state_variances: Array  # (T, N)
-    innovations: Array  # (T, p)
-    alarms: NDArray[np.bool_]  # (T, p)
-    excluded: NDArray[np.bool_]  # (T, p)
+    innovations: Array  # (T, p): over their standard deviations; NaN where nothing was measured
+    alarms: NDArray[np.bool_]  # (T, p): where a sensor is stuck, silent or doubted
+    excluded: NDArray[np.bool_]  # (T, p): where a sensor is not used, as it was found at fault
 
 
 def watch(kalman: KalmanFilter, values: Array, step: float) -> Watched:
-    """Filter measurements `values` (T, p) at steps of `step` s, NaN for missing ones, and watch over their sensors.
+    """Filter the measurements of p sensors at T steps with `kalman`, and watch over the sensors.
 
-    Measurements of a sensor that is stuck are not used.  A sensor has an alarm at all steps at which it is stuck or
-    silent, or at which the mean square of its innovations is large; then it is doubted as well.  If it is found to be
-    at fault (`isolate`), it is excluded.  It stays excluded, and has an alarm, until the mean square of its innovations
-    has been below `NORMAL` for `RETURN` s.
+    `values` (T, p) are the measurements at steps of `step` s, NaN for missing ones.  Measurements of a sensor that is
+    stuck are not used.  A sensor has an alarm at all steps at which it is stuck or silent (`find_stuck`,
+    `find_silent`), or at which the mean square of its innovations is large; only in the last case it is checked whether
+    the sensor is at fault (`isolate`), and a sensor at fault is excluded.  It stays excluded, and has an alarm, until
+    the mean square of its innovations has been below `NORMAL` for `RETURN` s.
     """
     (T, p), N, q = values.shape, len(kalman.x), kalman.outputs_count
     of_outputs, of_states = np.zeros((2, T, q)), np.zeros((2, T, N))
@@ -115,12 +117,13 @@ def watch(kalman: KalmanFilter, values: Array, step: float) -> Watched:
 
 
 def find_drift(mean: Array, deviation: Array, step: float, growth: float = 0.0) -> NDArray[np.bool_]:
-    """Mask (T,): whether a payload's estimate has drifted beyond what its standard deviation explains.
+    """Mask (T,): where a payload's estimate has changed over `CHANGED` s by more than its variance explains.
 
-    `mean` (T,) are estimates of a constant payload at steps of `step` s, and `deviation` (T,) their standard
-    deviations.  An estimate with the variance P changes over `CHANGED` s by the variance P_0 - P_1, plus `growth` in
-    kg^2/s of its random walk.  More than `DRIFT` times the root of this is a drift, as of a force sensor whose error
-    grows slowly.  Innovations do not show it, because the payload follows.
+    `mean` (T,) in kg are estimates of a constant payload at steps of `step` s, and `deviation` (T,) in kg their
+    standard deviations.  Explained is a change with the variance P_0 - P_1, the fall of the estimate's variance in this
+    time, plus that of a random walk of `growth` in kg^2/s.  More than `DRIFT` times the root of this variance is a
+    drift, as by a force sensor whose error grows slowly.  Innovations do not show such an error, because the estimate
+    of the payload follows it.
     """
     lag, drifts = max(1, round(CHANGED / step)), np.zeros(len(mean), bool)
     variance = deviation[:-lag] ** 2 - deviation[lag:] ** 2 + growth * lag * step
@@ -134,10 +137,11 @@ def isolate(
 ) -> int | None:
     """Number of the sensor without which all others agree with the model, or None if there is no such sensor.
 
-    The measurements `values` (t, p) of the steps up to k are filtered again from the `earlier` state of the filter,
-    once without each sensor that is not `excluded`.  A sensor is at fault if the largest mean square of the others'
-    innovations is below `AGREED` without it, and at least `APART` times this value without any other one.  The filter
-    then gets the state that it reaches without this sensor; it stays as it is if no sensor is at fault.
+    The measurements `values` (t, p) of the t steps of `step` s up to the step k are filtered again from the `earlier`
+    state of the filter, once without each sensor that is not in the mask `excluded` (p,).  The largest mean square of
+    the innovations of all sensors in use is taken from each of these trials.  A sensor is at fault if this figure is
+    below `AGREED` in the trial without it, and at least `APART` times as large in every other trial.  The filter
+    `kalman` then gets the state that it reaches without this sensor; it stays as it is if no sensor is at fault.
     """
     trials, present = list[tuple[float, int, Array]](), kalman.memory.copy()
     judged, levels = max(1, round(JUDGED / step)), kalman.level.copy()

@@ -47,8 +47,8 @@ class MeasuredFrequencies:
 
     place: float  # m, or the number of the place in a `FrequencyTable`
     frequencies: tuple[float, ...]  # (m,) Hz
-    held_out: bool = False  # whether the fit is judged by it, not made
-    deviation: float = 0.002  # relative standard deviation
+    held_out: bool = False  # whether the place serves to judge the fit, and is not used for it
+    deviation: float = 0.002  # relative standard deviation of the frequencies
     damping: tuple[float, ...] = ()  # (d,): damping ratios of the lowest modes; NaN where one was not measured
 
     def __post_init__(self) -> None:
@@ -61,22 +61,23 @@ class MeasuredFrequencies:
 
 @dataclass(frozen=True)
 class Identification:
-    """Fitted parameters with standard errors, and relative errors of frequencies that were fitted and held out.
+    """Fitted parameters with standard errors, and relative errors of the frequencies at fitted and held-out places.
 
-    The columns of m frequencies are followed by those of d damping ratios, if some were measured.
+    Places that are held out are not used for the fit, but to judge it.  The columns of m frequencies are followed by
+    those of d damping ratios, if some were measured.
     """
 
     names: tuple[str, ...]
-    values: Array  # (p,)
+    values: Array  # (p,): of the parameters, after the fit
     errors: Array  # (p,): standard errors, infinite where the frequencies don't tell the parameter
-    correlation: Array  # (p, p)
+    correlation: Array  # (p, p): of the errors of the parameters
     fitted: Array  # (k, m): relative errors of frequencies, a row for each place that was fitted
     held_out: Array  # (l, m): a row for each place that was held out
     start: Array  # (k + l, m): before the fit, in the order in which they were given
     bounded: tuple[str, ...] = ()  # names of parameters whose fit ended at one of the `SHARES` of their start
 
     def overrides(self) -> list[str]:
-        """Changes of a scene to the fitted values, as ``--set`` and `pmr.load_scene` take them."""
+        """Fitted values as texts ``key=value``, which ``--set`` and `pmr.load_scene` take to change a scene."""
         return [f"{name}={float(value)!r}" for name, value in zip(self.names, self.values, strict=True)]
 
 
@@ -85,7 +86,7 @@ def identify(
     start: Mapping[str, float],
     measured: Sequence[MeasuredFrequencies],
 ) -> Identification:
-    """Fit parameters of a model to measured frequencies.
+    """Fit parameters of a model to measured frequencies, and to damping ratios if some were measured.
 
     Parameters
     ----------
@@ -95,6 +96,7 @@ def identify(
     start : mapping of str to float
         Values of the parameters at the start, not zero: they are changed in proportion.
     measured : sequence of MeasuredFrequencies
+        One for each of the S places.
 
     Raises
     ------
@@ -120,7 +122,10 @@ def identify(
     places = [each.place for each in measured]
 
     def relative(shares: Array) -> Array:
-        """Relative errors (k, m + d) of frequencies and damping ratios, for `shares` of the first parameters."""
+        """Relative errors (k, m + d) of frequencies and damping ratios at k places, NaN where nothing was measured.
+
+        `shares` (p,) are the values of the parameters as multiples of those at the start.
+        """
         values = dict(zip(names, (first * shares).tolist(), strict=True))
         return np.asarray(frequencies(values, places)[:, : m + d] / targets - 1.0)
 
@@ -153,14 +158,17 @@ def identify(
 
 
 class NumberTable(NamedTuple):
-    """Table of numbers from a file: names (k,) of the columns, without units, and values (n, k), NaN where empty."""
+    """Table of numbers from a file, with k columns and n rows."""
 
-    names: tuple[str, ...]
-    values: Array
+    names: tuple[str, ...]  # (k,): of the columns, without units
+    values: Array  # (n, k): NaN where a cell is empty
     units: tuple[str, ...]  # (k,): empty where the table says none
 
     def check_units(self, file: Path, allowed: Mapping[str, str]) -> None:
-        """Raise InputError for a column with a unit other than that which is `allowed` for its name."""
+        """Raise an InputError that names `file` if a column has another unit than `allowed` states for its name.
+
+        Columns without a unit pass, and columns whose name `allowed` lacks.
+        """
         for name, unit in zip(self.names, self.units, strict=True):
             expected = allowed.get(name, unit)
             if unit and unit_text(unit) != unit_text(expected):
@@ -223,10 +231,10 @@ class FrequencyTable:
     def read(cls, file: Path) -> FrequencyTable:
         """Read a CSV table with columns by paths, or ``s``, then ``f1``, ``f2`` ... in Hz, lowest first.
 
-        Damping ratios of the lowest modes may follow, ``d1``, ``d2`` ...
-        It may have ``held_out``, 1 where the fit is judged, and ``deviation``, relative standard deviations.  Where
-        these are missing, frequencies are used for the fit and have the deviation of `MeasuredFrequencies`.  Raises
-        InputError for another table.
+        Each row is a place.  Damping ratios of the lowest modes may follow in columns ``d1``, ``d2`` ...  A column
+        ``held_out`` may have 1 for places that serve to judge the fit and are not used for it, and a column
+        ``deviation`` the relative standard deviations of the frequencies.  Without these columns all places are used
+        for the fit, with the deviation of `MeasuredFrequencies`.  Raises InputError for another table.
         """
         table = read_table(file)
         names, values = table.names, table.values
@@ -256,10 +264,11 @@ class FrequencyTable:
         return cls(tuple(paths), places, measured)
 
     def identify(self, reduced: Callable[[Sequence[str]], System], start: Mapping[str, float]) -> Identification:
-        """Fit keys of a scene, with values at the `start`, to these frequencies.
+        """Fit keys of a scene to the frequencies of this table; `start` maps the keys to their values at the start.
 
-        `reduced` returns the reduced system of the scene with changes as ``--set`` takes them.  All contacts count as
-        closed.  Raises InputError as `identify`, and if the system has other paths.
+        `reduced` returns the reduced system of the scene, changed by texts ``key=value`` as ``--set`` takes them.  All
+        contacts count as closed.  Raises an InputError where the function `identify` does, for a system with a hoist,
+        and if the system's paths are not those of the table.
         """
         count, damped = (len(self.measured[0].frequencies), len(self.measured[0].damping)) if self.measured else (0, 0)
 

@@ -62,27 +62,27 @@ class LinearMotion:
 
     @cached_property
     def A(self) -> Array:
-        """Matrices (T, n, n)."""
+        """Matrices A (T, n, n): the next state by each state."""
         return self.matrices.transitions()[0]
 
     @cached_property
     def B(self) -> Array:
-        """Matrices (T, n, i)."""
+        """Matrices B (T, n, i): the next state by the load of each step."""
         return self.matrices.transitions()[1]
 
     @cached_property
     def C(self) -> Array:
-        """Matrices (T, q, n)."""
+        """Matrices C (T, q, n): the outputs by the state of each step."""
         return np.pad(self.matrices.C, [(0, 0), (0, 0), (0, self.matrices.modes)])
 
     @property
     def D(self) -> Array:
-        """Matrices (T, q, i)."""
+        """Matrices D (T, q, i): the outputs by the load of each step."""
         return self.matrices.D
 
     @cached_property
     def start(self) -> Array:
-        """Change (n, i) of the first state with constant loads, in equilibrium: the state that the first step keeps."""
+        """Deviation (n, i) of the first state in equilibrium with constant loads: a column for a unit of each load."""
         A, B = (each[0] for each in self.matrices.transitions(slice(1)))
         return np.linalg.lstsq(np.eye(len(A)) - A, B, rcond=None)[0] if B.shape[1] else np.zeros(B.shape)
 
@@ -92,10 +92,11 @@ class LinearMotion:
         return float(self.t[1] - self.t[0])
 
     def sample(self, name: str, times: ArrayLike, values: ArrayLike) -> Array:
-        """Values (T,) at the model's steps, NaN where there is none: each of n `values` counts at the nearest step.
+        """Put n values, measured at n times, on the model's T steps (T,); steps without a value get NaN.
 
-        Values outside the model's steps are ignored; of several values at one step the last one counts.
-        Raises an InputError with the `name` if `times` (n,) in s and values differ in length.
+        `values` (n,) and `times` (n,) in s belong to the measurement `name`.  Each value is put on the nearest step; of
+        several values on one step the last one is taken.  Values outside the model's steps are ignored.  Raises an
+        InputError with the `name` if `times` and `values` differ in length.
         """
         times, values = np.asarray(times, float), np.asarray(values, float)
         if times.shape != values.shape or times.ndim != 1:
@@ -115,16 +116,16 @@ class LinearMotion:
         return self.input_units[number] if self.input_units else "N"
 
     def output_number(self, name: str) -> int:
-        """Number of an output; an InputError is raised for a name that the model does not have."""
+        """Index of the output called `name`; an InputError is raised for a name that the model does not have."""
         return _number(name, self.outputs, "outputs")
 
     def input_number(self, name: str) -> int:
-        """Number of a load; an InputError is raised for a name that the model does not have."""
+        """Index of the load called `name`; an InputError is raised for a name that the model does not have."""
         return _number(name, self.inputs, "inputs")
 
 
 def _number(name: str, names: Sequence[str], key: str) -> int:
-    """Number of `name` among `names`; an InputError with the `key` is raised if it is not among them."""
+    """Index of `name` among `names`; if it is not among them, an InputError about the key `key` is raised."""
     if name not in names:
         raise InputError("observe", key, name, f"one of these is allowed: {', '.join(names)}")
     return names.index(name)
@@ -144,9 +145,10 @@ class Selection(NamedTuple):
 def select_outputs(scene: Scene, system: System, targets: Sequence[str]) -> Selection:
     """Outputs of a system by their names, or by keys of the table of quantities, such as ``tip`` or ``pad_force``.
 
-    They are in the order of `targets`, each once; a key stands for all outputs of its kinds.
-    A displacement may be preceded by ``velocity of``, ``acceleration of`` or, for an accelerometer, which feels
-    gravity, ``specific force of``.  Raises InputError for a name that the system does not have.
+    The outputs are in the order of `targets`, each once; a key stands for all outputs of its kinds.  Words before the
+    name of a displacement choose its rates: ``velocity of``, ``acceleration of`` or, for an accelerometer, which feels
+    gravity, ``specific force of``.  Raises InputError for a name that the system does not have, for a key without an
+    output, and for such words before another quantity.
     """
     available = (*system.output_names, *map(force_name, system.contact_names))
     units = (*system.output_units, *("N",) * len(system.contact_names))
@@ -199,8 +201,8 @@ def linearize(
     Raises
     ------
     InputError
-        If the scene does not fit the system, or a name is not one of the system.  Also for accelerations and velocities
-        in a frame that moves.
+        If the scene does not fit the system, if the system has no output or load of a name, and for accelerations and
+        velocities in a frame that moves.
     """
     chosen = select_outputs(scene, system, outputs)
     excitation = excitation_of_scene(scene, system)
@@ -226,7 +228,10 @@ def linearize(
 
 
 def gravity_of(scene: Scene, chosen: Selection) -> Array:
-    """Share (q,) of gravity in m/s^2 that accelerometers feel at rest along their axis; zero for all other outputs."""
+    """Acceleration (q,) in m/s^2 that each of q outputs shows at rest: that of gravity along an accelerometer's axis.
+
+    It is zero for outputs that are no specific force.
+    """
     felt = np.zeros(len(chosen.names))
     for k, (name, axis) in enumerate(zip(chosen.names, chosen.axes, strict=True)):
         if name.startswith(SPECIFIC_FORCE) and scene.gravity is not None and axis in ("x", "y", "z"):
@@ -235,7 +240,7 @@ def gravity_of(scene: Scene, chosen: Selection) -> Array:
 
 
 def _differentiate(form: SystemForm, excitation: Excitation, chosen: Selection, loads: list[int]) -> LinearSteps:
-    """Linear models of all steps of an excitation, with the `chosen` outputs and loads in the columns `loads`."""
+    """Compute the linear model of each step of an excitation, of the `chosen` outputs by the loads numbered `loads`."""
     march = March(form, excitation)
     u = march.sample_drivers(0, excitation.stepping.steps, 1)
     numbers = (np.array(part, np.int32) for part in (chosen.columns, chosen.orders, loads, form.mode_columns))
@@ -247,7 +252,7 @@ def _differentiate(form: SystemForm, excitation: Excitation, chosen: Selection, 
 
 
 def output_sensitivity(reference: LinearMotion, changed: LinearMotion) -> Array:
-    """Differences (T, q) that a changed parameter makes in all outputs of the reference motion.
+    """Differences (T, q) by which a changed parameter changes the q outputs of the reference motion at T steps.
 
     `changed` is the same motion of a system in which one parameter (a stiffness, Young's modulus, a mass) is changed.
     Raises InputError if the two motions have other steps or outputs.

@@ -1,4 +1,4 @@
-"""Observers from files, measurements from a table in CSV, and what is written of the estimates."""
+"""Observers from files, measurements from tables in CSV, and the files in which estimates are written."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SAME_GRAVITY = 0.01
 
 @dataclass(frozen=True)
 class ObserverFile:
-    """Content of a file that describes an observer: what is estimated, sensors, and what is not known."""
+    """Content of a file that describes an observer: outputs to be estimated, sensors, unknown loads and payload."""
 
     __pydantic_config__ = pydantic.ConfigDict(extra="forbid", allow_inf_nan=False)
 
@@ -44,7 +44,7 @@ class ObserverFile:
 
     @classmethod
     def read(cls, file: Path) -> ObserverFile:
-        """Read a TOML file; an InputError is raised that names the key with a wrong value."""
+        """Read the TOML file of an observer; raises an InputError that names the file and the wrong key."""
         try:
             content = tomllib.loads(file.read_text(encoding="utf-8"))
             return pydantic.TypeAdapter(cls).validate_python(content)
@@ -58,9 +58,9 @@ class ObserverFile:
             raise InputError(str(file), ".".join(map(str, first["loc"])), value, first["msg"].lower()) from None
 
     def observer(self, scene: Scene, system: System, summary: Summary) -> Observer:
-        """Observer of a system along the paths of a scene.
+        """Return the observer that this file describes, of a reduced `system` that moves along the paths of `scene`.
 
-        The errors of outputs in a run's `summary` count as errors of the model.
+        `summary` is the content of the run's ``summary.json``; its errors of outputs count as errors of the model.
         """
         if self.payload is not None and self.payload.gravity and scene.gravity is not None:
             across = -scene.gravity.acceleration * scene.gravity.direction[2]
@@ -78,13 +78,13 @@ class ObserverFile:
 class Observation:
     """Estimates from measurements, and what each sensor contributes to them.
 
-    `observability` is what `Observer.observability` returns; `without` has ratios of standard deviations by the sensor
-    that is left out (`Observation.compute`).
+    `observability` is what `Observer.observability` returns.  `without` has, for each sensor that is left out, the
+    factor on the standard deviation of each estimate (`Observation.compute`).
     """
 
     observer: Observer
     estimates: Estimates
-    measured: Array  # (T, p): at the steps of the model
+    measured: Array  # (T, p): measurements at the steps of the model, NaN where there is none
     observability: Mapping[str, float]
     without: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     truth: Mapping[str, Array] = field(default_factory=dict)  # (T,) at the steps of the model, NaN where not known
@@ -100,14 +100,15 @@ class Observation:
         truth: Mapping[str, tuple[Array, Array]] | None = None,
         title: str = "",
     ) -> Observation:
-        """Estimate from the measurements `measured`; with `leave_out` estimate again without each sensor.
+        """Estimate from the measurements `measured`; if `leave_out` is true, estimate again without each sensor.
 
-        `measured` has times (n,) in s and values (n,) by sensor.  `without` of the result has, by the sensor that is
-        left out, the mean standard deviation of each estimate over that with all sensors.  A sensor is passed over if
-        no other one has a measurement; `without` is empty without `leave_out`.
+        `measured` has times (n,) in s and values (n,) by sensor.  The entry of a sensor in `without` of the result has
+        the mean standard deviation of each estimate without this sensor, divided by that with all sensors.  There is no
+        entry for a sensor if no other one has a measurement; `without` is empty if `leave_out` is false.
 
-        `truth` has times (n,) in s and true values (n,) of estimates by their names.  Raises InputError for a name that
-        is not estimated, or that has no value at the model's steps.
+        `truth` has times (n,) in s and true values (n,) of estimates by their names, None if no true values are known.
+        `title` is the title of the report.  Raises InputError for a name that is not estimated, or that has no value at
+        the model's steps.
         """
         estimates, without = observer.run(measured), dict[str, dict[str, float]]()
         names, true = (*estimates.unknowns, *estimates.outputs), dict[str, Array]()
@@ -140,12 +141,11 @@ class Observation:
         """Summary for ``observe.json``: last estimates, observability, whiteness, alarms, budget, sensors left out.
 
         ``first_alarm`` has the time in s of each sensor's first alarm; sensors without an alarm are left out.
-        ``excluded`` has, for each sensor that was excluded, when it was in s, from and to, or null at the end.
-        ``payload_drift`` is the first time in s at which the payload's estimate drifts, or null.  ``beyond`` has the
-        numbers of measured values that are not used because the scene's motion does not cover their times.  ``faults``
-        says all four in sentences.
-        ``coverage`` and ``rms_error`` have the share of true values within bands of 90 %, and the RMS error, of each
-        estimate with true values.
+        ``excluded`` has, for each sensor that was excluded, the intervals [from, to] in s in which it was; to is null
+        if it is excluded at the end.  ``payload_drift`` is the first time in s at which the payload's estimate drifts,
+        or null.  ``beyond`` has, for each sensor, how many measured values are not used because the scene's motion does
+        not cover their times.  ``faults`` has sentences on these four.  ``coverage`` and ``rms_error`` have, for each
+        estimate with true values, the share of these within the band of 90 %, and the RMS error.
         """
         estimates, t = self.estimates, self.estimates.t
         names = (*estimates.unknowns, *estimates.outputs)
@@ -184,14 +184,14 @@ class Observation:
         }
 
     def _is_covered(self, name: str) -> bool:
-        """Whether a part of the error budget has the output `name`."""
+        """Whether a part of the error budget has an error of the output `name`."""
         return any(name in of_part for of_part in self.observer.errors.values())
 
     def write(self, folder: Path) -> list[Path]:
-        """Write ``estimates.csv``, with means and standard deviations over time, and ``observe.json``; return both.
+        """Write ``estimates.csv`` and ``observe.json`` into a folder, which is made if missing; return their paths.
 
-        The table has the measured and true values too, and the innovations.  Its cells are empty where nothing was
-        measured.  The folder is made if it is missing.
+        The table has means and standard deviations of the estimates over time, then measured values and innovations of
+        the sensors, then true values.  A cell is empty where nothing was measured.
         """
         folder.mkdir(parents=True, exist_ok=True)
         estimates = self.estimates
@@ -215,7 +215,7 @@ class Observation:
 
 
 def _spans(t: Array, mask: NDArray[np.bool_]) -> list[list[float | None]]:
-    """Times [from, to] of each run of true values of a mask (T,); the last one ends with None if it lasts."""
+    """Intervals [from, to] in s, of the times t (T,), in which a mask (T,) is true; to is None if it stays true."""
     changes = np.nonzero(np.diff(mask, prepend=False, append=False))[0]
     return [
         [float(t[begin]), float(t[end]) if end < len(t) else None]
@@ -226,7 +226,8 @@ def _spans(t: Array, mask: NDArray[np.bool_]) -> list[list[float | None]]:
 def describe_faults(figures: Summary, times: Array) -> list[str]:
     """Sentences on faulty sensors, on a payload that drifts and on values beyond the motion.
 
-    They follow from entries of ``observe.json``; the motion has the `times` (T,) in s.
+    `figures` are the contents of ``observe.json``, and `times` (T,) in s those of the motion.  The list is empty if
+    nothing is at fault.
     """
     sentences = [
         f"{name} disagrees with the model, is stuck or silent from {t:.3g} s on"
@@ -246,11 +247,11 @@ def describe_faults(figures: Summary, times: Array) -> list[str]:
 
 
 def read_measurements(file: Path, units: Mapping[str, str] | None = None) -> dict[str, tuple[Array, Array]]:
-    """Times (n,) in s and values (n,) of each column of a CSV table, by its name; the first column is ``t``.
+    """Read measurements from a CSV table: times (n,) in s and values (n,) of each column, by the column's name.
 
-    Units in brackets after a name are left out.  Empty cells are not measured.  Raises InputError, with the line, for a
-    cell that is no number, a table without times, or times that do not grow, and for a unit other than that in `units`,
-    which are by name (`Observer.units`).
+    The first column is ``t``, the times.  Units in brackets after a name are left out.  An empty cell is NaN: nothing
+    was measured.  `units` are the allowed units by name (`Observer.units`); None allows all.  Raises an InputError for
+    a cell that is no number, which states the line, a table without times, times that do not grow, and another unit.
     """
     table = read_table(file)
     table.check_units(file, {**(units or {}), TIME: "s"})

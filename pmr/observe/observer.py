@@ -51,17 +51,19 @@ class Sensor:
 
 @dataclass(frozen=True)
 class UnknownLoad:
-    """Load that nobody measures, a Gauss-Markov process."""
+    """Load that nobody measures: a Gauss-Markov process, which forgets its value in a certain time."""
 
     input: str  # name of the load
     deviation: float  # N, of a moment N m: standard deviation
-    time: float  # s: time in which it changes
+    time: float  # s: time tau in which the correlation with its present value falls to 1/e
 
     def deviation_in_step(self, step: float) -> float:
-        r"""Standard deviation in N of the load's mean over a `step` h in s whose ends are known.
+        r"""Standard deviation of the load's mean over a `step` h in s if the load is known at both ends of the step.
 
         .. math::
-            \sigma^2\, 2 u \left( 1 - 2 u \tanh \frac{1}{2 u} \right), \qquad u = \tau / h
+            \sqrt{\sigma^2\, 2 u \left( 1 - 2 u \tanh \frac{1}{2 u} \right)}, \qquad u = \tau / h
+
+        with the load's deviation :math:`\sigma` and time :math:`\tau`.  Its unit is that of the load.
         """
         u = self.time / step
         return self.deviation * float(np.sqrt(max(0.0, 2.0 * u * (1.0 - 2.0 * u * np.tanh(0.5 / u)))))
@@ -69,7 +71,7 @@ class UnknownLoad:
 
 @dataclass(frozen=True)
 class Payload:
-    """Mass in addition to that of the reference motion; it hangs at the place of a load along z."""
+    """Unknown mass in addition to that of the reference motion; it hangs where a load along z of the model acts."""
 
     input: str  # name of the load, upwards, at the place that carries the payload
     acceleration: str  # output: acceleration of that place upwards
@@ -80,7 +82,7 @@ class Payload:
 
 @dataclass(frozen=True)
 class Parameter:
-    """Constant parameter of the model, such as a stiffness, known up to an unknown multiple of one change."""
+    """Constant parameter of the model, such as a stiffness, whose unknown value is a multiple of a given change."""
 
     name: str
     sensitivity: Array  # (T, q): what the change makes of the outputs (`output_sensitivity`)
@@ -99,13 +101,13 @@ class Estimate(NamedTuple):
 
 @dataclass(frozen=True)
 class Estimates:
-    """Estimates of q outputs, then of u unknowns, at T steps with standard deviations, and innovations of p sensors."""
+    """Estimates of q outputs and u unknowns at T steps with standard deviations, and innovations of p sensors."""
 
     t: Array  # (T,) s
     outputs: tuple[str, ...]
     unknowns: tuple[str, ...]
-    means: Array  # (T, q + u)
-    deviations: Array  # (T, q + u)
+    means: Array  # (T, q + u): of outputs, then of unknowns, each in its unit
+    deviations: Array  # (T, q + u): standard deviations
     sensors: tuple[str, ...]
     innovations: Array  # (T, p): over their standard deviations; NaN where nothing was measured
     alarms: NDArray[np.bool_]  # (T, p): whether a sensor disagrees with the model, is stuck or silent
@@ -142,10 +144,10 @@ class Estimates:
         return Estimate(self.means[:, k], self.deviations[:, k])
 
     def coverage(self, name: str, truth: Array, share: float = 0.9) -> float:
-        """Share of the true values within the bands of an output or unknown `name`.
+        """Fraction of the true values that lie within the band of the output or unknown `name`.
 
-        The bands should hold the fraction `share` of the values.  `truth` (T,) are the true values; times at which it
-        is NaN are left out.
+        The band is as wide as a normal distribution needs to hold the fraction `share`.  `truth` (T,) are the true
+        values; times at which it is NaN are left out.
         """
         (mean, deviation), comparable = self.of(name), np.isfinite(truth)
         width = float(scipy.stats.norm.ppf(0.5 + 0.5 * share))
@@ -184,9 +186,11 @@ class Observer:
     Attributes
     ----------
     model : LinearMotion
-        Its outputs are estimated.
-    sensors, loads, payload, parameters
-        What is measured, and what is not known.
+        Linear model of the boom; all of its outputs are estimated.
+    sensors : tuple of Sensor
+        Sensors that measure outputs of the model.
+    loads, payload, parameters
+        Unknowns: loads, a payload (None if there is none) and constant parameters.
     errors : mapping
         Errors of outputs as fractions of their RMS, by the part of the budget and the output's name
         (`pmr.observe.budget.output_errors`).
@@ -249,10 +253,7 @@ class Observer:
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """Names of all that is estimated in addition to outputs.
-
-        They are those of loads, payload, parameters, and of bias and gain of sensors, in this order.
-        """
+        """Names (u,) of the unknowns: of loads, payload, parameters, and of bias and gain of sensors, in this order."""
         return tuple(name for name in self.units if name not in self.model.outputs)
 
     @property
@@ -301,7 +302,7 @@ class Observer:
         return values
 
     def run(self, measured: Mapping[str, tuple[Array, Array]]) -> Estimates:
-        """Estimates from measurements; `measured` and errors are those of `grid`."""
+        """Estimate outputs and unknowns from `measured`, the argument of `grid`; raises InputError as `grid`."""
         watched = watch(self.kalman_filter(), self.grid(measured), self.model.step)
         unknown = slice(self._first_unknown, self._first_unknown + len(self.unknowns))
         means, deviations = watched.states[:, unknown], np.sqrt(np.maximum(watched.state_variances[:, unknown], 0.0))
@@ -324,10 +325,10 @@ class Observer:
         )
 
     def observability(self) -> dict[str, float]:
-        """Standard deviation of each unknown after the whole motion as a share of that before, by the unknown's name.
+        """Standard deviation of each unknown at the end of the motion, divided by that before, by the unknown's name.
 
-        The share follows from covariances alone, with all sensors at all steps, and not from measurements.  Near 1 the
-        sensors can't tell the unknown.
+        The ratio follows from covariances alone, with all sensors at all steps, and not from measurements.  If it is
+        near 1, the sensors can't tell the unknown.
         """
         kalman, nothing = self.kalman_filter(), np.repeat(np.nan, len(self.sensors))
         for k in range(len(self.model.t)):
@@ -338,7 +339,7 @@ class Observer:
         return dict(zip(self.unknowns, ratios.tolist(), strict=True))
 
     def kalman_filter(self) -> KalmanFilter:
-        """Kalman filter of all steps in its first state, with the sensitivities to parameters."""
+        """Return the Kalman filter of all steps, in its state at the start of the motion."""
         model, shape = self.model, (*self.model.reference.shape, len(self.parameters))
         sensitivity, growth = np.zeros(shape), np.zeros(shape)
         for j, parameter in enumerate(self.parameters):
@@ -353,11 +354,7 @@ class Observer:
         return 3 * self.model.matrices.modes
 
     def _unknown_deviations(self) -> Array:
-        """Standard deviations (u,) of the unknowns before the motion.
-
-        The order is loads, payload, parameters, biases and gains; sensors without a bias or without a gain have no
-        entry for it.
-        """
+        """Standard deviations (u,) of the unknowns before the motion, in the order of `unknowns`."""
         deviations = [load.deviation for load in self.loads]
         deviations += [] if self.payload is None else [self.payload.deviation]
         deviations += [parameter.deviation for parameter in self.parameters]
@@ -425,6 +422,6 @@ class Observer:
 
 
 def _follows(events: NDArray[np.bool_], steps: float) -> NDArray[np.bool_]:
-    """Mask (T,): whether one of the `events` (T,) was no more than `steps` steps ago."""
+    """Mask (T,): where one of the `events`, the true entries of a mask (T,), was at most `steps` steps before."""
     at = np.where(events, np.arange(len(events)), -np.inf)
     return np.arange(len(events)) - np.maximum.accumulate(at) <= steps

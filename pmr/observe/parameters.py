@@ -34,8 +34,9 @@ class ParameterObserver:
         Expected values of the parameters and standard deviations, before the motion.
     values : (k, p) array
         Values of the parameters in each model.  An estimate of a parameter stays within the range of its values.
-    observers : (k,)
-        They have the same sensors and unknowns.  Innovations and alarms of the estimates are those of the first one.
+    observers : tuple of Observer, (k,)
+        Observer of each model; all have the same sensors and unknowns.  Innovations and alarms of the estimates are
+        those of the first one.
     temper : float
         Exponent of likelihoods, 0 to 1: errors of models are correlated in time.
 
@@ -67,12 +68,12 @@ class ParameterObserver:
 
     @staticmethod
     def _terms(u: Array) -> Array:
-        """Terms (..., 1 + p + p (p + 1) / 2) of a polynomial of second degree at u (..., p)."""
+        """Terms (..., 1 + p + p (p + 1) / 2) of a polynomial of second degree at the p parameters u (..., p)."""
         i, j = np.triu_indices(u.shape[-1])
         return np.concatenate([np.ones((*u.shape[:-1], 1)), u, u[..., i] * u[..., j]], axis=-1)
 
     def run(self, measured: Mapping[str, tuple[Array, Array]]) -> Estimates:
-        """Estimates from measurements, which are those of `Observer.grid`; the parameters are further unknowns."""
+        """Estimate outputs, unknowns and then the parameters; `measured` is that of `Observer.grid`."""
         every, p = [observer.run(measured) for observer in self.observers], len(self.names)
         first, models = every[0], (self.values - self.mean) / self.deviation
         fit = np.linalg.pinv(self._terms(models))

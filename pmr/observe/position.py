@@ -33,13 +33,13 @@ POINTS = 8
 
 @dataclass(frozen=True)
 class PlaceModels:
-    """Discrete models at S places of a path: r modes, n = 2 r states, o further outputs."""
+    """Models for steps of constant length at S places of a path, with r modes, n = 2 r states and o further outputs."""
 
     step: float  # s
     places: Array  # (S,) m
     frequencies: Array  # (S, r) Hz
-    F: Array  # (S, n, n)
-    H: Array  # (S, n): acceleration at the sensor
+    F: Array  # (S, n, n): transition from the state of a step to that of the next one
+    H: Array  # (S, n): acceleration at the sensor by the state
     noise: Array  # (S, r, n, n): covariance of a step, for unit noise of each mode's acceleration at the sensor
     rows: Array  # (S, o, n): further outputs, such as displacements
 
@@ -47,16 +47,16 @@ class PlaceModels:
 class SensorModes(NamedTuple):
     """Modes of a body with a sensor at S places of a path.
 
-    The frequencies of each place ascend.  Its modes are columns, orthonormal in the mass that includes the sensor.
+    The frequencies of each place ascend.  The mass includes that of the sensor.
     """
 
     frequencies: Array  # (S, r) Hz
-    modes: Array  # (S, r, r)
-    shapes: Array  # (S, r): b, of the modes without the sensor at its place
+    modes: Array  # (S, r, r): columns, orthonormal in the mass, on the modes without the sensor
+    shapes: Array  # (S, r): b, displacement at the sensor by each mode without the sensor
 
 
 def sensor_modes(space: StateSpace, load: str, mass: float = 0.0) -> SensorModes:
-    """Modes at the places of a state space with a sensor of `mass` kg at the place of a load.
+    """Modes of the body of a state space at each of its places, with a sensor of `mass` kg where the load `load` acts.
 
     Raises InputError if the state space has no such load.
     """
@@ -81,7 +81,7 @@ def place_models(
     rows: Sequence[ArrayLike] = (),
     fixed: Mapping[float, float] | None = None,
 ) -> PlaceModels:
-    """Models at the places of a state space with one path, for an accelerometer at the place of a load.
+    """Return the models at all places of a state space with one path, for an accelerometer where a load acts.
 
     Parameters
     ----------
@@ -90,19 +90,20 @@ def place_models(
     load : str
         Load at the place and in the direction of the accelerometer.
     step : float, s
+        Time step of the models.
     damping : (r,) or (S, r) array
         Damping ratios of the modes.
     mass : float, kg
         Mass of the sensor in addition to that of the model.
     measured : mapping, optional
-        Frequencies in Hz measured at places in m, lowest first: the model's are multiplied by factors on straight
-        lines between these places, and by the factor of the nearest one beyond them.  Modes that are not measured at
-        every place keep the model's frequencies.
+        Frequencies in Hz, lowest first, by the place in m at which they were measured.  The model's frequencies are
+        multiplied by the ratio of measured to computed ones, which is interpolated linearly between these places and
+        constant beyond them.  Modes that are not measured at every place keep the model's frequencies.
     rows : sequence of (q,) arrays
         Weights of the state space's outputs for each further output.
     fixed : mapping, optional
-        Damping ratios of further modes, by frequencies in Hz.  They are the same at all places, such as those of the
-        ground, and only add to the acceleration.
+        Damping ratios by frequency in Hz of further modes that are the same at all places, such as those of the
+        ground.  These modes only add to the acceleration.
 
     Raises
     ------
@@ -158,7 +159,7 @@ class SlidingNoise(NamedTuple):
     trust: float = 0.0  # 0: the power tells nothing of the speed
 
     def likelihood(self, power: Array, speeds: Array) -> Array:
-        """Logarithms (T, D) of the likelihoods of D speeds at powers (T,)."""
+        """Logarithms (T, D) of the likelihoods of D `speeds` (D,) in m/s, at T steps with the powers `power` (T,)."""
         expected = self.rest + self.moving * np.abs(speeds) ** 3
         return np.asarray(-0.5 * self.trust * np.log((power[:, None] + self.rest) / expected) ** 2)
 
@@ -220,7 +221,7 @@ class Positions:
         return np.asarray(edges[at] + width * np.clip(within, 0.0, 1.0))
 
     def band(self, share: float = 0.9) -> Band:
-        """Band that holds `share` of the probability."""
+        """Band, at each of T steps, that holds the true position with the probability `share`."""
         return Band(self.quantile(0.5 - 0.5 * share), self.quantile(0.5 + 0.5 * share))
 
 
@@ -270,7 +271,7 @@ class PositionObserver:
         return np.concatenate([-fast[::-1], [0.0], fast])
 
     def bank(self) -> Bank:
-        """Bank of filters for the kernel, with stationary gains at all places."""
+        """Bank of Kalman filters for the kernel: one with stationary gain for each place and each speed."""
         models, settings = self.models, self.settings
         S, n = models.H.shape
         speeds = self.speeds * models.step / np.diff(models.places).mean()
@@ -304,13 +305,13 @@ class PositionObserver:
         return W
 
     def run(self, acceleration: ArrayLike, activity: ArrayLike = 0.0, delay: float = 0.0) -> Positions:
-        """Positions from accelerations (T,) at the models' step; NaN where nothing was measured.
+        """Estimate the position at T steps from accelerations (T,) in m/s^2 at the sensor, NaN where none was measured.
 
-        A position follows from the accelerations up to `delay` s later, `math.inf` for all of a record.
+        A position follows from the accelerations up to `delay` s later; `math.inf` stands for all of the record.
 
-        `activity` (T,) or a number is the power of what only a slider in motion excites, such as the acceleration above
-        the modes' frequencies; by default nothing tells.  Raises InputError for arrays of other shapes, for an
-        activity that is not finite or below 0, and for a delay below 0.
+        `activity` (T,), or one number for all steps, is the power of vibrations that only a slider in motion excites,
+        such as those above the modes' frequencies, in the unit of `active` and `noise` of the settings.  Raises
+        InputError for arrays of other shapes, for an activity that is not finite or below 0, and for a delay below 0.
         """
         y = np.ascontiguousarray(acceleration, float)
         if y.ndim != 1:

@@ -330,10 +330,11 @@ def _with_floor(model: ReducedModel) -> ReducedModel:
 
 
 def check_independence(model: ReducedModel, numbers: list[int] | None = None) -> None:
-    """Raise an InputError if G + 1/k of some rows is not positive definite at a path coordinate.
+    """Raise an InputError if the forces on some rows are not determined at one of `RANK_CHECKS` path coordinates.
 
-    The rows have the given `numbers`; None stands for all rows.  The ends of the path are not checked: there a slider
-    may be on a support.
+    They are not if the rows' flexibility G + 1/k, with the residual flexibility G and the stiffnesses k of the pads, is
+    not positive definite.  The rows have the given `numbers`; None stands for all rows.  The ends of the path are not
+    checked: there a slider may be on a support.
     """
     assert model.flexibility is not None
     numbers = list(range(len(model.row_names))) if numbers is None else numbers

@@ -31,7 +31,7 @@ ROD, ROPE, PAYLOAD = 0.06, 0.02, 0.2  # m, half the thickness of a luffing cylin
 
 
 def make_album(bodies: MovingBodies, prefix: str) -> tuple[Picture, ...]:
-    """Draw the pictures of bodies with recovered fields; none without.  `prefix` begins their identifiers."""
+    """Draw the pictures of bodies; `prefix` begins their identifiers.  Empty if the bodies have no recovered fields."""
     views = _Views(bodies).shots() if bodies.are_recovered else ()
     return tuple(
         Picture(
@@ -50,7 +50,7 @@ class View(NamedTuple):
 
 
 class _Views:
-    """Data of all pictures of a run: bodies, colour limits, and the motion of their axes; None without a frame."""
+    """Maker of all pictures of a run, from its bodies, the limits of colours and the motion of the boom's axes."""
 
     def __init__(self, bodies: MovingBodies) -> None:
         self.bodies, self.result = bodies, bodies.result

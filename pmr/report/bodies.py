@@ -32,7 +32,7 @@ class Surface:
     Attributes
     ----------
     points : (P, 3) array, m
-        Undeformed, in the body's axes.
+        Points of the undeformed body, in the body's axes.
     faces : (S, 3 or 4) integer array
         Triangles or quadrilaterals, as indices of points.
     cell : (S,) integer array
@@ -105,7 +105,10 @@ def body_surface(fields: Fields, box: Box | None = None) -> Surface:
 
 
 def _turn_outwards(points: Array, faces: Indices) -> Indices:
-    """Order the corners of faces so that they go round to the left, as seen from outside of a body along x."""
+    """Return `faces` (S, 3 or 4) with corners in the order that runs anticlockwise as seen from outside of a body.
+
+    The body is along x, with the points (P, 3) in m.
+    """
     first, second, third = (points[faces[:, k]] for k in range(3))
     away = points[faces].mean(axis=1) - points.mean(axis=0)
     inwards = np.sum(np.cross(second - first, third - first)[:, 1:] * away[:, 1:], axis=1) < 0.0
@@ -113,7 +116,7 @@ def _turn_outwards(points: Array, faces: Indices) -> Indices:
 
 
 def _tube(fields: Fields, box: Box | None) -> Surface:
-    """Build the surface of a beam: the walls of its box along the axis, without faces at its ends."""
+    """Build the surface of a beam from its `box` along the axis, without faces at its ends; a thin tube for None."""
     thin = np.array([(-_THIN, -_THIN), (_THIN, -_THIN), (_THIN, _THIN), (-_THIN, _THIN)]) / 2.0
     count = len(fields.points)
     corners = np.tile([side.start for side in box.sides] if box else thin, (count, 1, 1))
@@ -156,7 +159,7 @@ class Surroundings:
 
 
 def build_surroundings(result: RunResult, body: Surface) -> Surroundings:
-    """Build the surroundings of a body at the path coordinate s = 0; they are empty for a boom."""
+    """Build what surrounds a body alone, whose surface is `body`, at the path coordinate s = 0; empty for a boom."""
     if not is_alone(result):
         return Surroundings((), (), ())
     low, high, box = body.points.min(axis=0), body.points.max(axis=0), result.scene.body.box
@@ -180,7 +183,10 @@ def build_surroundings(result: RunResult, body: Surface) -> Surroundings:
 
 
 def pad_blocks(ring: PadRing, body: Array, box: Box | None) -> list[Block]:
-    """Build a block for each pad of a ring; `body` (2, 3) in m are opposite corners of the body."""
+    """Build a block for each pad of a ring around a body.
+
+    `body` (2, 3) in m are opposite corners of the body, and `box` is its cross-section, None if it has no box.
+    """
     return [Block(pad_corners(ring, place, body, box, _CUBE + 0.5), _SIDES) for place in ring.named_pads]
 
 

@@ -37,7 +37,8 @@ def extreme_indices(values: ArrayLike, bins: int) -> NDArray[np.intp]:
     Returns
     -------
     (n,) array of int
-        Increasing, with the first and the last sample: all T samples if T <= 2 bins + 2, else at most 2 bins + 2.
+        Indices in increasing order, the first and the last sample among them: all T if T <= 2 bins + 2, else at most
+    2 bins + 2.
     """
     values = np.asarray(values, dtype=float)
     count = len(values)
@@ -192,7 +193,7 @@ def rope_axis(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale:
     """Rope of the hoist from its head sheaves to its hook at time `steps`, as an axis with these two points.
 
     The rope has its true length and direction, and hangs from the place of the head with deflections enlarged by
-    `scale`.  None if the run has no hoist.
+    `scale`.  The result is None if `rope_places` is.
     """
     if (places := rope_places(result, steps, scale)) is None:
         return None
@@ -203,9 +204,8 @@ def rope_axis(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale:
 def rope_places(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale: float = 1.0) -> Array | None:
     """Positions (S, 2, 3) in m of the hoist's head sheaves and hook in the boom's axes, from the pivot.
 
-    They are those at the time steps `steps` (S,).  The head is drawn with deflections enlarged by `scale`, and the hook
-    is below it as it is below the true head.  The result is None without a hoist, or if the response has no places of a
-    hook.
+    The positions are those at the time steps `steps` (S,).  Deflections of the head are enlarged by `scale`; the vector
+    from head to hook is the true one.  The result is None without a hoist, or if the response has no places of a hook.
     """
     response, hoist = result.responses["reduced"], result.scene.hoist
     if hoist is None or not set(HOOK_PLACES) <= set(response.other_names):
@@ -256,7 +256,8 @@ def _axis_in_space(result: RunResult, name: str, x: Array, places: Array, t: Arr
 def frame_rotations(result: RunResult, t: Array) -> Array:
     """Rotation matrices (T, 3, 3) from the boom's axes into the ground's axes at the times `t` (T,) in s.
 
-    They follow the boom's frame.  If the scene has no frame, the boom has a constant angle, by which gravity is turned.
+    The boom's axes move with its frame.  If the scene has no frame, they have a constant angle, by which gravity is
+    turned.
     """
     if result.frame is not None:
         return result.frame.rotation(t)

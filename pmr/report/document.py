@@ -62,7 +62,7 @@ def write_page(text: str, folder: Path) -> ReportFiles:
 
 
 def with_date(kind: str, summaries: Sequence[Mapping[str, object]]) -> str:
-    """Append the date of the summaries, or their range of dates, to `kind`, the name of a kind of report."""
+    """Return `kind`, the name of a kind of report, with the date of the summaries or the range of their dates."""
     dates = sorted({str(summary["date"]) for summary in summaries if summary.get("date")})
     return f"{kind} · {' to '.join(dict.fromkeys([dates[0], dates[-1]]))}" if dates else kind
 
@@ -75,7 +75,10 @@ def render_runs(chapters: Sequence[Chapter], kind: str = KIND) -> str:
 
 
 def render(template: str, title: str, chapters: Sequence[Chapter], **more: Any) -> str:
-    """Render a template as HTML, with the variables title, chapters, font, is_animated and those in `more`."""
+    """Return the HTML of a page: the file `template` in the folder templates, with the variables that it uses.
+
+    The variables are `title`, `chapters`, the rule of the font, whether a block is animated, and those in `more`.
+    """
     blocks = [block for chapter in chapters for block in chapter.blocks]
     drawn: list[Drawing | None] = [drawing for block in blocks for drawing in block.drawings]
     drawn += [chapter.sketch for chapter in chapters]
@@ -115,7 +118,7 @@ def escape_plain_text(value: object) -> object:
 
 
 def write_pdf(text: str, file: Path) -> None:
-    """Write a page of HTML, `text`, as a PDF file; raises InputError if weasyprint can't be imported."""
+    """Write the page whose HTML is `text` as a PDF file; raises an InputError if weasyprint can't be imported."""
     with _only_the_loader():
         weasyprint = import_package("weasyprint")
     weasyprint.HTML(string=_without_screen(text)).write_pdf(file)

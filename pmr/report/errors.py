@@ -72,7 +72,7 @@ WALLS = "in stresses the bending of a beam's walls under pads, which a shell has
 
 
 def error_table(result: RunResult) -> ErrorTable:
-    """Build the error table of a run with its caption and notes."""
+    """Build the error table of a run with its caption, and the notes below it."""
     error_rows, published = rows(result), result.scene.published
     caption = "Over all times and places."
     if is_compared(result):
@@ -235,7 +235,7 @@ def _length_rows(result: RunResult) -> Iterator[Row]:
 def _decimals(printed: Mapping[str, Mapping[str, float]]) -> int:
     """Number of decimals with which a publication states its errors in per cent.
 
-    It is the most that any error in `printed` has, which are texts by pair of models and quantity.
+    It is the largest number that an error in `printed` needs; `printed` has errors by pair of models, then by quantity.
     """
     return max((max(decimals_of(value) - 2, 0) for pair in printed.values() for value in pair.values()), default=0)
 
@@ -308,7 +308,7 @@ def certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
 
 
 def _play_changes(result: RunResult) -> dict[str, float]:
-    """Changes of largest values by another play of pads, as fractions of these values, by their names in words."""
+    """Relative changes of a run's largest values if its pads have another play, by the names of the values in words."""
     names = {"luffing_force": "luffing cylinder", "probe": "stress at probes", "pad_force": "pads",
              "cylinder_force": "extension cylinders", "wall_stress": "stress in walls"}  # fmt: skip
     changes = dict[str, float]()
@@ -321,12 +321,12 @@ def _play_changes(result: RunResult) -> dict[str, float]:
 
 
 def _play(result: RunResult) -> Mapping[str, Any]:
-    """Entry ``budget.play`` of a run; empty if it has none."""
+    """Entry ``budget.play`` of a run's summary; empty if the summary has no such entry."""
     return (result.summary.get("budget") or {}).get("play") or {}
 
 
 def _play_text(result: RunResult) -> str:
-    """Sentence on the changes of largest values by another play of pads; empty if there was no run with it."""
+    """Sentence on the changes of largest values if pads have another play; empty if no run had another play."""
     changes = _play_changes(result)
     if not changes:
         return f"not known: {_play(result)['reason']}" if "reason" in _play(result) else ""
@@ -339,7 +339,7 @@ def _play_text(result: RunResult) -> str:
 
 
 def _stress_certainty(result: RunResult) -> str:
-    """Return the error of the stress in walls at pads, if known, and what is not known of stresses."""
+    """Text on the error of the stress in walls at pads, if known, and on errors of stresses that are not known."""
     walls, unknown = wall_stress(result.summary), f"error is not known: {'; '.join(_stress_gaps(result))}"
     if walls is None or "error" not in walls or not walls["value"]:
         return f"its {unknown}"
@@ -362,9 +362,9 @@ def _stress_gaps(result: RunResult) -> Iterator[str]:
 
 
 def _errors_by_source(summary: Summary) -> dict[str, dict[str, float]]:
-    """Relative errors of each source, by the label of the quantity.
+    """Relative errors by source (``model``, ``mesh``, ``time step``, ``reduction``), then by label of the quantity.
 
-    The keys are ``model``, ``mesh``, ``time step`` and ``reduction``.  A source without an estimate has no labels.
+    A source without an estimate has an empty mapping.
     """
     budget = summary.get("budget") or {}
     mesh = budget.get("mesh")
@@ -431,9 +431,9 @@ def _lacking_clauses(summed: SummedErrors) -> Iterator[str]:
 
 
 def _step_words(step: Mapping[str, object]) -> str:
-    """Words before the error of the time step.
+    """Words before the error of the time step, which say whether it is a lower bound or that of the mean motion.
 
-    They say whether the error is a lower bound, or that of the mean motion.
+    `step` is the entry of the time step in the summary's budget.  The words are empty if neither holds.
     """
     least = "at least " if not step.get("settled", True) else ""
     return f"{'of the mean motion, ' if step.get('by') == 'mean' else ''}{least}"

@@ -36,9 +36,9 @@ LargestValues = Iterator[LargestValue]
 
 
 def largest_value(key: str, text: str, share: float | None = None, name: str = "", end: str = "") -> LargestValue:
-    """Return the row of the quantity with this key: it has the name, if no other is passed, and place of the quantity.
+    """Return the row of the quantity with this `key`, which states the part that the row belongs to.
 
-    The text of the row is `text` and its `end`.
+    The row is called `name` or, if that is empty, as the quantity is reported.  Its text is `text`, followed by `end`.
     """
     quantity = QUANTITIES[key]
     return LargestValue(name or quantity.reported, text + end, share, quantity.place)
@@ -53,7 +53,7 @@ class Measured(NamedTuple):
 
     @classmethod
     def from_summary(cls, name: str, key: str, summary: Summary) -> Measured:
-        """Return extremes from an entry of a summary, in the unit of the quantity with this key."""
+        """Return the extremes in an entry `summary` of a run, called `name`, in the unit of the quantity `key`."""
         return cls(name, QUANTITIES[key].unit, Extremes.from_summary(summary))
 
 
@@ -158,5 +158,5 @@ def two_decimals(value: float) -> str:
 
 
 def value_at(result: RunResult, extreme: Extreme, unit: str, *words: str) -> str:
-    """Text of an extreme value with its unit, followed by some `words` and by its time and place."""
+    """Text of an extreme value in `unit` (without prefix), followed by some `words` and by its time and place."""
     return ", ".join((format_quantity(extreme.value, unit), *words, extreme_clause(result, extreme)))

@@ -103,10 +103,10 @@ def _largest_values_table(result: RunResult) -> Table:
 
 
 def largest_values(result: RunResult) -> list[LargestValue]:
-    """Rows of the table of largest values.
+    """Rows of the table of largest values, in the order of the page.
 
-    Rows with an allowed value come first, those with the largest used share at the top.  The others follow by the part
-    to which they belong, in the order of `PLACES`.
+    Rows with an allowed value come first, from the largest used share to the smallest.  Rows without one follow by the
+    part to which they belong, in the order of `PLACES`.
     """
     return sorted(
         _largest_values(result), key=lambda row: (0, -row.share) if row.share is not None else (1, _rank(row))
@@ -128,12 +128,12 @@ PLACES = tuple(place for places in HEADINGS.values() for place in places)
 
 
 def _rank(row: LargestValue) -> int:
-    """Return the number in `PLACES` of the part to which a row belongs; rows of no such part are last."""
+    """Return the number in `PLACES` of the part to which a row belongs; for other parts, the number after the last."""
     return PLACES.index(row.place) if row.place in PLACES else len(PLACES)
 
 
 def _heading(row: LargestValue) -> str:
-    """Heading of a row without an allowed value; rows of no part in `PLACES` have the last one."""
+    """Heading of a row without an allowed value, by its part; the last heading if the part is not in `PLACES`."""
     return next((heading for heading, places in HEADINGS.items() if row.place in places), list(HEADINGS)[-1])
 
 
@@ -214,9 +214,9 @@ WALL_STRESS_BAR = "; ± by the cells of the wall, to which the error of pad forc
 
 
 def _missing_clause(summary: Summary) -> str:
-    """Clause on the sections in whose walls the stress at pads is not known, with the reasons; empty if there is none.
+    """Clause on the sections in whose walls the stress at pads is not known, with the reasons; empty if all are known.
 
-    If nothing was measured for the walls of any section, it says what computes it.
+    If the summary has neither such a stress nor a reason, the clause says which run computes it.
     """
     model = summary.get("budget", {}).get("model") or {}
     missing = model.get("wall_stress_missing", {})
@@ -229,9 +229,9 @@ def _missing_clause(summary: Summary) -> str:
 
 
 def _closed_pads_clause(result: RunResult) -> str:
-    """Clause to append to a figure that is computed with every pad closed, and how many pads of the run lift off.
+    """Clause after a number that is computed with every pad closed; it says how many pads of the run lift off.
 
-    It begins with a semicolon and says that pads that lift off lower the figure.  Empty if no pad only pushes.
+    It begins with a semicolon, and says that pads that lift off lower the number.  It is empty if no pad only pushes.
     """
     if not has_pushing_pads(result):
         return ""
@@ -242,7 +242,7 @@ def _closed_pads_clause(result: RunResult) -> str:
 
 
 def _speed_rows(result: RunResult) -> LargestValues:
-    """Yield a row with the largest speeds of extensions, luffing and slewing; nothing if none of them moves."""
+    """Yield a row with the largest speeds of extensions, luffing and slewing; nothing if the boom does not move."""
     t, frame, texts = result.responses["reduced"].t, result.frame, list[str]()
     for number, name in enumerate(result.paths.names):
         if not is_alone(result) and (most := float(np.abs(result.paths.rates[:, number]).max())) > 0.0:
@@ -257,7 +257,8 @@ def _speed_rows(result: RunResult) -> LargestValues:
 def _deflection_rows(result: RunResult) -> LargestValues:
     """Yield a row with the largest tip displacement in each direction in which this displacement exceeds round-off.
 
-    Where a mass on a wheel crosses other sections, the rows have its displacement, and the largest ones of these.
+    Where a mass on a wheel crosses other sections, the rows state the displacement of the mass and the largest
+    displacements of these sections.
     """
     response, mover = result.responses["reduced"], crossing(result)
     called = f"largest displacement of {mover}" if mover else QUANTITIES["tip"].reported
@@ -298,7 +299,7 @@ def _further_output_rows(result: RunResult) -> LargestValues:
 
 
 def _deflection_text(direction: str, value: float) -> str:
-    """Format a deflection of `value` m along the `direction` y or z by its size and its way in words."""
+    """Format a deflection of `value` m along the `direction` y or z: its size, then in words the side it is to."""
     way = {"y": ("right", "left"), "z": ("down", "up")}[direction][int(value > 0.0)]
     return f"{format_length(abs(value))} {way}"
 
@@ -328,7 +329,7 @@ def _frequency_rows(result: RunResult) -> LargestValues:
 
 
 def _locked_clause(result: RunResult) -> str:
-    """Clause that a luffing cylinder which gives way is locked here; empty if the luffing angle is prescribed."""
+    """Clause that a computed luffing angle is locked in natural frequencies; empty if the angle is prescribed."""
     if not has_free_luffing(result):
         return ""
     cylinder = None if result.scene.frame is None else result.scene.frame.cylinder

@@ -45,7 +45,7 @@ HOIST = {"height of the hook": ("height", "hook_height"), "swing along the boom"
 
 
 class Panel(NamedTuple):
-    """Figure of outputs of one unit over time: the end of its identifier, its caption and its outputs."""
+    """Figure to be drawn of outputs of one unit over time: end of its identifier, its caption and its outputs."""
 
     anchor: str
     caption: str
@@ -147,8 +147,8 @@ def ground_block(result: RunResult, prefix: str) -> Block | None:
 def driven_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block about what drives a computed luffing angle or extension, over time.
 
-    It has the extension, the force on it, pressures, flows and power.  None if neither is computed, or nothing drives
-    the luffing angle.  `prefix` begins the identifiers of its figures.
+    It has the extension, the force on it, pressures, flows and power.  The result is None if angle and extension are
+    prescribed, or if nothing drives the luffing angle.  `prefix` begins the identifiers of the figures.
     """
     outputs = result.responses["reduced"].outputs
     driven = [output for output in outputs if output.name.startswith(("extension ", "rate of extension "))]
@@ -211,13 +211,13 @@ def _output_block(
 
 
 def _of_kind(result: RunResult, kind: str) -> list[Output]:
-    """Outputs of the reduced model of one kind that are not zero at all times."""
+    """Outputs of one `kind` in the response of the reduced model, without those that are zero at all times."""
     response = result.responses["reduced"]
     return [output for output in response.outputs if output.kind == kind and np.any(response.other(output.name))]
 
 
 def _acting_outputs(result: RunResult, outputs: Sequence[Output], unit: str) -> list[Output]:
-    """Outputs in this unit that act: they exceed round-off compared with the largest of them."""
+    """The `outputs` in this `unit` that at any time exceed round-off of the largest one."""
     response = result.responses["reduced"]
     sizes = [(output, float(np.abs(response.other(output.name)).max())) for output in outputs if output.unit == unit]
     largest = max((size for _, size in sizes), default=0.0)
@@ -225,7 +225,10 @@ def _acting_outputs(result: RunResult, outputs: Sequence[Output], unit: str) -> 
 
 
 def _driven_grid(result: RunResult, key: str) -> Grid:
-    """Build the table with the extremes of what a cylinder does; it has no rows if the summary lacks this `key`."""
+    """Build the table of extremes of a cylinder (stroke, force, pressures, flow, power) from the summary's entry `key`.
+
+    The table has no rows if the summary has no such entry.
+    """
     keys = {"force": "luffing_force", "use": "luffing_use"}
     measured = [
         Measured.from_summary(name.replace("_", " "), keys.get(name) or f"driven_{name.partition('_')[0]}", extremes)
@@ -299,8 +302,8 @@ def _force_grid(result: RunResult, kind: str, forces: Sequence[Force]) -> Grid:
 def _reaction_grid(result: RunResult, at_pivot: bool, caption: str) -> Grid:
     """Build the table, with its `caption`, of the extremes of forces and moments on rigid supports that bear any.
 
-    If `at_pivot`, these are the forces at the pivot of a boom in a frame, which are sums over all supports; if not,
-    they are those on all other supports.
+    If `at_pivot` is true, the table has the forces at the pivot of a boom in a frame, which are sums over all supports;
+    if it is false, the table has the forces on all other supports.
     """
     response, measured = result.responses["reduced"], list[Measured]()
     for of, extremes in reaction_extremes(response, result.abscissa_at(response.t)).items():

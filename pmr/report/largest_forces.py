@@ -66,7 +66,7 @@ def force_rows(result: RunResult) -> LargestValues:
 
 
 def _driven_rows(result: RunResult) -> LargestValues:
-    """Yield rows with the largest force of the luffing cylinder and on a free extension, their lengths, and oil."""
+    """Yield rows on a computed luffing angle or extension: largest force, length, and oil of the cylinder."""
     for way in ("luffing", "extension"):
         if (cylinder := result.summary.get(f"{way}_cylinder")) is None:
             continue
@@ -123,10 +123,11 @@ def _support_use_rows(result: RunResult) -> LargestValues:
 
 
 def _luffing_length_row(result: RunResult, length: Summary) -> LargestValue:
-    """Row on the length of the luffing cylinder, and on the stroke that the scene states.
+    """Row on the range of the luffing cylinder's length, beside the stroke that the scene states.
 
-    The row has a share of what is allowed only where a given angle needs a length beyond the stroke.  A cylinder that
-    turns the boom has stops, which are springs: on a stop its length is a little beyond its stroke.
+    `length` is the entry of the summary on this length.  The row has a used share only where a prescribed angle needs a
+    length beyond the stroke.  A cylinder that computes the angle has stops, which are springs, so that its length on a
+    stop is a little beyond its stroke.
     """
     least, most, frame = length["min"], length["max"], result.scene.frame
     text, share = format_range(least, most, f"{SPACE}m"), None
@@ -212,7 +213,7 @@ def _dynamic_factor_rows(result: RunResult) -> LargestValues:
 
 
 def _rest_text(row: Summary) -> str:
-    """Text of the value at rest of a row of dynamic factors."""
+    """Text of the value at rest in `row`, an entry of the dynamic factors in a summary."""
     return format_percent(row["rest"]) if row["kind"] == "tipping" else format_quantity(abs(row["rest"]), "N")
 
 
@@ -231,9 +232,10 @@ def _bearer_words(key: str, name: str) -> str:
 
 
 def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestValues:
-    """Yield a row with the pad whose force comes nearest to that at which walls begin to yield; `forces` are by pad.
+    """Yield a row with the pad whose force comes nearest to the force at which the walls under it begin to yield.
 
-    Nothing is yielded if these forces were not computed (`pmr.fullmodel.wall_stress.yield_forces`).
+    `forces` are the extremes of the forces, by pad.  Nothing is yielded if the yield forces were not computed
+    (`pmr.fullmodel.wall_stress.yield_forces`).
     """
     limits = (result.summary.get("budget", {}).get("model") or {}).get("pad_yield", {})
     shares = {

@@ -116,9 +116,9 @@ class MovingBodies:
 
     @cached_property
     def colour_limit(self) -> float:
-        """Stress in Pa at the end of the colour scale, 1e6 without stresses; few cells exceed it at any time.
+        """Stress in Pa at the end of the colour scale: a round number that few cells exceed at any time.
 
-        It is a round number, and a quarter of it has few digits.
+        A quarter of the number has few digits, too.  The stress is 1e6 Pa if the fields have no stresses.
         """
         if not self.cell_stresses:
             return 1e6
@@ -132,7 +132,7 @@ class MovingBodies:
 
     @cached_property
     def surroundings(self) -> Surroundings:
-        """Pads, supports and the next outer section of a body alone."""
+        """Pads, supports and the next outer section of a body alone; empty for a boom (`build_surroundings`)."""
         return build_surroundings(self.result, next(iter(self.surfaces.values())))
 
     def moments(self) -> list[Moment]:
@@ -185,7 +185,8 @@ class MovingBodies:
 def _axis_fields(result: RunResult) -> dict[str, Fields]:
     """Displacements of the reduced model along the axis of each body, as fields of beams, by the body's name.
 
-    Bodies without outputs along their axis are left out.
+    The fields have at most `FRAMES` times, evenly spread over the run, and no stresses.  Bodies without outputs along
+    their axis are left out.
     """
     fields, t = dict[str, Fields](), result.responses["reduced"].t
     steps = spread_indices(len(t), FRAMES)

@@ -57,8 +57,8 @@ def unit_for(largest: float, base: str) -> Unit:
     """Return the unit with the prefix by which the value `largest`, given in the unit `base`, is printed as 1 to 1000.
 
     Lengths in m and times in s get no prefix above 1, such as k.  Quotients such as N/m, and products other than N m,
-    get no prefix at all; nor does any unit if `largest` is 0 or not finite.  Those of `FIXED` have one unit each, and
-    those of `MILLIONS` another one from 1e6 on.
+    get no prefix at all; nor does any unit if `largest` is 0 or not finite.  A unit in `FIXED` is always printed in the
+    unit that stands there, and one in `MILLIONS` is printed in that unit from 1e6 on.
     """
     if base in FIXED:
         return FIXED[base]
@@ -127,7 +127,7 @@ def with_sign(value: float) -> str:
 
 
 def format_percent(fraction: float, digits: int = 3) -> str:
-    """Format a fraction in per cent; if it is below `TINY`, say only that it is less, as its digits are round-off."""
+    """Format a fraction in per cent with `digits` digits; below `TINY` it is only called less, as it is round-off."""
     if 0.0 < abs(fraction) < TINY:
         return f"less than {power_of_ten(round(log10(100.0 * TINY)))}{SPACE}%"
     return f"{significant(100.0 * fraction, digits)}{SPACE}%"
@@ -140,9 +140,9 @@ def format_quantity(value: float, base: str, digits: int = 3) -> str:
 
 
 def format_length(value: float, digits: int = 3) -> str:
-    """Format the length `value` in m, with `digits` digits: in mm from 0.01 mm to 1 m.
+    """Format the length `value` in m with `digits` digits: in mm from 0.01 mm to 1 m.
 
-    So small and large lengths are easily compared.
+    Lengths in one unit are compared easily.  Others are in m with the prefix that suits them.
     """
     if 1e-5 <= abs(value) < 1.0:
         return f"{significant(1e3 * value, digits)}{SPACE}mm"

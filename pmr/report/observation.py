@@ -39,9 +39,10 @@ def write_report(folder: Path) -> ReportFiles:
 
 
 def build_chapter(figures: Summary, table: Array) -> Chapter:
-    """Build the chapter from the contents `figures` of ``observe.json``.
+    """Build the chapter about an observer from the contents `figures` of ``observe.json``.
 
-    `table` (c, T) are the columns of ``estimates.csv``.
+    `table` (c, T) are the c columns of ``estimates.csv`` in its order: time in s; mean and standard deviation of each
+    estimate; measured value and innovation of each sensor; true values.
     """
     sensors = list[str](figures["sensors"])
     units = {name: unit_text(unit) for name, unit in figures["units"].items()}
@@ -99,7 +100,7 @@ OBSERVABILITY = (
 def _with_band(last: Mapping[str, float], unit: str) -> str:
     """Text of an estimate in `unit`: its mean, and half the width of its band of 90 %.
 
-    `last` has its ``mean`` and ``deviation`` at the end of a run.
+    `last` has ``mean`` and standard ``deviation`` of the estimate at the end of a run.
     """
     mean, half = last["mean"], WIDTH * last["deviation"]
     shown = unit_for(max(abs(mean), half), unit)
@@ -109,8 +110,8 @@ def _with_band(last: Mapping[str, float], unit: str) -> str:
 def _estimate_caption(name: str, figures: Summary) -> str:
     """Caption of the figure of the estimate `name`.
 
-    It tells the share of true values within the band, if `figures` has this share, and whether the error budget of the
-    run covers the estimate.
+    `figures` are the contents of ``observe.json``.  The caption tells the share of true values within the band, if
+    `figures` has this share, and whether the error budget of the run covers the estimate.
     """
     is_covered = name not in figures["not_covered"]
     return prose("estimate", name=name, share=figures["coverage"].get(name), is_covered=is_covered)
@@ -132,9 +133,9 @@ def _sensor_grid(figures: Summary, innovations: Mapping[str, Array]) -> Grid:
 
 
 def _grids_without(without: Mapping[str, Mapping[str, float]], names: list[str]) -> tuple[Grid, ...]:
-    """Table of how much wider the band of each estimate of `names` is without each sensor.
+    """Tuple with one table of how much wider the band of each estimate of `names` is without each sensor.
 
-    Estimates that `without` lacks have no row.
+    `without` has factors on the width by sensor, then by estimate; estimates that it lacks have no row.
     """
     rows = [
         (name, *(significant(of[name]) if name in of else "–" for of in without.values()))
@@ -161,9 +162,10 @@ WIDTH = 1.6449
 
 
 def band_figure(t: Array, mean: Array, deviation: Array, measured: Array, truth: Array, unit: str) -> Figure:
-    """Draw an estimate, its `mean` and `deviation` (T,) in `unit` at t (T,) in s, with its band.
+    """Draw an estimate in `unit` over t (T,) in s, with its band of 90 %, measured and true values.
 
-    `measured` and `truth` (T,) are NaN where there is none.
+    `mean` and `deviation` (T,) are mean and standard deviation of the estimate.  `measured` and `truth` (T,) are NaN
+    where there is no measured or no true value.
     """
     pen = unit_for(float(np.nanmax(np.abs(mean))), unit)
     figure, ax = make_axes(HALF, 1.9, "Time in s", f"in {pen.name}" if unit else "")

@@ -100,7 +100,7 @@ def _place_from_pivot(x: float, z: float) -> str:
 
 
 def _describe_hoist(hoist: Hoist, end: float) -> str:
-    """Describe what hangs on a hoist, on how many falls, and the wind that blows on it until the time `end` in s."""
+    """Describe the payload on a hoist, the number of falls of its rope, and the payload's wind until `end` in s."""
     hook = f" with a hook of {format_input(hoist.hook, 'kg')}" if hoist.hook else ""
     falls = "one fall" if hoist.falls == 1 else f"{hoist.falls} falls"
     axes = [axis for axis, signal in hoist.wind.signals.items() if any(signal.bounds(0.0, end))]
@@ -109,7 +109,7 @@ def _describe_hoist(hoist: Hoist, end: float) -> str:
 
 
 def _drive_clause(cylinder: DrivenCylinder | None) -> str:
-    """Clause on what drives a computed luffing angle or extension by its `cylinder`."""
+    """Clause on what drives the `cylinder` of a computed luffing angle or extension; None if no cylinder drives it."""
     if cylinder is None or not cylinder.drives:
         return ", computed: nothing drives it"
     oil, drive = cylinder.oil, cylinder.drives[0]

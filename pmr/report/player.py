@@ -34,11 +34,11 @@ MOST_VALUES = 400_000  # most values in all shapes of a quantity: two bytes each
 def body_motion(bodies: MovingBodies) -> dict[str, Any]:
     """Data of the animation of bodies, ready for JSON; empty if there is nothing to animate.
 
-    That is the case without bodies, for a single time, and for more than `MOST_FACES` faces.  The keys are the number
-    of ``frames``, first and last of the ``times`` in s, ``speeds`` of playback, the ``first`` frame shown (that of the
-    peak), the ``length`` of what is drawn, the ``path`` of the mouth, the ``scale`` of displacements, ``bodies``, the
-    least x that is seen (``back``), the ``ramp`` of colours, the blocks ``section``, ``near`` and ``tail`` of the
-    surroundings, the largest share ``lost`` of a motion, and ``pose``.
+    There is nothing to animate without bodies, for a single time, and for more than `MOST_FACES` faces.  The keys are
+    the number of ``frames``, first and last of the ``times`` in s, ``speeds`` of playback, the ``first`` frame shown
+    (that of the peak), the ``length`` of what is drawn, the ``path`` of the mouth, the ``scale`` of displacements,
+    ``bodies``, the least x that is seen (``back``), the ``ramp`` of colours, the blocks ``section``, ``near`` and
+    ``tail`` of the surroundings, the largest share ``lost`` of a motion, and ``pose``.
 
     Each body has its P points in m, its triangles, and its shift along x in m.  Its displacement in m is the product of
     k coefficients (frames, k) and k shapes (k, 3 P).  The stress of its S faces, divided by the stress of the last
@@ -74,7 +74,7 @@ def body_motion(bodies: MovingBodies) -> dict[str, Any]:
 def _frame_motion(bodies: MovingBodies) -> dict[str, Any] | None:
     """Motion of a frame for the player; None if the scene has no frame.
 
-    It has rotations (frames, 9), origins (frames, 3) in m, angles, and centre and size of the picture.
+    The motion has rotations (frames, 9), origins (frames, 3) in m, angles, and centre and size of the picture.
     """
     frame, pose = bodies.result.frame, bodies.result.pose(bodies.t)
     if frame is None or pose is None:

@@ -16,7 +16,7 @@ def prose(macro: str, /, **values: Any) -> str:
 
 
 def format_digits(value: float, digits: int, unit: str = "") -> str:
-    """Format a value with so many significant digits at most, and with its `unit`."""
+    """Format a value with at most `digits` significant digits, and with its `unit`."""
     return f"{value:.{digits}g}{SPACE if unit else ''}{unit}"
 
 

@@ -53,7 +53,7 @@ class Piece:
     layer: Array | float = 0.0
 
     def faces_towards(self, direction: Array | Vector) -> NDArray[np.bool_]:
-        """Whether the outside of each face (S,), seen from which its corners go round to the left, is on this side."""
+        """Mask (S,): faces whose outside can be seen from `direction`; seen from outside, corners run anticlockwise."""
         return self.normals @ np.asarray(direction) > 0.0
 
     @property
@@ -90,10 +90,10 @@ class Shot:
 
 
 def frame_shots(shots: Sequence[Shot], width: int, margin: float = 0.12) -> list[Shot]:
-    """Return shots with centre, height and size set for one common scale.
+    """Return the shots with centre, height and size set so that all pictures have one scale.
 
-    All are seen in the direction of the first shot.  Each picture is `width` px wide and shows the width that the
-    largest shot needs.  Its height is the height that its own shot needs.  Both include `margin` m on each side.
+    All shots are seen in the direction of the first one.  Each picture is `width` px wide, enough for the widest shot,
+    and as high as its own shot needs.  Width and height include `margin` on each side, in m.
     """
     axes = shots[0].view
     projected = [np.concatenate([piece.points for piece in shot.pieces]) @ axes.T for shot in shots]
@@ -145,7 +145,7 @@ class Looks(NamedTuple):
 
 
 def _face_looks(piece: Piece, view: Array, light: Array, limits: tuple[float, float]) -> Looks:
-    """Return the looks of a piece's faces.
+    """Return colours and edges of a piece's faces.
 
     `view` is that of the shot, `light` the direction to the light in the picture's axes, and `limits` is the range of
     values that the colours span.  Light falls on both sides of a face.

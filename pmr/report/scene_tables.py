@@ -71,8 +71,8 @@ class SceneWords:
     def rows(self, tables: BaseModel, unused: Mapping[str, Sequence[str]]) -> Rows:
         """Yield rows (name, text) about the tables within `tables`, which is a whole scene or a section of it.
 
-        `unused` names, for the key of each table, keys without effect; they are left out.  The names for an empty key
-        are those of whole tables.
+        `unused` names keys without effect, by the key of their table; no rows show them.  Its names for the empty key
+        are whole tables without effect.
         """
         for key, part in _telling_values(tables, unused[""]):
             hidden, defaults = unused.get(key, ()), key not in SETTINGS
@@ -86,8 +86,8 @@ class SceneWords:
     def _rows_of_value(self, table: BaseModel, key: str, value: object, name: str, defaults: bool) -> Rows:
         """Yield a row with the value of a key under `name`; for a list of tables, a row for each of these.
 
-        Nothing is yielded for a value without a description.  `defaults` is that of `describe`, for the tables of a
-        list.
+        Nothing is yielded for a value without a description.  If `defaults` is false, the tables of a list are
+        described without keys that have their default values.
         """
         if isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
             single = name.removesuffix("es" if name.endswith("sses") else "s")
@@ -137,7 +137,7 @@ class SceneWords:
 
 
 def _is_rotation(table: BaseModel, key: str) -> bool:
-    """Whether the numbers of a key are about a rotation: by the key (``rx``), or by the table's directions."""
+    """Whether the numbers of a key belong to a rotation, as its name (``rx``) or the directions of its table say."""
     directions = getattr(table, "held_directions", None) or (getattr(table, "direction", None) or key,)
     return all(str(direction) in ("rx", "ry", "rz") for direction in directions)
 

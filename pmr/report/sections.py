@@ -92,9 +92,9 @@ def input_block(result: RunResult, prefix: str) -> Block | None:
     def draw(
         name: str, caption: str, lines: Mapping[str, Array], base: str, quantity: str, *look: Sequence[str]
     ) -> None:
-        """Append a figure of `lines` (T,) over time, of the `quantity` in the unit `base`.
+        """Append a figure of `lines`, histories (T,) by name, of the `quantity` in the unit `base`, over time.
 
-        `name` ends the figure's identifier, and `caption` is what is drawn over time.
+        `name` ends the figure's identifier, and `caption` names what is drawn over time; `look` are colours of lines.
         """
         row.append(
             drawing(f"{prefix}-{name}", line_figure, f"{caption} over time.", result, lines, base, quantity, *look)
@@ -142,7 +142,7 @@ def motion_block(result: RunResult, prefix: str) -> Block | None:
 def tip_drawings(result: RunResult, prefix: str) -> list[Drawing]:
     """Draw the displacement of the tip in each direction across the axis, and its estimated error.
 
-    Directions in which it is round-off are left out.  `prefix` begins the identifiers of the figures.
+    Directions in which the displacement is round-off are left out.  `prefix` begins the identifiers of the figures.
     """
     drawings, of = list[Drawing](), subject.crossing(result) or "the tip"
     for number, (direction, what) in enumerate(tip_displacements(result).items()):
@@ -170,7 +170,8 @@ def energy_block(result: RunResult, prefix: str) -> Block:
 def basis_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block with basis vectors, singular values of the snapshots, and natural frequencies.
 
-    Parts that the run lacks are left out; None if it has none of them.  `prefix` begins the identifiers of the figures.
+    Figures and tables for which the run has no data are left out; None is returned if it has data for none of them.
+    `prefix` begins the identifiers of the figures.
     """
     drawings = list[Drawing]()
     for number, (name, body) in enumerate(result.bodies.items()):
@@ -196,7 +197,7 @@ def basis_block(result: RunResult, prefix: str) -> Block | None:
 
 
 def _published_frequency_grids(result: RunResult) -> Iterator[Grid]:
-    """Yield a table with the first natural frequency of each model and the published one.
+    """Yield a table with the first natural frequency of each model and the published value.
 
     Nothing is yielded if no frequency is published.
     """

@@ -85,10 +85,10 @@ def _error_key_numbers(result: RunResult) -> Iterator[KeyNumber]:
 
 
 def _simulation_time(result: RunResult) -> Iterator[KeyNumber]:
-    """Yield how many times as fast as the full model the reduced model is, if the same simulator computed both.
+    """Yield the ratio of the full model's simulation time to the reduced model's, if one simulator computed both.
 
-    If not, yield the simulation time of the reduced model.  The note has both times, and compares the time of the
-    reduced model with the simulated time.
+    If different simulators did, or the full model was not simulated, yield the simulation time of the reduced model.
+    The note has both times, and compares the time of the reduced model with the simulated time.
     """
     reduced, full = (
         result.responses[name].seconds if name in result.responses else 0.0 for name in ("reduced", "full")
@@ -115,7 +115,7 @@ def peak_clause(peak: PeakSummary) -> str:
 
 
 def peak_part_name(peak: PeakSummary) -> str:
-    """Name the face or corner, the region and the section of a largest stress; empty for a body without these."""
+    """Name the face or corner, the region and the section of a largest stress; empty if the peak states none."""
     face = peak.get("face", "")
     on = f"{face} {'corner' if ' ' in face else 'face'}" if face else ""
     return " of ".join(filter(None, (on, peak.get("region"), peak.get("section"))))

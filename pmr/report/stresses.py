@@ -157,7 +157,7 @@ def _history_drawing(result: RunResult, anchor: str, name: str, unit: str) -> Dr
 
 
 def _places_of(probes: Iterable[Summary]) -> str:
-    """List the probes with the point and the face of each."""
+    """Text that lists probes, from their entries in a summary, with the point and the face of each."""
     texts = dict[str, str]()
     for probe in probes:
         name = probe["name"].rpartition(" ")[0]

@@ -45,10 +45,10 @@ class AppliedLoad:
 
 
 def play_clause(result: RunResult, quantity: str, name: str = "") -> str:
-    """Clause with the largest value of a quantity if pads have another play (``budget.play`` of summary.json).
+    """Clause with the largest value of a quantity in a run with another play of the pads (``budget.play``).
 
-    `name` is that of a part or a direction.  If there was no run with another play, it says so where pads that only
-    push have none.
+    `name` is the name of the part or direction of the value.  If there was no such run, the clause says so where pads
+    only push and have no play; otherwise it is empty.
     """
     play = (result.summary.get("budget") or {}).get("play") or {}
     for row in play.get("rows", ()):
@@ -93,7 +93,7 @@ def direction_words(result: RunResult, direction: str) -> str:
 
 
 def elevation(result: RunResult, t: Array) -> Array | None:
-    """Angles (T,) in rad by which the boom is raised at times t (T,) in s; None on a base that moves or is inclined."""
+    """Angles (T,) in rad from level to the boom at times t (T,) in s; None on a base that moves or is inclined."""
     if result.frame is None:
         gravity = result.scene.gravity
         return None if gravity is None else np.full(len(t), np.deg2rad(gravity.elevation))
@@ -110,7 +110,7 @@ def is_raised(result: RunResult) -> bool:
 class Fixture:
     """Support at `position` m that acts across the axis and does not move along it.
 
-    `kind` is its symbol: ``clamped``, a symbol of a support at a point, or ``pad``.
+    `kind` names the symbol by which it is drawn: ``clamped``, a symbol of a support at a point, or ``pad``.
     """
 
     position: float
@@ -171,7 +171,7 @@ def scope_words(result: RunResult) -> str:
 
 
 def slider_offsets(result: RunResult) -> tuple[float, ...]:
-    """Offsets in m from the path coordinate s of the sliders or moving pads on a body alone; empty for a boom."""
+    """Distances in m of the sliders or moving pads on a body alone from the path coordinate s; empty for a boom."""
     if not is_alone(result):
         return ()
     return result.scene.points or tuple(dict.fromkeys(ring.at for ring in result.scene.pads if ring.moving))
@@ -254,7 +254,7 @@ def has_pushing_pads(result: RunResult) -> bool:
 
 
 def joint_section(result: RunResult, pad: str) -> str:
-    """Name of the section in whose joint a pad is, at the section's tail or at the mouth it slides in; else empty."""
+    """Name of the section that slides on the pad called `pad`, at its tail or at the mouth; empty for other names."""
     names = [name for name in result.scene.names if f"{pad} ".startswith((f"{name} tail ", f"{name} mouth "))]
     return max(names, key=len, default="")
 
@@ -270,7 +270,7 @@ def abscissa_label(result: RunResult) -> str:
 
 
 def shown_force_name(name: str) -> str:
-    """Name of a force or error as pages show it: the luffing cylinder has one name, as a contact and at the pivot."""
+    """Name of the force `name` on pages; the luffing cylinder has one name there, as a contact and at the pivot."""
     return LUFFING_CYLINDER if name.endswith((f" {LUFFING_CYLINDER}", f"{AT_PIVOT} cylinder")) else name
 
 

@@ -220,14 +220,14 @@ def _largest_measure(numbers: Sequence[int]) -> Measure | None:
 
 
 def _force_measure(kind: str) -> Callable[[Columns, Callable[[str], bool]], Measure | None]:
-    """Return the function `MeasureOf` for contacts of one kind.
+    """Return the function `MeasureOf` for contacts of one kind, whose measure is their largest absolute force.
 
-    Its measure is the largest absolute force of these contacts.  The function returns None if there are no such
-    contacts.
+    The function takes the columns, and a function that says whether a limit depends on the name of a contact.  It
+    returns None if there is no such contact.
     """
 
     def measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-        """Return the measure of the forces whose names `looks_at` accepts; None if there are no such forces."""
+        """Return the measure of the forces for whose names `looks_at` is true; None if there are no such forces."""
         return _largest_measure([k for k in columns.numbers_of_kind(kind) if looks_at(columns.names[k])])
 
     return measure
@@ -288,11 +288,11 @@ def _cylinder_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Meas
 
 
 def _rope_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return a function from the values (T, c) of all columns to the largest force (T,) in N on sections on ropes.
+    """Return a function from the values (T, c) of all c columns to the largest absolute drive force (T,) in N of ropes.
 
-    The force is the one that moves a section of `columns.ropes`, which hang on ropes or are followed by other sections
-    on ropes.  `looks_at` says whether a limit depends on the section of a name; None is returned if the limit depends
-    on no section.
+    The drive force is the force that moves a section along the boom.  The sections are those in `columns.ropes`: a
+    section that hangs on a rope, or one that pulls other sections by ropes.  `looks_at` says whether a limit depends on
+    the section of a name; None is returned if the limit depends on no section.
     """
     return _drive_measure([columns.drives[name] for name in columns.ropes if looks_at(name)])
 
@@ -353,13 +353,14 @@ def _luffing_pull_measure(columns: Columns, looks_at: Callable[[str], bool]) -> 
 
 
 def _least_measure(kind: str) -> Callable[[Columns, Callable[[str], bool]], Measure | None]:
-    """Return the function `MeasureOf` for columns of one kind.
+    """Return the function `MeasureOf` for columns of one kind, whose measure is the smallest value of these columns.
 
-    Its measure is the smallest value of these columns.  The function returns None if there are no such columns.
+    The function takes the columns, and a function that says whether a limit depends on the name of a column.  It
+    returns None if there is no such column.
     """
 
     def measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-        """Return the measure of the columns whose names `looks_at` accepts; None if there are none."""
+        """Return the measure of the columns for whose names `looks_at` is true; None if there are no such columns."""
         chosen = [k for k in columns.numbers_of_kind(kind) if looks_at(columns.names[k])]
         return (lambda values: values[:, chosen].min(axis=1)) if chosen else None
 
@@ -391,7 +392,7 @@ def wall_stress(summary: Mapping[str, Any]) -> Mapping[str, Any] | None:
     """Return the entry ``budget.model.wall_stress`` of a run's summary: the largest stress in walls at pads.
 
     None is returned if the summary has no such entry.  Summaries of earlier versions have a factor ``growth``, by which
-    the stress grows with short cells; ``value`` is returned with this factor.
+    the stress grows with short cells; the returned ``value`` is multiplied by this factor.
     """
     model = summary.get("budget", {}).get("model") or {}
     stress: Mapping[str, Any] | None = model.get("wall_stress")

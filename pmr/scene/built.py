@@ -416,7 +416,11 @@ class Load(PlacedLoad):
 
     @model_validator(mode="after")
     def _check_keys(self) -> Self:
-        """Refuse keys that a difference of temperature, wind, a moment or a force does not have."""
+        """Refuse keys without effect on what acts (a force, moment, difference of temperature or wind).
+
+        Refused are also a difference of temperature along the body's axis and the point of a moment.  Returns the load
+        itself.
+        """
         if self.acts == "temperature" and self.direction not in ("y", "z"):
             raise key_error("direction", self.direction, "'y' or 'z' is allowed across a body")
         for key in self.unused_keys:

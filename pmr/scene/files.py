@@ -132,7 +132,11 @@ def check_unused(file: TomlFile, scene: Scene) -> None:
 
 
 def _refuse_any(file: TomlFile, prefix: str, content: Mapping[str, object], unused_keys: Iterator[UnusedKey]) -> None:
-    """Refuse the first of `unused_keys` that the table `content` sets; `prefix` is the key of the table in the file."""
+    """Refuse the first of `unused_keys` in the table `content` that an option or this file sets with its deciding key.
+
+    A key that another file sets, or whose deciding key another file sets, passes (see `check_unused`).  `prefix` is put
+    before the keys of the table; it is the key of the table in the file with a dot, or empty.
+    """
     for unused in unused_keys:
         if not _has_key(content, unused.key):
             continue

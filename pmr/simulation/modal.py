@@ -59,7 +59,10 @@ def product(A: Long, B: Long) -> Long:
 
 
 def _split(A: Long, bits: int, axis: int) -> Array:
-    """Leading `bits` of each entry of A, counted from the largest entry along `axis`, and the remainders, (2, ...)."""
+    """Split each entry of A (m, k) into its leading `bits` and the rest: two arrays of doubles in one array (2, m, k).
+
+    The bits are counted from the leading one of the largest entry along `axis`.
+    """
     _, exponent = np.frexp(np.abs(A).max(axis=axis, keepdims=True, initial=0.0).astype(float))
     rounds = np.ldexp(1.5, exponent + (52 - bits))
     plain = A.astype(float)

@@ -336,9 +336,10 @@ class Limit(SceneTable):
         return max(sizes, key=lambda member: sizes[member], default="")
 
     def tipping_moments(self, at: PostureMatrices, k: int, amounts: Sequence[float]) -> TippingMoments:
-        """Return the moments about the edges of the support polygon at the k-th posture of `at`.
+        """Return the moments that tip the machine about the edges of its support polygon at the k-th posture of `at`.
 
-        `amounts` (w,) are the factors of the w components ``at.loads``.
+        `amounts` (w,) are the amounts by which the w loads in ``at.loads`` act (weights, load, loads of the scene).
+        The polygon is that of this limit or, if it has none, of the scene's ground.
         """
         of_components = np.asarray(amounts)
         if self.polygon:

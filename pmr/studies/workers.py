@@ -139,12 +139,12 @@ class Pool:
 
 @contextmanager
 def local_pool(jobs: int) -> Iterator[Pool]:
-    """Yield a pool of `jobs` workers on this machine, each with a thread and a child; all end with the context."""
+    """Yield a pool of `jobs` worker processes on this machine, each served by one thread; all end with the context."""
     thread, workers = threading.local(), [Worker(sys.path) for _ in range(jobs)]
     unused = iter(workers)
 
     def start_thread() -> None:
-        """Give this thread a worker of its own."""
+        """Assign the next worker process to the thread that calls this function."""
         thread.worker = next(unused)
 
     executor = ThreadPoolExecutor(jobs, initializer=start_thread)

@@ -208,7 +208,10 @@ class BodySystem(Generic[AnyBody]):
         return np.array([np.nan if c.clearance is None else c.clearance for c in self.contacts])
 
     def row(self, place: Place) -> Row:
-        """Return the row of a place, on the carriers of the place's body; each row is built once and stored."""
+        """Return the row that measures the motion at a place, for any path coordinate; it is built at the first call.
+
+        The row has weights on the carriers of the place's body (`pmr.system.rows`).
+        """
         if place not in self._rows:
             body = self.bodies[place.body]
             assert body.carriers is not None

@@ -25,7 +25,9 @@ MODAL = 1e-6
 
 
 def truncate(model: ReducedModel, r: int) -> ReducedModel:
-    """Return the model on its first r modes; the other modes join residual flexibility and enrichment modes.
+    """Return the model on its first r modes; the static response of the other modes joins its residual flexibility.
+
+    The other modes themselves become the model's first enrichment modes, from which `extend` takes them back.
 
     A ValueError is raised in these cases: the coordinates are no eigenmodes in ascending order; there is no residual
     flexibility on carriers; r is not between 1 and one less than the model's size; a mode without stiffness would be

@@ -136,16 +136,17 @@ class CubicSignal(SignalBase):
 
 
 def _cubic_excitation(drivers: Drivers, excitation: Excitation, inputs: Array) -> Excitation:
-    """Excitation with the cubics of `inputs` (4, T, n) as paths and loads.
+    """Return the excitation with cubics over each step in place of the signals of its paths and loads.
 
-    In a frame that moves, the excitation is returned unchanged.
+    `inputs` (4, T, n) are value and rates of order one to three of the n drivers at T steps, as `input_cubics` returns
+    them.  In a frame that moves, the excitation is returned unchanged.
     """
     if drivers.frame is not None:
         return excitation
     step = excitation.stepping.step
 
     def signal_of(number: int) -> CubicSignal:
-        """Signal of the driver with this number."""
+        """Signal of the driver with this `number`, a cubic in each step."""
         return CubicSignal(step=step, rates=tuple(map(tuple, inputs[:, :, number].tolist())))
 
     paths = dict(excitation.paths) | {name: signal_of(k) for k, name in enumerate(drivers.shown_paths)}

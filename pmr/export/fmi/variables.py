@@ -48,10 +48,13 @@ class Drivers:
 
     @classmethod
     def of(cls, system: System, *, reactions: bool = True) -> Drivers:
-        """Drivers of a system; without `reactions` forces of rigid supports are no outputs.
+        """Bring a system into the kernel's form and list what drives it: paths, loads, motions of its frame.
 
-        Raises InputError if the system has terms but no scene with a frame that drives these, if the system's paths
-        differ from the frame's or have another order, or as `modal_form` and `stepped_frame`.
+        If `reactions` is false, forces of rigid supports are no outputs, and pads of a ring are combined where the
+        effect stays the same.  Where the luffing angle of the system's scene is free, all modes get inertia.
+
+        Raises InputError if the system has matrices of a moving frame or of second order but no scene whose frame moves
+        it; if its paths are not those of the frame in the same order; and where `modal_form` or `stepped_frame` does.
         """
         stored = read_scene(system, "system", free=True) if "scene" in system.provenance else None
         if stored is not None and stored.luffs_freely:
@@ -105,7 +108,7 @@ class Drivers:
 
     @cached_property
     def load_units(self) -> tuple[str, ...]:
-        """Unit of each load, in the order of `loads`."""
+        """Unit of each load as FMI writes it, without ^ (``N``, ``N m``, ``m/s``), in the order of `loads`."""
         units = [unit.replace("^", "") for unit in self.system.input_units]
         of_inputs = dict(zip(self.system.input_names, units, strict=True))
         # a force along a ground axis has an input for each axis of the body
@@ -152,7 +155,7 @@ class Drivers:
 
     @property
     def has_derivatives(self) -> bool:
-        """Whether rates of outputs and directional derivatives are known: without a hoist and a free motion."""
+        """Whether rates of outputs and directional derivatives are known: not with a hoist or a free motion."""
         return not self.system.hoist and not self.has_free_motion
 
     @property
@@ -261,8 +264,8 @@ def rate_unit(unit: str, order: int) -> str:
 def _drivers(drivers: Drivers) -> Iterator[Variable]:
     """Yield all drivers that are inputs, with names that may not differ yet, as variables without a start value.
 
-    First come path coordinates, then loads, then motions of the frame.  Of a driver whose value and rate at the start
-    alone are given, these are parameters.  The loads by which the rope of a hoist pulls are left out.
+    First come path coordinates, then loads, then motions of the frame.  A free angle or extension is a parameter, with
+    its value and rate at the start.  The loads by which the rope of a hoist pulls are left out.
     """
     paths, ranges = drivers.shown_paths, drivers.data.rows.ranges
     for k, (name, path, (low, high)) in enumerate(zip(path_names(paths), paths, ranges, strict=False), 1):

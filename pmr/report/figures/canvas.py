@@ -172,7 +172,7 @@ def make_axes(width: float, height: float, across: str, up: str, **margins: floa
 
 
 def make_panels(count: int, height: float, wspace: float, hspace: float, **grid: Any) -> Sheet:
-    """Make a figure with `count` panels, two in a row, each `height` inches high; `axes` of the sheet are a list.
+    """Make a figure with `count` panels, two in a row, each `height` inches high; the sheet's `axes` are a list.
 
     Each panel has room for a title, and the gaps between panels are `wspace` and `hspace` times as wide and high as a
     panel.  `grid` holds further keywords of `Figure.subplots`.
@@ -257,7 +257,7 @@ def log_axis(ax: Axes, low: float, high: float) -> None:
 def octave_axis(ax: Axes, low: float, high: float) -> bool:
     """Make the y-axis logarithmic with labels 1, 2, 5, 10 if the range `low` to `high` spans one to four decades.
 
-    Return whether the range does; if it does not, the axis is left unchanged.
+    Returns true if the range does; if it does not, the axis is left unchanged and the result is false.
     """
     if not 10.0 < high / max(low, 1e-300) < 1e4:
         return False

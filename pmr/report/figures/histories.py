@@ -68,9 +68,9 @@ def sliding_spans(t: Array, rate: Array) -> tuple[Span, ...]:
 
 
 def _relative_rates(result: RunResult, t: Array) -> Array:
-    """Largest relative rate (T,) of all changing paths and angles, at the times `t` (T,) in s.
+    """Largest rate (T,) of all paths and changing angles, as fractions (0 to 1), at the times `t` (T,) in s.
 
-    Each rate is divided by its own largest value, as rates of lengths and of angles have no common unit.
+    Each rate is divided by its own largest absolute value, as rates of lengths and angles have no common unit.
     """
     angles = [angle.rate(t) for angle in subject.changing_angles(result).values()]
     rates = np.abs(np.column_stack([result.paths.rates, *angles]))
@@ -116,7 +116,7 @@ class Timeline:
     def difference_clause(self, signals: Mapping[str, Array]) -> str:
         """Clause that the difference of `signals`, by simulator, to the reference is drawn below; empty if it is 0.
 
-        It says so if the difference is less than the error of the time step.
+        The clause says if the difference is less than the error of the time step.
         """
         if not (apart := largest_of(self.differences(signals))):
             return ""

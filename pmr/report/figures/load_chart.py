@@ -73,7 +73,7 @@ class LoadChart:
 
     @property
     def not_permitted(self) -> NDArray[np.bool_]:
-        """Whether a limit is passed even without a load (E, A)."""
+        """Mask (E, A): positions at which a limit is passed even without a load."""
         return (self.which >= 0) & (self.load <= 0.0)
 
     @property
@@ -154,9 +154,10 @@ def load_chart(chart: LoadChart) -> Figure:
 
 
 def _free_place(places: Array, taken: Array, room: float) -> Array:
-    """Return the one of n `places` (n, 2) nearest to their mean that is at least `room` in m from all `taken` (m, 2).
+    """Choose the place for a label: of n `places` (n, 2), the one (2,) nearest to their mean with enough free room.
 
-    If there is none, it is the one that is farthest from all `taken`.
+    It is at least `room` from all m places `taken` (m, 2), all in m.  If no place is, it is the one that is farthest
+    from all `taken`.
     """
     apart = np.linalg.norm(places[:, None] - taken, axis=2).min(axis=1, initial=np.inf)
     if not (apart >= room).any():
@@ -166,7 +167,7 @@ def _free_place(places: Array, taken: Array, room: float) -> Array:
 
 
 def _outline(cells: Array) -> Path:
-    """Outline of n `cells` (n, 5, 2), whose last corner is the first one."""
+    """Outlines of n `cells` (n, 5, 2) in m as one path; the fifth corner of a cell is its first one again."""
     codes = [Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY] * len(cells)
     return Path(cells.reshape(-1, 2), codes)
 

@@ -76,7 +76,7 @@ def plan_view(result: RunResult) -> Figure:
 
 
 def buckling_figure(result: RunResult) -> Figure:
-    """Draw the buckling factor during the run over the length of the boom, or over its angle if the length stays."""
+    """Draw the buckling factor during the run over the boom's length, or over its angle if the length is constant."""
     over_way, frame, times = result.summary["buckling"]["over"], result.frame, result.responses["reduced"].t
     assert frame is not None  # only a boom in a frame has a factor
     t, factor = np.array(over_way["t"]), np.array([np.nan if value is None else value for value in over_way["factor"]])
@@ -235,8 +235,8 @@ def _cylinders(result: RunResult, steps: NDArray[np.intp]) -> list[Array]:
 def _label_times(ax: Axes, lines: Array, t: Array, most_stressed: int) -> None:
     """Write the time next to the end of each drawn body axis, one of `lines` (S, n, 2) in m, at times t (S,) in s.
 
-    A label that would come near another one is left out.  Labels are written first for the number `most_stressed`, then
-    for the last time, then for the others in order.
+    A label that would come near another one is left out.  The first label is that of the line number `most_stressed`,
+    the second that of the last time; labels of all other times follow in order.
     """
     labelled = list[Array]()
     for k in dict.fromkeys([most_stressed, len(t) - 1, *range(len(t))]):

@@ -147,7 +147,7 @@ def _key_numbers(study: FinishedStudy, chart: LoadChart, error: Array, parts: Pa
 
 
 def covered_parts(parts: Parts) -> str:
-    """List the parts of the error bars, then those that are unknown for the limit that governs, anywhere."""
+    """Text that lists the parts of the error bars, then the parts that are not known of a limit that governs."""
     which = governing_limit(np.concatenate([part["load"] for part in parts]))
     rows = np.flatnonzero(which >= 0)
     covered, lacking = list[str](), list[str]()
@@ -215,7 +215,7 @@ def _governing_page(
 
 
 def _stops(study: FinishedStudy, stops: Array) -> list[Summary]:
-    """List of the stops of a study with results at a point: how far the tip swings after each, and the use of a limit.
+    """Entries of the study's stops with results at one point: swing of the tip after the stop, and use of the limit.
 
     Each row of `stops` has five numbers.  The first is the swing of the tip as a multiple of the displacement by a
     steady deceleration; it is NaN if not known.  The next three are the use of the limit at rest, under the steady
@@ -257,8 +257,5 @@ def _use_tables(names: list[str], n: int, arrays: Mapping[str, Array], sections:
 
 
 def _zero_round_off(values: Array) -> Array:
-    """Return `values`, of the same shape, with 0 for all round-off.
-
-    These are values below the share `ROUND_OFF` of the largest absolute value.
-    """
+    """Return `values` with 0 for round-off: sizes below the share `ROUND_OFF` of the largest absolute value."""
     return np.where(np.abs(values) < ROUND_OFF * np.abs(values).max(initial=0.0), 0.0, values)

@@ -42,7 +42,7 @@ def format_load(load: float | np.floating) -> str:
 
 
 def ceiling(study: FinishedStudy) -> str:
-    """Words for a load at which no limit is reached: the search ends below any limit."""
+    """Words in place of a load where no limit is reached up to the load at which the search ends."""
     return f"more than {format_load(study.study_file['up_to'])} (search ends there)"
 
 
@@ -150,8 +150,8 @@ MOST_LENGTHS, LENGTHS_BESIDE = 24, 8
 def limit_grid(study: FinishedStudy, names: list[str], parts: Parts) -> Grid:
     """Build the table of the limits `names`: amount, factor, and numbers of points.
 
-    After the name of a quantity stands what the quantity leaves out.  Points are counted at which the limit governs, is
-    not reached, or is passed without a load.
+    What a quantity leaves out stands after its name.  The numbers of points are those at which the limit governs, is
+    not reached, or is passed without a load.  `parts` are the results of the study.
     """
     limits = {str(limit["name"]): limit for limit in study.study_file["limits"]}
     rows = []

@@ -17,7 +17,7 @@ from pmr.studies.tasks import Scalar, cell_number
 
 @dataclass(frozen=True)
 class FinishedStudy:
-    """Content of a study's folder."""
+    """Content of a study's folder: its summary, and the results of its runs."""
 
     name: str  # of the folder, by which links refer to the study's chapter
     summary: Summary  # content of summary.json, without the runs

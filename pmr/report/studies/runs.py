@@ -118,10 +118,7 @@ def _key_numbers(done: Sequence[RunRecord], error: str | None) -> Iterator[KeyNu
 
 
 def _cost_differs(runs: Sequence[RunRecord]) -> bool:
-    """Whether a parameter varies on which the time of a simulation depends.
-
-    If no such parameter varies, times differ between runs by chance only.
-    """
+    """Whether a parameter varies that decides the time of a simulation; if none does, times differ by chance only."""
     return any(key.partition(".")[0].partition("[")[0] in COSTLY for run in runs for key in run.parameters)
 
 
@@ -290,9 +287,9 @@ def value_figure(done: Sequence[RunRecord], parameter: str, names: Sequence[str]
 
 
 def error_over_time_figure(done: Sequence[RunRecord], parameter: str, error: str) -> Figure:
-    """Draw an error of the runs `done` over the time of a simulation in ms.
+    """Draw the error called `error` of the runs `done` as points over the time in ms that one simulation took.
 
-    Runs that differ only in `parameter` look alike.
+    Points of runs that differ only in `parameter` have one colour and marker.
     """
     figure, ax = make_axes(WIDE, 2.5, "Time of one simulation in ms", "")
     times = {run.key: 1e3 * run.seconds[TIME] for run in done}
@@ -305,9 +302,9 @@ def error_over_time_figure(done: Sequence[RunRecord], parameter: str, error: str
 
 
 def _curves(done: Sequence[RunRecord], parameter: str) -> list[tuple[dict[str, Any], list[RunRecord]]]:
-    """Group the runs `done` that differ in `parameter` only.
+    """Group the runs `done` that differ in `parameter` only; return a pair for each group.
 
-    Return each group after the keywords of its curve for `Axes.plot`.
+    A pair has the keywords for `Axes.plot` of the group's curve, then the runs of the group.
     """
     groups: dict[str, list[RunRecord]] = {}
     for run in done:

@@ -80,7 +80,7 @@ def unit_of(key: str) -> str:
 
 
 def _sections(annotation: object) -> Iterator[type[BaseModel]]:
-    """Yield the classes of a scene's sections that the annotation of a field allows."""
+    """Yield the classes of a scene's tables that the type annotation of a field contains."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for part in get_args(annotation):

@@ -134,9 +134,10 @@ class Balance:
 
 
 def balance_energy(equations: Equations, contacts: Contacts, motion: Motion) -> Balance:
-    """Compute stored energy and work of a motion, and fill in the forces of soft contacts, in place.
+    """Compute stored energy and work of a motion, and write the forces of contacts that give way into `motion`.
 
-    If pads rub, these forces are already known and are not computed again.  Some thousand times are evaluated together.
+    If pads rub, `motion` has these forces already, and they are not computed again.  Some thousand times are evaluated
+    together.
     """
     m, (n, i) = len(equations.system.contacts), equations.B.shape
     N, block = len(motion.q), max(2, ENTRIES // max(1, m * (n + m + i)))
@@ -237,7 +238,10 @@ class Pads:
         return Rows(giving, assembly.row_slopes(x[0]), assembly.contact_motions_by_moments(x[0]), s)
 
     def answers(self, rows: Rows, f: Array) -> Array:
-        """Response F^-1 H f (m',) in N to loads f (i,) of the m' contacts in `rows` that give way."""
+        """Forces F^-1 H f (m',) in N that the loads f (i,) cause in the m' contacts that give way, in bodies at q = 0.
+
+        F and H, flexibility of these contacts and their displacements by loads, are those of `rows`.
+        """
         displacements = rows.giving.H @ f
         return np.asarray(np.linalg.solve(rows.giving.F, displacements)) if f.any() else displacements
 
@@ -280,7 +284,11 @@ class Pads:
         raise SimulationError(f"friction of the pads along {', '.join(law.joints)} does not settle")
 
     def add_friction(self, motion: Motion, t: Array) -> Motion:
-        """Return `motion` at t (N,) in s with friction and the forces of soft contacts, computed step by step."""
+        """Return `motion` at the times t (N,) in s with friction, and with the forces of contacts that give way.
+
+        These are computed step by step from the coordinates and loads of `motion`, with the gaps (N, m) in m of the
+        contacts and the forces w (N, n) by which friction acts on the coordinates.
+        """
         rows = self.rows(motion.x[:1])
         self.begin(rows, motion.q[0], motion.f[0])
         begun = self._multipliers(rows, motion.q[0], motion.f[0], 0.0)
@@ -326,9 +334,9 @@ class Pads:
         return np.asarray((C - M.T @ rows.slopes)[closed].T @ answers)
 
     def _multipliers(self, rows: Rows, q: Array, f: Array, gap: Array | float) -> Array:
-        """Contact forces (m,) in N, by the coordinates q (n,), the inputs f (i,) and clearances `gap` (m,) in m.
+        """Contact forces (m,) in N at coordinates q (n,) under loads f (i,), with gaps `gap` (m,) in m by friction.
 
-        The forces are zero for rigid contacts.
+        The forces are zero for rigid contacts.  `gap` may be one number for all contacts.
         """
         multipliers = np.zeros(len(self.gives))
         gaps = np.broadcast_to(gap, multipliers.shape)[self.gives]

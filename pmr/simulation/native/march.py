@@ -116,10 +116,11 @@ class March:
         self._start(*self._begun)
 
     def run(self, take: Callable[[int, Steps], None], progress: Progress | None = None) -> SimulationEnd:
-        """Take all steps; call `take` with the number of the first of some consecutive steps, and with the `Steps`.
+        """Take all steps, and check the energy at the end; return the solver's time and the surplus of energy.
 
-        Raises GrowthError if more than `balance.GROWN` of the largest energy comes from neither loads nor moving rows.
-        `progress` is told how far the run is; None tells nobody.
+        `take` is called for some consecutive steps at a time, with the number of the first one and their `Steps`.
+        `progress`, if it is not None, is called with the share of steps that are done.  Raises GrowthError if more than
+        the share `balance.GROWN` of the largest energy comes from neither loads nor contacts that travel.
         """
         paths, inputs, least = self.form.kernel.paths, self.form.kernel.inputs, 0.0
 
@@ -146,8 +147,8 @@ class March:
         """Take all steps, and return the solver's time in s; records of each `every`-th step are passed to `take`.
 
         `take` is called with the number of the first of some consecutive records, and with the records; the first one
-        is the last record of the call before, or the start.  The energy is not checked.  `progress` is told how far the
-        run is; None tells nobody.
+        is the last record of the call before, or the start.  The energy is not checked.  `progress`, if it is not None,
+        is called with the share of steps that are done.
         """
         count = (len(self.t) - 1) // every
         most = max(1, min(BLOCK // every, RECORDED // (2 * self.form.kernel.modes), count))
@@ -174,7 +175,7 @@ class March:
 
     @property
     def _record_names(self) -> tuple[str, ...]:
-        """Names of the arrays that are recorded at each step."""
+        """Names of the arrays of `Steps` that are recorded at each step; further ones depend on what the system has."""
         of_parts = ("peaks", "parts") if self.finest > 1 else ()
         impulses = ("impulses",) if self.pushing.any() else ()
         friction = ("friction",) if self.form.kernel.pads else ()
@@ -182,7 +183,10 @@ class March:
         return ("z", "v", "multipliers", "energy", "drivers", *of_parts, *impulses, *friction, *hoist)
 
     def _record_arrays(self, record: Record) -> Steps:
-        """Arrays of a record, with the start in the first row."""
+        """Return the arrays of a record for some steps, with the present state in the first row of each array.
+
+        Impulses have no value in the first row, as they belong to steps.
+        """
         arrays: dict[str, Any] = dict(record.arrays)
         for name, array in arrays.items():
             if name != "impulses":

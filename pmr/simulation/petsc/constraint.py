@@ -55,15 +55,15 @@ class Prediction:
 
 
 class ContactState:
-    """State of a system's contacts: which are closed, and their last forces.
+    """State of a system's contacts: which are closed, and their forces at the end of the last step.
 
-    `mass` is a factor of M, needed only if some contacts only push.
+    `mass` is a factor of the mass matrix M, None if no contact only pushes.
     """
 
     def __init__(self, system: FullSystem, mass: BlockFactor | None, state: State) -> None:
-        """Begin the constraint of all contacts of `system` at `state`; those with a clearance only push.
+        """Begin with the contact forces of `state`; contacts of `system` that have a clearance only push.
 
-        `mass` is a factor of M, or None if no contact only pushes.
+        `mass` is a factor of the mass matrix M, or None if no contact only pushes.
         """
         self.mass, self.pushes, self._comm = mass, ~np.isnan(system.clearance), system.comm
         self._clearance = np.nan_to_num(system.clearance)
@@ -75,16 +75,18 @@ class ContactState:
         self._closed = ~self.pushes | (state.multipliers > 0.0)
 
     def forces(self, matrix: Array, motion: Array) -> Array:
-        """Multipliers (m,) in N of the m contacts, which would move by `motion` (m,) in m if there were none.
+        """Compute the forces (m,) in N of the m contacts, and store which contacts are closed with these forces.
 
-        `matrix` (m, m) in m/N is what the contacts give way under a multiplier of 1 N.
+        `motion` (m,) in m are the displacements of the contacts that there would be without contact forces, not yet
+        reduced by the clearances.  Column j of `matrix` (m, m) in m/N is how far a force of 1 N at contact j moves all
+        contacts back.  The force of an open contact is zero.
 
         Collective, as all ranks take the same result.  Raises ContactError if contacts depend on each other, or if it
         can't be settled which contacts are closed.
         """
 
         def solution() -> ContactForces:
-            """Multipliers and mask of closed contacts."""
+            """Forces (m,) in N of all contacts, and the mask (m,) of closed ones."""
             return solve_contact(matrix, motion - self._clearance, self.pushes, self._closed)
 
         if self._comm.size == 1 or not self.pushes.any():
@@ -94,9 +96,9 @@ class ContactState:
         return forces
 
     def release(self, rows: PathRows, factors: SchemeFactors) -> Prediction | None:
-        """Correction of the prediction for the last forces of contacts that are now open; None if these are zero.
+        """Remove the stored forces of contacts that are now open; return what that changes in the prediction.
 
-        The stored forces of these contacts are set to zero.
+        None is returned if the stored forces of all open contacts are zero already.
         """
         opened = ~self._closed & ((self._force != 0.0) | (self.share != 0.0))
         if not opened.any():
@@ -167,12 +169,12 @@ class Constraint:
             self._at = x
 
     def multipliers(self, motion: Array) -> Array:
-        """Multipliers (m,) in N, by the motion C q_free (m,) in m of the rows without multipliers.
+        """Contact forces (m,) in N from the displacements `motion` = C q_free (m,) in m of contacts without forces.
 
         Raises
         ------
         SimulationError
-            If closed rows depend on each other, or if it can't be settled which rows are closed.
+            If closed contacts depend on each other, or if it can't be settled which contacts are closed.
         """
         try:
             return self.pushing.forces(self.matrix, motion)
@@ -198,9 +200,10 @@ class CarrierAnswers(NamedTuple):
 
 
 def solve_for_carriers(factor: MatrixFactor, E: sp.csr_matrix, comm: MPI.Comm, stored: bool) -> CarrierAnswers:
-    """Response to unit forces on carriers, by a `factor` of S; collective.
+    """Response to unit forces on p carriers, by a `factor` of S; collective.
 
-    `E` has this rank's columns of E^T.  Displacements are kept only if `stored` is true.
+    `E` (p, n_local) are the rows of the carriers, with the columns of this rank.  Displacements are part of the result
+    only if `stored` is true.
     """
     p, n = E.shape
     P, stored_rows = np.zeros((p, p)), np.zeros((n, p if stored else 0), order="F")

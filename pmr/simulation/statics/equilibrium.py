@@ -357,7 +357,7 @@ class HeldSystem:
 
     @cached_property
     def _solve(self) -> Solve:
-        """Function that solves the equilibrium equations of `saddle_point_solver`."""
+        """Function from forces and gaps (n + m, ...) to displacements and contact forces, by `saddle_point_solver`."""
         return saddle_point_solver(self._assembly.K, self._rows)
 
     @cached_property
@@ -375,7 +375,7 @@ class HeldSystem:
 
     @cached_property
     def _flexibility_root(self) -> Array:
-        """Matrix L (n, n) with A = L L^T, A the flexibility of the bodies and their contacts."""
+        """Root L (n, n) of the flexibility A = L L^T of the bodies' n coordinates, with all contacts closed."""
         n = len(self._random_response)
         A = self._solve(np.vstack([np.eye(n), np.zeros((len(self._rows.F), n))]))[:n]
         size, Q = np.linalg.eigh((A + A.T) / 2.0)
@@ -398,7 +398,8 @@ def geometric_stiffness(assembly: Assembly, coefficients: Mapping[str, float]) -
 def _largest_eigenvalues(solve: Solve, rows: ContactRows, G: sp.csr_matrix, start: Array, count: int) -> Array:
     """Largest `count` + 2 eigenvalues 1/Lambda of -A G, unsorted, by Arnoldi's method.
 
-    G (n, n) is the sum of c_k G_k, A the flexibility that `solve` applies, `start` (n,) the first vector.
+    G (n, n) is the sum of c_k G_k, A (n, n) the flexibility of the structure with its contact `rows`, which `solve`
+    applies to a vector, and `start` (n,) the first vector of the method.
     """
     n, nothing = len(start), np.zeros(len(rows.F))
     operator = spla.LinearOperator(
