@@ -33,7 +33,8 @@ def reason_for_distrust(response: Response, rigid: Sequence[str] = ()) -> str | 
 
     `rigid` are the names of rigid contacts, which the reason mentions.
 
-    There is a reason if energy of the response comes from neither loads nor moving rows (`pmr.simulation.balance`).
+    There is a reason if energy of the response comes from neither loads nor contacts that travel
+    (`pmr.simulation.balance`).
     The energy of the ANCF cable leaves out the axial strain; for this cable there is a reason instead if displacements
     alternate from step to step.
     """
@@ -134,8 +135,8 @@ def highest_mode_frequency(model: ReducedModel, stepping: TimeStepping, count: i
 def has_damped_jump(model: ReducedModel, signals: Sequence[tuple[str, SignalBase]], end: float) -> bool:
     """Whether a load jumps within the run, and truncated modes have enough damping to bear much of the jump at first.
 
-    With damping proportional to stiffness the highest modes give way last, so the force starts from another value than
-    with any number of modes.  `signals` are pairs (name, signal), `end` is the end of the run in s.
+    With damping proportional to stiffness the highest modes give way last, so the contact force starts from another
+    value than with any number of modes.  `signals` are pairs (name, signal), `end` is the end of the run in s.
     """
     modes = model.enrichment
     if modes is None or modes.damping[0] <= 2.0 * DAMPED * np.sqrt(modes.stiffness[0]):
@@ -333,9 +334,10 @@ def alternating_share(signal: Array) -> float:
 
 
 def ringing_share(signal: Array, reference: Array | None = None) -> float:
-    """RMS of a signal's alternating part, divided by the RMS of `reference` (T, o); None: of the signal (T, o) itself.
+    """RMS of the part of a signal (T, o) that alternates from step to step, divided by the RMS of `reference` (T, o).
 
-    The share is averaged over the columns as in `relative_error`.
+    If `reference` is None, the divisor is the RMS of the signal itself.  The share is the mean of the columns that
+    move, as in `relative_error`.
     """
     reference = signal if reference is None else reference
     return relative_error(reference + signal - _without_alternation(signal), reference)
@@ -357,12 +359,12 @@ class RingingReference:
     """An error that says nothing about the reduced model, because the reference rings (`is_ringing`)."""
 
     alternating: float  # share of the reference that changes its sign with every step
-    band: float  # Hz: 1 % of the full model's motion lies above it
+    band: float  # Hz: frequency above which the full model's motion has 1 % of its RMS
     below: float  # error of the signal at frequencies up to `band`, a fraction
 
     @classmethod
     def judge(cls, pair: Pair, full: Response) -> RingingReference | None:
-        """Return the error of a pair (signal, reference), each (T, o), with the reference from the response `full`.
+        """Return the error of a pair (signal, reference), each (T, o), whose reference is part of the response `full`.
 
         None is returned if the error is not due to ringing of the reference (`is_ringing`).
         """

@@ -34,10 +34,10 @@ def load_rates(model: ReducedModel, excitation: Excitation) -> Rates:
 
 
 def force_rates(model: ReducedModel, trajectory: Trajectory, path_rate: Array, loads: Rates) -> Rates:
-    """Multipliers z (T, m) in N, which deform the residual part, and their rates (T, m) in N/s (see `output_rates`).
+    """Contact forces z (T, m) in N of a trajectory, and their rates (T, m) in N/s by the equations of `output_rates`.
 
-    The forces are those of `trajectory`.  `path_rate` (T,) is the rate of the path coordinate in m/s, and `loads` are
-    the loads with their rates.  Open contacts have the rate 0.  Raises ValueError if the model has no residual
+    `path_rate` (T,) is the rate of the path coordinate in m/s, and `loads` are the loads (T, i) with their rates.  Open
+    contacts have the rate 0.  Raises ValueError if the model has no residual
     flexibility.
     """
     tables, s = model.flexibility, trajectory.s
@@ -61,11 +61,11 @@ def output_rates(model: ReducedModel, trajectory: Trajectory, excitation: Excita
         \dot y = O \dot p + W \dot f - X \dot z - \dot s X' z, \qquad
         (G + 1/k)\, \dot z = C \dot p + \dot s C' p + H \dot f + \dot s H' f - \dot s G' z
 
-    The outputs are y, the coordinates p, the loads f, the path coordinate s, and z are the multipliers that deform the
-    residual part.  The rows C(s) have the stiffnesses k, and O is the output matrix.  Tables of the residual
-    flexibility are W (`direct`), X(s) (`outputs`), H(s) (`inputs`) and G(s) (`rows`).  A prime is the derivative with
-    respect to s (docs/moving_residual_flexibility.md, section 5).  Without residual flexibility only :math:`O \dot p`
-    is left.
+    The outputs are y, the coordinates p, the loads f, the path coordinate s, and z are the contact forces, under which
+    the residual part (what the modes leave out) deforms at once.  The rows C(s) have the stiffnesses k, and O is the
+    output matrix.  Tables of the residual flexibility are W (`direct`), X(s) (`outputs`), H(s) (`inputs`) and G(s)
+    (`rows`).  A prime is the derivative with respect to s (docs/moving_residual_flexibility.md, section 5).  Without
+    residual flexibility only :math:`O \dot p` is left.
 
     At a kink of s or f, z and the deformation under the slider have kinks too: their rates jump, which is possible only
     without mass.  On smooth paths the rates of the residual part make velocities more accurate, on paths of straight

@@ -138,11 +138,9 @@ def write_sid(body: NodalBody, target: Path) -> Path:
 
 
 def _centrifugal(of: Array) -> Array:
-    """Coefficients (m, [m,] 6) of the integral of phi . omega x (omega x r).
+    """Coefficients (m, [m,] 6) of the integral of phi . omega x (omega x r), one for each product Omega of the module.
 
-    There is one for each product of two components of omega.
-
-    `of` (3, 3, m, [m]) are integrals of products of a component of r (or of its modes) and one of phi.
+    `of` (3, 3, m, [m]) are integrals of products of a component of r (or of its m modes) and one of phi.
     """
     trace = np.einsum("ii...->...", of)
     squares = [of[a, a] - trace for a, b in PRODUCTS[:3]]
@@ -150,7 +148,7 @@ def _centrifugal(of: Array) -> Array:
 
 
 def _sid_lines(body: NodalBody) -> Iterator[str]:
-    """Yield the lines of a body's file in the format SID (standard input data)."""
+    """Yield the lines of a body's file of Standard Input Data: sizes and frequencies, nodes, inertia integrals."""
     m, places = len(body.omega), body.frames
     yield f"{len(places.names):5d}{m:5d}    :No. nodes, No. modes: sliders at s = {body.s!r} m, SI units"
     yield " part"

@@ -93,9 +93,9 @@ def check_constraints(nodes: ForeignNodes, pairs: Indices) -> None:
 
 
 def _make_nodes(numbers: list[int], points: Sequence[Sequence[float]], groups: dict[str, list[int]]) -> ForeignNodes:
-    """Return nodes from their numbers, points and groups; groups without members are left out.
+    """Return nodes from their `numbers`, their points (x, y, z) in m, and the numbers of the nodes in each group.
 
-    Raises UnreadableError if there are no nodes.
+    Groups without members are left out.  Raises UnreadableError if there are no nodes.
     """
     if not numbers:
         raise UnreadableError("nodes are allowed: this file has none")

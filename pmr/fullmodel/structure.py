@@ -173,7 +173,7 @@ class Coupling:
         return sp.csr_matrix(self.walls.mass(self.T.shape[1]) + self.attached_inertia(np.eye(3)))
 
     def attached_inertia(self, S: Array) -> sp.csr_matrix:
-        """Integral of rho v . S u over the attached masses, (n', n'), for their displacements u (trial) and v (test).
+        """Integral (n', n') of rho v . S u over the attached masses, for displacements u (trial) and v (test) on z.
 
         If S (3, 3) is the identity, this is the mass matrix of the attached masses.
         """
@@ -226,7 +226,7 @@ class Coupling:
     def load(
         self, load: Action | Weight | Inertia | Warmth | LineLoad, M: PETSc.Mat, moving: FrameAssembler
     ) -> sp.csr_matrix:
-        """Forces on z by a unit of an input of `load`, as a row (1, n'); collective.
+        """Forces on the n' coordinates z by one unit of the input of `load`, as a row (1, n'); collective.
 
         M is the model's mass matrix.  `moving` assembles the loads of acceleration fields.  Raises InputError for
         temperatures and line loads on a body that is no beam.

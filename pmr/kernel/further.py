@@ -153,7 +153,7 @@ def _no_flexibility(body: ReducedModel) -> Flexibility:
 def support_arrays(
     system: System, supports: Sequence[Supports], forms: Sequence[Modal], modes: Sequence[slice], width: int
 ) -> Arrays:
-    """Arrays with the reactions of supports to the rates of modes and to the system's terms.
+    """Arrays with the reactions of rigid supports to the rates of modes and to the matrices of the system's terms.
 
     ``reaction_rates`` (r, width) holds the reaction per rate of each of r modes.  ``support_first`` holds where the
     entries of each term begin.  ``support_entries`` (e, 2) holds the numbers of reaction and mode of each entry; r is
@@ -280,13 +280,13 @@ Quantity = tuple[str | int, ...]
 
 @dataclass(frozen=True)
 class Product:
-    """A number, `factor`, times the quantities `of`."""
+    """Product of a number, the `factor`, and the values of quantities, `of`; their kinds are described above."""
 
     factor: float
     of: tuple[Quantity, ...]
 
     def times(self, factor: float, *more: Quantity) -> Product:
-        """Product with a further factor and further quantities."""
+        """Return the product of this one, a number `factor` and the quantities `more`."""
         return replace(self, factor=factor * self.factor, of=(*self.of, *more))
 
 
@@ -326,7 +326,7 @@ class Frame(Protocol):
 
     @property
     def products(self) -> tuple[Products, ...]:
-        """Products of each of i inputs, then of each of K terms, then of each driver of a hoist."""
+        """Products whose sums are the loads on i inputs, the amplitudes of K terms, then the drivers of a hoist."""
 
 
 def frame_arrays(frame: Frame | None, paths: Sequence[str]) -> Arrays:
@@ -396,7 +396,10 @@ def ground_outputs(scene: Scene) -> dict[str, str]:
 
 
 def mass_numbers(masses: Sequence[MachineMass]) -> Array:
-    """Numbers (m, 8) of the m masses of a machine, in the order of `pmr_masses_wrench` in the kernel."""
+    """Data (m, 8) of the m masses of a machine for the kernel, in SI units.
+
+    Each row has the mass, the place (3) from the pivot, the moments of inertia (3), and 1 if the mass slews, else 0.
+    """
     rows = [[mass.mass, *mass.at, *mass.inertia, mass.slews] for mass in masses]
     return np.array(rows, float).reshape(-1, 8)
 

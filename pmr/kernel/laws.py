@@ -79,9 +79,10 @@ class ContactSearch:
         self._state = ffi.new("pmr_search *")
 
     def change(self, closed: Mask, wrong: Mask) -> Mask:
-        """Contacts (m,) to be closed in the next solve, by the masks `closed` of this solve and `wrong` of its result.
+        """Mask (m,) of the contacts to be closed in the next solve.
 
-        A contact is wrong if it is closed and pulls, or if it is open and overlaps.
+        The mask `closed` (m,) has the contacts that were closed in this solve, the mask `wrong` (m,) those that its
+        result shows on the wrong side.  A contact is wrong if it is closed and pulls, or if it is open and overlaps.
         """
         changes = np.array(wrong, np.int32)
         lib.pmr_choose_changes(len(changes), pointer(changes), self._state)
@@ -170,7 +171,7 @@ class SchemeFactors(NamedTuple):
 
 
 class JointCylinder(NamedTuple):
-    """Cylinder of a joint whose pads have friction, at the end of a step that has the multiplier `force`."""
+    """Cylinder of a joint whose pads have friction, at the end of a step at which it carries `force`."""
 
     gives: float = 0.0  # m/N: 1/k; 0 if the cylinder is rigid or missing
     compliance: float = 0.0  # m/N: diagonal entry of the cylinder in the matrix A (`solve_contact`)
@@ -258,8 +259,8 @@ class Stand:
     def forces(self, loads: Array) -> Array:
         """Return the forces (T, n) in N of the outriggers under loads within the support polygon.
 
-        `loads` (T, 3) are the sum of the forces in N, and the sums of the forces times x and times y in N m.  Errors as
-        `columns`.
+        `loads` (T, 3) are the sum of the forces in N, and the sums of the forces times x and times y in N m.  Raises a
+        SimulationError as `columns` does.
         """
         return self._call_kernel(lib.pmr_stand_forces, loads, len(self.places))
 

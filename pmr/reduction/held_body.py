@@ -96,12 +96,12 @@ def build_at(scene: Scene, s: float) -> AssembledBody:
 
 
 def nodes_of(model: StructuralModel) -> Indices:
-    """Numbers (N, 3) of the coordinates along x, y and z of each of N nodes.
+    """Numbers (N, 3) of the model's coordinates that are displacements along x, y and z of each of N nodes.
 
     Raises
     ------
     InputError
-        If a node has other coordinates.
+        If a node has other coordinates than these three, or lacks one.
     """
     if is_assembled(model):
         from pmr.models.solid import Solid  # imported here: its forms need FEniCSx, given matrices do not

@@ -261,9 +261,9 @@ def _with_flexibility(reduced: ReducedModel, flexibility: Flexibility) -> Reduce
 
 
 def _yielding_rows(model: ReducedModel) -> list[int]:
-    """Numbers of the rows that the body's supports do not hold.
+    """Numbers of the rows at which the body can move or give way; all others are held by its supports everywhere.
 
-    A row that the supports hold may be rigid, because the contact gives way on its other body.
+    A row that the supports hold may have no flexibility on this body, because the contact gives way on its other body.
     """
     assert model.flexibility is not None
     s = _checked_positions(model)
@@ -306,10 +306,10 @@ def _without_round_off(reduced: ReducedModel, residual: ResidualFlexibility, V: 
 
 
 def _with_floor(model: ReducedModel) -> ReducedModel:
-    """Return the model with `FLOOR` times C K^+ C^T added to G for rows whose flexibility falls below it somewhere.
+    """Return the model with a least residual flexibility: `FLOOR` times C K^+ C^T, the flexibility of its coordinates.
 
-    G is the residual flexibility of a row and k its stiffness; the rows in question have a G + 1/k below `FLOOR` times
-    C K^+ C^T anywhere on the path.  If there is none, the model is returned unchanged.  Not to be called for free
+    It is added to the residual flexibility G of those rows C for which G + 1/k, with the row's stiffness k, is smaller
+    than it anywhere on the path.  If there is no such row, the model is returned unchanged.  Not to be called for free
     modes: these leave something out everywhere, and on soft supports C K^+ C^T is the flexibility of the supports, far
     more than that of bending.
 

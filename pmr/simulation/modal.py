@@ -95,14 +95,14 @@ class ModalForm:
 
     @property
     def omega2(self) -> Array:
-        """Squares (r,) in (rad/s)^2 of the natural circular frequencies without the rows.
+        """Squares (r,) in (rad/s)^2 of the body's natural circular frequencies without its contacts.
 
         The squares are ascending; those of coordinates without inertia come last.
         """
         return np.diagonal(self.body.K)
 
     def start(self, initial: InitialState) -> InitialState:
-        """`initial`, a state of the original body, in modal coordinates."""
+        """Return the state `initial` of the original body in modal coordinates: coordinates and rates (r,)."""
         return InitialState(self.inverse @ initial.q, self.inverse @ initial.v)
 
     @property
@@ -165,7 +165,10 @@ def support_forces(body: SlidingBody, trajectory: Trajectory, loads: Array) -> A
 
 
 def inertia_share(body: SlidingBody, reactions: Reactions) -> Array:
-    """Matrix P (h, n) of `support_forces` for the h supports of `reactions`; zero for held coordinates."""
+    """Matrix P (h, n) in the equation of `support_forces`: share of inertia forces on n coordinates in h reactions.
+
+    The columns of coordinates that supports hold are zero.
+    """
     free, P = np.setdiff1d(np.arange(body.size), list(body.held.values())), np.zeros((len(reactions.names), body.size))
     M, right = body.M[np.ix_(free, free)], reactions.inertia[:, free].T
     shares = spsolve(sp.csc_matrix(M), right).reshape(right.shape) if sp.issparse(M) else np.linalg.solve(M, right)

@@ -59,7 +59,9 @@ class Chart:
         return [Place(at, k, amounts, self.gravity) for amounts in self.amounts]
 
     def loads(self, places: Sequence[Place], guesses: Array | None = None) -> Array:
-        """Return the load (c, l) in kg that each of l limits allows at each of c `places`; NaN above `up_to`.
+        """Return the load (c, l) in kg that each of l limits allows at each of c `places`.
+
+        A load is NaN if no load up to `up_to` reaches the limit; the last limit is the stability of the boom.
 
         `guesses` (c, l) holds loads in kg near which each search begins, NaN where there is no guess; None stands for
         no guesses at all.
@@ -83,7 +85,10 @@ class Chart:
         return is_passed
 
     def least_loads(self, loads: Array) -> Array:
-        """Return for each limit the smallest (l,) of its `loads` (c, l) in kg over c cases; `up_to` if all are NaN."""
+        """Return for each of l limits the smallest of its `loads` (c, l) in kg over c cases (l,).
+
+        It is `up_to` for a limit whose loads are all NaN.
+        """
         return np.asarray(np.nan_to_num(np.fmin.reduce(loads), nan=self.up_to))
 
     def reduction_errors(self, models: ChartModels, k: int, loads: Array) -> Array:

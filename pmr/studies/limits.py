@@ -155,7 +155,7 @@ def _share_of_user_function(limit: Limit, at: PostureMatrices, k: int, amounts: 
 def _share_of_buckling(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
     """Return the function from p states to the used shares (p,) of a limit on the buckling factor.
 
-    Posture and `amounts` are not used, as each state has its form.
+    Posture and `amounts` are not used, as the factor follows from the closed contacts of each state (`Form`).
     """
     amount = limit.allowed_amount
     return lambda states: amount * np.array([form.inverse_factor(load) for form, load in _forms_and_loads(states)])
@@ -164,7 +164,7 @@ def _share_of_buckling(limit: Limit, at: PostureMatrices, k: int, amounts: Seque
 def _share_of_frequency(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
     """Return the function from p states to the used shares (p,) of a limit on the lowest natural frequency.
 
-    Posture and `amounts` are not used, as each state has its form.
+    Posture and `amounts` are not used, as the frequency follows from the closed contacts of each state (`Form`).
     """
     amount = limit.allowed_amount
     return lambda states: np.array([_ratio(amount, form.frequency(load)) for form, load in _forms_and_loads(states)])
@@ -296,7 +296,7 @@ class Limit(SceneTable):
 
     @property
     def allowed_amount(self) -> float:
-        """Largest allowed value, or for eigenvalues `factor` times `least`.
+        """Allowed amount: the largest allowed value or, for eigenvalues, the smallest one, `factor` times `least`.
 
         The largest allowed value is `most`; for a pad with an `area` it is `most`, a pressure, times the area.
         """
@@ -307,8 +307,8 @@ class Limit(SceneTable):
     def share(self, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
         """Return the function from p states to the used shares (p,) of the limit at the k-th posture of `at`.
 
-        `amounts` (w,) are the amounts by which the w components ``at.loads`` act.  Raises InputError if the model has
-        none of the columns that the limit depends on.
+        `amounts` (w,) are the amounts by which the w loads in ``at.loads`` act (weights, load, loads of the scene).
+        Raises InputError if the model has none of the columns that the limit depends on.
         """
         return self.kind.share(self, at, k, amounts)
 
@@ -379,7 +379,7 @@ class Limit(SceneTable):
                 raise self._unknown_name(names)
 
     def concerns(self, name: str) -> bool:
-        """Return whether the limit depends on the column, the probe or the point of the stress field with this name."""
+        """Return whether the limit depends on the column, probe or point of a stress field called `name`."""
         if self.of not in ("stress", "field"):
             return matches_pattern(self.which, name)
         body, separator, suffix = name.rpartition(FIELD)
@@ -407,7 +407,7 @@ class Limit(SceneTable):
 
 
 def _forms_and_loads(states: LoadedStates) -> Iterator[tuple[Form, float]]:
-    """Iterate over the states' forms and loads in kg."""
+    """Iterate over pairs, one for each state: the `Form` of its closed contacts, and its load in kg."""
     return zip(states.forms, states.load.tolist(), strict=True)
 
 

@@ -131,7 +131,10 @@ def _exit_cause(code: int) -> str:
 
 @dataclass(frozen=True)
 class Pool:
-    """Workers that run `slots` orders at a time; `submit` returns a future with an order's failure, or with None."""
+    """Workers that run `slots` orders at a time.
+
+    `submit` takes an order and returns a future, whose result is the order's failure, or None if it is done.
+    """
 
     slots: int
     submit: Callable[[Order], Future[Failure | None]]
@@ -158,9 +161,9 @@ def local_pool(jobs: int) -> Iterator[Pool]:
 
 @contextmanager
 def rank_pool() -> Iterator[Pool | None]:
-    """Yield a pool of all other ranks on rank 0; collective.
+    """Yield, on rank 0, a pool whose workers are all other ranks, and None on the other ranks; collective.
 
-    All other ranks run orders until the context of rank 0 ends; after that None is yielded on them.
+    The other ranks run orders until the context of rank 0 ends; None is yielded on them only then.
     """
     from mpi4py import MPI
     from mpi4py.futures import MPICommExecutor

@@ -156,7 +156,7 @@ TAKES_PART = 1e-2
 
 @dataclass(frozen=True)
 class Dependence:
-    """Independence of rows: its `measure` is 1 for orthogonal rows and 0 for dependent ones.
+    """Result of a test whether rows depend on each other: `measure` is 1 for orthogonal rows, 0 for dependent ones.
 
     `names` are rows that take part in the combination of rows closest to zero: their share in it is at least
     `TAKES_PART` of the largest share.
@@ -169,7 +169,8 @@ class Dependence:
 def dependence_of_rows(C: Array, names: Sequence[str]) -> Dependence:
     """Dependence of rows C (m, r), measured by their smallest singular value after each is scaled to unit length.
 
-    `names` are the names of the rows.  If some rows are zero, the measure is 0 and only these rows are named.
+    `names` are the names of the m rows.  The result names the rows that nearly depend on each other; if some rows are
+    zero, the measure is 0 and only these rows are named.
     """
     size = np.linalg.norm(C, axis=1)
     if not size.all():

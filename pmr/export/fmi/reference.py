@@ -156,7 +156,7 @@ def _cubic_excitation(drivers: Drivers, excitation: Excitation, inputs: Array) -
 
 
 def input_cubics(drivers: Drivers, excitation: Excitation) -> Array:
-    """Drivers and their rates of order one to three at the steps, (4, T, n), as cubics that reach the next step.
+    """Values and rates of order one to three (4, T, n) of n drivers at T steps: a cubic from each step to the next one.
 
     The cubic of a step has the exact values of the driver at both ends of the step.  Without a frame, it has the exact
     rates of paths and loads there too.  In a frame, it has the exact second rates of paths and angles, which accelerate
@@ -188,7 +188,7 @@ def input_cubics(drivers: Drivers, excitation: Excitation) -> Array:
 
 
 def inputs_csv(run: Reference, variables: Sequence[Variable]) -> str:
-    """Text of resources/reference_in.csv: time and inputs at every step, under the variables' names."""
+    """Text of resources/reference_in.csv: time and inputs of `run` at every step, with the names of `variables`."""
     shown = [variable for variable in variables if variable.role.causality == "input"]
     inputs = [variable for variable in shown if variable.reference < run.inputs.shape[1]]
     return _csv(["time", *(v.name for v in inputs)], run.inputs[:, [0, *(v.reference for v in inputs)]])

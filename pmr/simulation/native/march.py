@@ -53,7 +53,7 @@ class Steps(NamedTuple):
 
 
 class March:
-    """One simulation by the kernel; arguments and errors as `pmr.simulation.SystemSimulator`.
+    """One simulation by the kernel; arguments and errors are those of `pmr.simulation.SystemSimulator`.
 
     If `initial` is None, the simulation starts as ``excitation.start`` says.
     """
@@ -101,9 +101,10 @@ class March:
             raise self._failure(error, 0) from None
 
     def _start(self, kind: Literal["rest", "given", "equilibrium"], *modes: Array) -> None:
-        """Set the kernel's state to t = 0, at rest, in the given `modes` or in equilibrium, as `kind` says.
+        """Set the kernel's state to t = 0: at rest, in a given state or in equilibrium, as `kind` says.
 
-        A StepError is raised if that fails.
+        `modes` are the modal coordinates and rates of a given state, and empty for others.  Raises a StepError if the
+        kernel can't start so.
         """
         self._sampling = 0.0  # s: time spent to sample drivers, in the steps that follow
         if self._frame is None:
@@ -250,7 +251,7 @@ class March:
         return u
 
     def _failure(self, error: StepError, step: int) -> SimulationError:
-        """Error of a failed step for the user."""
+        """Return the error, in words for a user, for the `error` of the kernel in the step number `step`."""
         x = side_positions(self.form.modal, self.excitation, [step])[0]
         return step_failure(self._step_text(step), self.form, error, x)
 
@@ -261,5 +262,8 @@ class March:
 
 
 def without_pull(multipliers: Array, pushing: NDArray[np.bool_]) -> None:
-    """Set negative `multipliers` (T, m) of contacts `pushing` (m,) to zero, in place: round-off of other forces."""
+    """Set negative forces of contacts that only push to zero in `multipliers` (T, m) in N, in place.
+
+    Negative forces of such contacts, the mask `pushing` (m,), are round-off of other forces.
+    """
     np.maximum(multipliers, np.where(pushing, 0.0, -np.inf), out=multipliers)
