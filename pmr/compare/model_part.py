@@ -229,9 +229,9 @@ def _largest(*values: Array) -> Array:
 
 
 def _relative_difference(y: Array, reference: Array) -> float | None:
-    """Norm of y - reference, arrays of one shape, as a fraction of that of the reference; None if that is zero.
+    """Norm of y - reference divided by the norm of `reference`, an array of y's shape; None if the reference is zero.
 
-    y and the reference are divided by the largest value of the reference first, so that squares don't overflow.
+    Both are divided by the largest absolute value of the reference first, so that squares don't overflow.
     """
     unit = float(np.abs(reference).max())
     return float(np.linalg.norm((y - reference) / unit) / np.linalg.norm(reference / unit)) if unit > 0.0 else None

@@ -116,7 +116,7 @@ def simulate_by(
 
     Short simulations are repeated as the scene says, and the shortest solver time is reported.  The compiled simulator
     keeps the motion of reduced bodies at all steps, that of a single body without terms if it fits in memory
-    (`fits_in_memory`).  `done` is told how far the run is; None tells nobody.
+    (`fits_in_memory`).  `done`, if not None, is called with the share of the run that is done.
     """
     numbers, repeats = np.asarray(steps, np.int64), scene.simulation.repeats
     if simulator == "march":
@@ -232,8 +232,8 @@ def _march(
     """Simulate by the compiled simulator (``march``), and evaluate the response block by block.
 
     The motion is kept at the `recorded_steps` (r,).  States are returned at the `steps` (k,), all of which are
-    recorded.  A short simulation is made `repeats` times, and the shortest time counts.  `done` is told how far the run
-    is; None tells nobody.
+    recorded.  A short simulation is made `repeats` times, and the shortest time counts.  `done`, if not None, is called
+    with the share of the run that is done.
     """
     system = form.system
     march, f = March(form, excitation), excitation.forces(system.input_names)
@@ -344,8 +344,9 @@ def simulate_cable(
 ) -> ancf.CableMotion:
     """Motion of the scene's beam as an ANCF cable, at the material points x (o,) in m.
 
-    `done` is told how far the run is; None tells nobody.  Raises InputError if Exudyn is not installed, and whenever
-    `pmr.simulation.exudyn.ancf.simulate` does; SimulationError if a step fails or a result is not finite.
+    `done`, if not None, is called with the share of the run that is done.  Raises InputError if Exudyn is not
+    installed, and whenever `pmr.simulation.exudyn.ancf.simulate` does; SimulationError if a step fails or a result is
+    not finite.
     """
     cable = _cable(scene)
     from pmr.simulation.exudyn import ancf

@@ -189,8 +189,9 @@ def factor_of(A: PETSc.Mat, name: str) -> Factor | SparseFactor:
 def factor_for_steps(A: PETSc.Mat, name: str) -> MatrixFactor:
     """Factor of A for single right-hand sides, one after another: by CHOLMOD on one rank, otherwise by `factor_of`.
 
-    `name` is the matrix's, for messages.  CHOLMOD is taken only if PETSc was built with it.  Raises the errors of
-    `factor_of`.
+    A (n, n) is symmetric and is called `name` in messages.  CHOLMOD is taken only if PETSc was built with it.  Raises a
+    `NotDefiniteError` if A is not positive definite, and an `InputError` if its factor does not fit into the memory.
+    Collective.
     """
     if HAS_PETSC and A.comm.size == 1:
         with suppress(PETSc.Error):

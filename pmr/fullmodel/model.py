@@ -247,7 +247,7 @@ class FullSystem(BodySystem[FullModel]):
     def with_supports(self) -> FullSystem:
         """System in which each support of a single coordinate is also a contact with the ground.
 
-        These contacts are listed after all others.  A support is skipped if a contact uses its row already.
+        The added contacts come after all others.  A support is skipped if a contact uses its row already.
         """
         used = {(side.place.body, side.place.row) for side in self.sides}
         held = [
@@ -269,7 +269,7 @@ class FullSystem(BodySystem[FullModel]):
         return System(bodies, self.contacts, terms=terms, hoist=self.hoist) if bodies else None
 
     def _gather_term(self, term: Term) -> Term:
-        """The `term` with SciPy matrices on rank 0, unchanged on other ranks; collective."""
+        """Return the `term` with SciPy matrices on rank 0, and unchanged on other ranks; collective."""
         on_first_rank: dict[str, Any] = {
             key: A if sp.issparse(A) or isinstance(A, np.ndarray) else gather(A) for key, A in term.matrices.items()
         }

@@ -103,7 +103,8 @@ class MachineSimulation:
         """Let the luffing cylinder begin with the force or the pressures that hold the boom at rest at the start.
 
         `place` (6,) is the place of the machine, z (modes,) are coordinates of the boom.  Oil on the rod's side has the
-        back pressure; if the other side would then need a negative one, that side has it.  Errors as `holding_forces`.
+        back pressure; if the other side would then need a negative one, that side has it.  Raises the errors of
+        `holding_forces`.
         """
         arrays = [np.ascontiguousarray(array, float) for array in (place, z)]
         self._raise_unless_done(lib.pmr_machine_run_load_cylinder(self._run, *map(pointer, arrays)), 0)

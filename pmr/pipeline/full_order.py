@@ -91,10 +91,10 @@ class FullOrder:
         return gathered_system and replace(gathered_system, terms=terms_of(self.scene, gathered_system.bodies))
 
     def frequencies(self, s: Array, count: int, c: Array) -> Array:
-        """Return the f = `count` lowest natural frequencies (S, f) in Hz with P paths at s (S, P) in m.
+        """Return the f = `count` lowest natural frequencies (S, f) in Hz at S positions of the system.
 
-        Collective.  Every contact is closed; the system's terms, such as geometric stiffness, have amplitudes c (S, k),
-        k in each of S positions.
+        Collective.  The P paths have the coordinates s (S, P) in m, and every contact is closed.  The system's k terms,
+        such as geometric stiffness, have the amplitudes c (S, k).
         """
         if ALONE in self.system.bodies and not c.size:
             solver = self.scene.reduction.solver
@@ -186,8 +186,8 @@ class FullOrder:
     ) -> FullMotion:
         """Simulate the full system by PETSc on all ranks; return response and states as `_simulate_full`.
 
-        `steps` are the numbers of the steps whose states are returned; `done` is told how far the run is.  If
-        `checkpoint` is not None, an interrupted simulation continues.
+        `steps` are the numbers of the steps whose states are returned; `done` is called with the share of steps that
+        are done.  If `checkpoint` is not None, an interrupted simulation continues.
         """
         system = self._with_terms()
         times = [excitation.stepping.step * step for step in steps]
@@ -209,9 +209,9 @@ class FullOrder:
         return FullMotion(with_forces_on_machine(self.scene, response), states)
 
     def _with_terms(self) -> FullSystem:
-        """Return the distributed system with the terms of its moving frame.
+        """Return the distributed system with its terms: the matrices that its moving frame adds to the equations.
 
-        Collective.  The system is returned unchanged if the frame has no terms.  The sparse matrices of the terms are
+        Collective.  The system is returned unchanged if the frame adds none.  The sparse matrices of the terms are
         whole on every rank.
         """
         if not list(frame_terms(self.scene)):
@@ -270,9 +270,10 @@ def _support_reactions(full_system: FullSystem, history: History) -> SupportReac
 def _lanczos_frequencies(full_system: FullSystem, places_of: Array, count: int, c: Array) -> Array | None:
     """Return the f = `count` lowest frequencies (S, f) in Hz, by Lanczos iterations, on rank 0; None on other ranks.
 
-    The iterations are on the saddle point of the coordinates and the contact forces.  Positions are `places_of` (S,
-    sides) in m, and the k terms have amplitudes c (S, k) there.  Of the terms that act on rates only the antisymmetric,
-    gyroscopic part counts; this part is projected on the lowest modes of the system without this part.
+    The unknowns of the iterations are coordinates and contact forces.  The sides of the contacts are at `places_of` (S,
+    sides) in m at S positions of the system, where its k terms have the amplitudes c (S, k).  Of terms that act on
+    rates only the antisymmetric, gyroscopic part is taken; it is projected on the lowest modes of the system without
+    it.
     """
     system = full_system.with_supports()
     gathered = {id(model): model.gather() for model in dict((id(model), model) for model in system.models).values()}

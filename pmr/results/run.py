@@ -52,11 +52,11 @@ class Loads:
 
 @dataclass(frozen=True)
 class Shapes:
-    """Basis of a beam: k singular values (k,), and transverse shapes (o, r) of r vectors at o positions x (o,) in m."""
+    """Basis of a beam: singular values of its snapshots, and displacements across the axis in its r basis vectors."""
 
-    singular_values: Array
-    x: Array
-    shapes: Array
+    singular_values: Array  # (k,)
+    x: Array  # (o,) m: positions along the beam
+    shapes: Array  # (o, r)
 
 
 @dataclass(frozen=True)
@@ -289,7 +289,7 @@ class RunResult:
 
     @property
     def columns(self) -> dict[str, list[str]]:
-        """Names of the columns of each array of trajectories.npz, by the array's name; the names include units."""
+        """Names of the columns of each array of trajectories.npz, by the array's name; a unit in brackets ends each."""
         column_names = {"loads": _with_units(self.loads.names, self.loads.units)}
         if self.reach is None:
             for name in _MODELS:

@@ -41,7 +41,7 @@ PLACES = 65
 def contact_frequency(system: System, excitation: Excitation) -> float:
     """Largest omega in rad/s of contacts that only push, along the paths; 0 without such contacts or if they are rigid.
 
-    Errors as `pmr.simulation.excitation.side_positions`.
+    Raises the errors of `pmr.simulation.excitation.side_positions`.
     """
     x = side_positions(system, excitation, np.unique(np.linspace(0, len(excitation.s) - 1, PLACES).astype(int)))
     if not (system.on_one_path and system.paths):

@@ -116,7 +116,8 @@ class Excitation:
     def forces(self, names: Sequence[str], t: Array | None = None) -> Array:
         """Loads (T, i) in N or N m, one column for each of the inputs `names`, in this order.
 
-        The loads are sampled at the steps if t is None, else at times t (T,) in s.  Errors as `signals_in_order`.
+        The loads are sampled at the steps if t is None, else at times t (T,) in s.  Raises the errors of
+        `signals_in_order`.
         """
         signals = signals_in_order(self.loads, names)
         return self.f if t is None and tuple(names) == tuple(self.loads) else self._columns(signals, t)
@@ -129,7 +130,8 @@ class Excitation:
     def amplitudes(self, names: Sequence[str], t: Array | None = None) -> Array:
         """Amplitudes c (T, k), one column for each of the terms `names`, in this order.
 
-        The amplitudes are sampled at the steps if t is None, else at times t (T,) in s.  Errors as `signals_in_order`.
+        The amplitudes are sampled at the steps if t is None, else at times t (T,) in s.  Raises the errors of
+        `signals_in_order`.
         """
         return self._columns(signals_in_order(self.terms, names, "term"), t)
 

@@ -73,7 +73,7 @@ Supports = Sequence[tuple[str, str]]  # names and units of rigid supports
 
 
 def is_reaction(contact: Contact) -> bool:
-    """Whether a contact is a rigid support: of kind ``support``, without compliance and clearance."""
+    """Whether a contact is a rigid support: its kind is ``support``, and it has neither compliance nor clearance."""
     return contact.kind == "support" and contact.compliance == 0.0 and contact.clearance is None
 
 
@@ -125,10 +125,10 @@ def with_row_multipliers(system: System, body: SlidingBody, motion: Trajectory) 
 
 
 def _term_forces(system: System, name: str, P: Array, trajectory: SystemTrajectory) -> Array | float:
-    """Part (T, h) of the forces on a body's h rigid supports that terms which vary in time cause; 0.0 without terms.
+    """Part (T, h), in N or N m, of the forces on the h rigid supports of the body `name` that the system's terms cause.
 
-    `trajectory` has the amplitudes of the terms.  P (h, n) is the matrix that `inertia_share` returns; `name` is the
-    body's.
+    Terms are matrices whose amplitudes vary in time; `trajectory` has these amplitudes.  P (h, n) is the matrix that
+    `inertia_share` returns.  The result is 0.0 if the system has no terms.
     """
     total: Array | float = 0.0
     if trajectory.amplitudes is None:
@@ -314,7 +314,7 @@ def with_ground_forces(scene: Scene, response: Response) -> Response:
 
 
 def outputs_of(system: BodySystem[Any]) -> list[Output]:
-    """Outputs of all bodies of a system, one body after the other."""
+    """List name, kind, body and unit of each output of a system: the outputs of its first body, then of the next."""
     return [
         Output.from_text(qualified_name(name, label), kind, name, None, unit)
         for name, body in system.bodies.items()

@@ -311,8 +311,9 @@ class StudyResults:
     def save(self, summary: Mapping[str, object], tables: Mapping[str, str | bytes] | None = None) -> None:
         """Write runs.csv, runs.npz, seconds.csv, summary.json (`summary` and the runs) and further `tables`.
 
-        `tables` maps file names to contents; no file is written for empty content, and None stands for no tables.  Old
-        files of these names are replaced or deleted.  An existing report is deleted, since it shows the old results.
+        `tables` maps file names to contents; no file is written for empty content, and None stands for no tables.  The
+        files are in the study's folder; old files of these names are replaced or deleted.  An existing report is
+        deleted, since it shows the old results.
         """
         rows = [run.row for run in self.runs]
         names = _column_names(rows)

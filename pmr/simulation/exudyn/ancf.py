@@ -165,7 +165,7 @@ def simulate(
 
     Loads act along y at the material points `places` in m, by the loads' names.  Raises InputError if the path, a place
     or a point x is not on the cable, or if a place has no load; raises SimulationError if a step fails or a result is
-    not finite.  `progress` is told how far the run is; None tells nobody.
+    not finite.  `progress`, if not None, is called with the share of the run that is done.
     """
     x, at = np.asarray(x, dtype=float), np.array(list(places.values()))
     for key, points in (("x", x), ("loads.at", at)):

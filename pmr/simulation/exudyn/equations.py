@@ -352,7 +352,7 @@ class SignalInputs(Inputs):
 class TabulatedInputs(Inputs):
     """Inputs that have been evaluated beforehand, at the ends of all parts of all steps.
 
-    Errors as `Equations.side_positions`, `Excitation.forces` and `Excitation.amplitudes`.
+    Raises the errors of `Equations.side_positions`, `Excitation.forces` and `Excitation.amplitudes`.
     """
 
     def __init__(self, equations: Equations, excitation: Excitation, lengths: StepParts) -> None:

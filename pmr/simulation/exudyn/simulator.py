@@ -208,7 +208,7 @@ class SystemRun:
     def trajectory(self, progress: Progress | None) -> SystemTrajectory:
         """Take all steps and return the trajectory; errors as `pmr.simulation.SystemSimulator`.
 
-        `progress` is told how far the run is; None tells nobody.
+        `progress`, if not None, is called with the share of the run that is done.
         """
         linear = exu.LinearSolverType.EigenSparse if self._equations.sparse else exu.LinearSolverType.EigenDense
         chosen = solver_settings(self._excitation.stepping.divide(self._lengths.finest), linear)

@@ -54,7 +54,7 @@ class SystemForm:
     def of(cls, system: System | SystemForm) -> SystemForm:
         """Diagonalise every body; a form is returned unchanged, as simulations can share its kernel.
 
-        Errors as `modal_form`.
+        Raises the errors of `modal_form`.
         """
         if isinstance(system, SystemForm):
             return system
@@ -115,7 +115,7 @@ class SystemForm:
     def refuse_unsupported(self, x: Array, rho_inf: float) -> SimulatorNeeds:
         """Return what the kernel has to support with the sides of `modal` at x (T, sides) in m; raise InputErrors.
 
-        `rho_inf` is the spectral radius.  Errors as `pmr.scene.choice.refuse_unsupported`.
+        `rho_inf` is the spectral radius.  Raises the errors of `pmr.scene.choice.refuse_unsupported`.
         """
         needs = needs_of(self.modal, self.assembly.contact_rows(x[0], effects=False).rigid, x, rho_inf)
         refuse_unsupported("march", needs)

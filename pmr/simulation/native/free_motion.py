@@ -304,8 +304,8 @@ class LuffingRun(MachineRun):
 def stepped_frame(system: System, source: str) -> MovingFrame | None:
     """Frame of a system's scene for steps one by one, in which an angle or extension may be free.
 
-    None is returned if the system has no scene, or the scene no frame.  Errors as `MovingFrame.from_system`; an
-    InputError that names `source` is also raised for a free angle on a base that moves.  The system needs modes that
+    None is returned if the system has no scene, or the scene no frame.  Raises the errors of `MovingFrame.from_system`;
+    an InputError that names `source` is also raised for a free angle on a base that moves.  The system needs modes that
     all have inertia.
     """
     stored = read_scene(system, source, free=True) if "scene" in system.provenance else None

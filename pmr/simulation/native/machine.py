@@ -50,7 +50,7 @@ def machine_of(
 
     `frame` is the frame of the scene, with a base at rest in the `excitation`.  `modes` (n, r') are the bodies' n
     coordinates by the kernel's r' modes.  If a free luffing angle is simulated as a machine that pitches, `level` is
-    the luffing angle in rad at a pitch of 0.  Errors as `FreeBase` and `ChangingRows`.
+    the luffing angle in rad at a pitch of 0.  Raises the errors of `FreeBase` and `ChangingRows`.
     """
     assembly = Assembly(system)
     free_base = FreeBase(scene, system, assembly)

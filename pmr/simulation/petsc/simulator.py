@@ -109,7 +109,7 @@ class _Run:
     def history(self, progress: Progress | None, checkpoint: Checkpoint | None) -> History:
         """Take all steps, or, if `checkpoint` has a file, the steps after that; return the history.
 
-        `progress` is told how far the run is.  Both arguments may be None.
+        `progress`, if not None, is called with the share of the run that is done; `checkpoint` may be None.
         """
         recorder, keeper, T = self._recorder, None, self._excitation.stepping.steps
         if checkpoint:
