@@ -20,6 +20,7 @@ from pmr.report.blocks import (
     signed_deviation,
 )
 from pmr.report.numbers import (
+    MINUS,
     SPACE,
     TINY,
     decimals_of,
@@ -269,11 +270,11 @@ def trust_table(result: RunResult) -> Table:
     texts["reduction"] = "; ".join(filter(None, (texts["reduction"], remark))) or NOT_COMPARED
     if play := _play_changes(result):
         parts["play of pads"] = {name: abs(change) for name, change in play.items()}
-        texts["play of pads"] = _play_text(result)
+        texts["play of pads"] = "see How sure"
     if sums := (summed := summed_errors(summary)).by_label:
         of_largest = dict(sorted(sums.items(), key=lambda item: -item[1]))
-        without = ["not in it: play of pads"] if play else []
-        texts["added up"] = "; ".join((_list_without_round_off(of_largest), *_lacking_clauses(summed), *without))
+        without = "; ".join([*_lacking_clauses(summed), *(["play of pads"] if play else [])])
+        texts["added up"] = _list_without_round_off(of_largest) + (f"; not in it: {without}" if without else "")
     stressed = "reduced" in summary.get("max_von_mises", {})
     walls = [WALLS] if stressed and any(traits_of(of).is_beam for of in members(result.scene)) else []
     missing = {
@@ -296,13 +297,13 @@ def trust_table(result: RunResult) -> Table:
 
 
 def certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
-    """Yield rows (name, text) in brief on the errors of stress, tip, pad forces and reactions, all sources added up."""
+    """Yield rows (name, text) in brief on the errors of stress, tip, forces and frequencies, all sources added up."""
     summed = summed_errors(result.summary)
     if "reduced" in result.summary.get("max_von_mises", {}):
         yield "stress", _stress_certainty(result)
-    for key in ("tip", "pad_force", "reaction"):
+    for key in ("tip", "pad_force", "reaction", "support_force", "frequency"):
         if (error := summed.by_label.get(label := QUANTITIES[key].label)) is not None:
-            yield label, f"± {format_percent(error, 2)} {summed.sources_clause(label)}"
+            yield _with_shown_label(result, label), f"± {format_percent(error, 2)} {summed.sources_clause(label)}"
     if text := _play_text(result):
         yield "play of pads", text
 
@@ -330,7 +331,11 @@ def _play_text(result: RunResult) -> str:
     changes = _play_changes(result)
     if not changes:
         return f"not known: {_play(result)['reason']}" if "reason" in _play(result) else ""
-    listed = [f"{name} {100.0 * of:+.1f}{SPACE}%" for name, of in changes.items() if abs(of) >= SMALL_CHANGE]
+    listed = [
+        f"{name} {f'{100.0 * of:+.1f}'.replace('-', MINUS)}{SPACE}%"
+        for name, of in changes.items()
+        if abs(of) >= SMALL_CHANGE
+    ]
     small = [name for name, of in changes.items() if abs(of) < SMALL_CHANGE]
     listed += [f"less than {format_percent(SMALL_CHANGE)}: {', '.join(small)}"] if small else []
     gap = _play(result)["gap"]
@@ -343,8 +348,7 @@ def _stress_certainty(result: RunResult) -> str:
     walls, unknown = wall_stress(result.summary), f"error is not known: {'; '.join(_stress_gaps(result))}"
     if walls is None or "error" not in walls or not walls["value"]:
         return f"its {unknown}"
-    by_cells = walls["error"] / walls["value"]
-    by_pads = summed_errors(result.summary).by_label.get(QUANTITIES["pad_force"].label)
+    by_cells, by_pads = walls["error"] / walls["value"], pad_force_error(result.summary)
     share = f"{format_percent(by_cells, 2)} by their cells, and the error of pad forces"
     if by_pads is not None:
         share = f"{format_percent(by_cells + by_pads, 2)}, of which {format_percent(by_cells, 2)} by their cells "
@@ -422,12 +426,17 @@ def summed_errors(summary: Summary) -> SummedErrors:
     )
 
 
+def pad_force_error(summary: Summary) -> float | None:
+    """Return the relative error of pad forces, added up over its sources; None if it is not known."""
+    return summed_errors(summary).by_label.get(QUANTITIES["pad_force"].label)
+
+
 def _lacking_clauses(summed: SummedErrors) -> Iterator[str]:
-    """Yield a clause for each source that is not in all sums, with the quantities in whose sums it is not."""
+    """Yield each source that is not in all sums, with the quantities in whose sums it is not."""
     for source in dict.fromkeys(name for names in summed.lacking.values() for name in names):
         labels = [label for label, names in summed.lacking.items() if source in names]
         stated = [label for label in summed.by_label if label not in labels and source in summed.sources[label]]
-        yield f"not in it: {source}" + (f" in {', '.join(labels)}" if stated else "")
+        yield source + (f" in {', '.join(labels)}" if stated else "")
 
 
 def _step_words(step: Mapping[str, object]) -> str:

@@ -199,18 +199,20 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
         share = shell["value"] / allowed
         used = f", {format_percent(share)} of the {format_quantity(allowed, 'Pa')} of yield"
         if "error" in shell:
-            used += f", with this bar {format_percent((shell['value'] + shell['error']) / allowed)}"
-    contains = f"{WALL_STRESS_PARTS}{WALL_STRESS_BAR if 'error' in shell else ''}"
-    contains += f"{play_clause(result, 'wall_stress')}; without welds{EDGES_OF_WALLS}"
-    text = f"{wall_stress_words(shell)}{used}, {peak_place_clause(result, at)}; {contains}"
+            by_pads = errors.pad_force_error(result.summary)
+            most = shell["error"] + shell["value"] * (by_pads or 0.0)
+            used += f", {format_percent((shell['value'] + most) / allowed)} with this bar"
+            used += " and the error of pad forces" if by_pads is not None else ", which lacks the error of pad forces"
+    contains = f"{WALL_STRESS_PARTS}{play_clause(result, 'wall_stress')}; without welds{EDGES_OF_WALLS}"
+    by_cells = " by the cells of the wall" if "error" in shell else ""
+    text = f"{wall_stress_words(shell)}{by_cells}{used}, {peak_place_clause(result, at)}; {contains}"
     return largest_value("wall_stress", f"{text}{_missing_clause(result.summary)}", share)
 
 
 #: Edges whose stress is left out of the stress in walls at pads; on the crane's template it is 18 % larger there.
 EDGES_OF_WALLS = " and half a cell along edges of walls, where it may be a fifth larger beside pads"
-#: What the stress in walls at pads contains, and what its bar; results of earlier versions have no bar.
+#: What the stress in walls at pads contains.
 WALL_STRESS_PARTS = "stress of the whole section and bending of the wall under the pads, added at each point"
-WALL_STRESS_BAR = "; ± by the cells of the wall, to which the error of pad forces comes"
 
 
 def _missing_clause(summary: Summary) -> str:

@@ -235,6 +235,7 @@ def _driven_grid(result: RunResult, key: str) -> Grid:
         for name, extremes in result.summary.get(key, {}).items()
         if name != "stops"
     ]
+    measured = [of._replace(unit="%") if of.name == "use" else of for of in measured]
     raises = key == "luffing_cylinder"
     what = "The luffing cylinder, hinged as frame.cylinder says" if raises else "What drives the extension"
     return extremes_grid(result, f"{what}: positive where it presses, and where it gets longer", measured)

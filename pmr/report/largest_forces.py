@@ -23,7 +23,7 @@ from pmr.report.subject import (
 from pmr.results import RunResult
 from pmr.results.quantities import QUANTITIES, resultant_name
 from pmr.results.response import Extreme, Extremes
-from pmr.results.tables import FORCE_OF
+from pmr.results.tables import FORCE_OF, REACTION_OF
 from pmr.scene.keys import cylinder_name, qualified_name
 from pmr.scene.mechanism import AT_GROUND, AT_PIVOT
 
@@ -203,13 +203,20 @@ def _forces_by_kind_rows(result: RunResult) -> LargestValues:
 def _dynamic_factor_rows(result: RunResult) -> LargestValues:
     """Yield a row with the largest forces of this motion as multiples of those at rest in the same posture."""
     factors = [
-        f"{row['largest'] / row['rest']:.2f} {shown_force_name(row['name']).replace(FORCE_OF, '', 1)} "
-        f"({_rest_text(row)} at rest)"
+        f"{row['largest'] / row['rest']:.2f} {_factor_words(row)} ({_rest_text(row)} at rest)"
         for row in result.summary.get("dynamic_factors", ())
     ]
     if factors:
         text = f"{', '.join(factors)}; largest value over that at rest, in the same posture under the same loads"
         yield LargestValue("dynamic factors", text, place="machine")
+
+
+def _factor_words(row: Summary) -> str:
+    """Words for the force to which a dynamic factor belongs, such as ``pin of base along x`` for a reaction."""
+    if row["kind"] == "reaction":
+        support, _, axis = row["name"].replace(REACTION_OF, "", 1).rpartition(" ")
+        return f"{_bearer_words('support', support)} along {axis}"
+    return shown_force_name(row["name"]).replace(FORCE_OF, "", 1)
 
 
 def _rest_text(row: Summary) -> str:
@@ -224,6 +231,8 @@ def _bearer_words(key: str, name: str) -> str:
     """
     if key.startswith("machine"):
         return f"{name} of the boom's own axes"
+    if key == "outrigger_force":
+        return name.removeprefix("outrigger ")
     body, _, support = name.rpartition(": ")
     if key not in ("support", "support_moment") or not body:
         return name

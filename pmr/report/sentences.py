@@ -67,7 +67,7 @@ def _total_error(totals: error_sentences.SummedErrors) -> KeyNumber:
     """Key number of the largest error after errors of all sources are added up."""
     label = max(totals.by_label, key=lambda name: totals.by_label[name])
     note = f"in {label}, {totals.sources_clause(label)}"
-    return KeyNumber(format_percent(totals.by_label[label], 2), "largest error that is known", note)
+    return KeyNumber(format_percent(totals.by_label[label], 2), "largest error that is known, stress apart", note)
 
 
 def _error_key_numbers(result: RunResult) -> Iterator[KeyNumber]:

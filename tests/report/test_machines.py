@@ -15,7 +15,7 @@ from pmr.report.figures.space import space_drawings
 from pmr.report.first_page import first_page_tables
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("undrawn")]
-SPACE = "\u00a0"
+SPACE, MINUS = "\u00a0", "\u2212"
 SHORT = ("section.mesh.elements=8", "section.reduction.coordinates=6", "time.end=0.2")
 
 
@@ -91,20 +91,27 @@ def test_oil_has_its_pressure_and_flow_on_the_first_page() -> None:
     assert [drawing.name.rpartition("-")[2] for drawing in block.drawings] == ["pressure", "flow", "power"]
     names = [row[0] for grid in forces.pivot_block(result, "case-1").grids for row in grid.rows]
     assert {"flow supply", "volume bore", "use"} <= set(names)
+    cells = [row[2] for grid in forces.pivot_block(result, "case-1").grids for row in grid.rows if row[0] == "use"]
+    assert cells[0].startswith(f"{cylinder['use']['max']:.1%}"[:-1] + f"{SPACE}% at ")
     assert "luffing cylinder, by the moment about the pivot" in names and "luffing cylinder" not in names
 
 
 def test_a_machine_on_outriggers_says_on_what_it_stands() -> None:
     """A gust that comes after the end of the run is 0 at all times, and has no figure."""
     result = short_run(plain_machines.OUTRIGGERS, *SHORT)
-    use = rows(result, "Largest values of this motion")["largest use of the support polygon"]
+    carries = rows(result, "Largest values of this motion")
+    use = carries["largest use of the support polygon"]
+    corners = [f", {of.name}, at " for of in result.scene.frame.ground.outriggers]
+    assert any(corner in carries["largest force of an outrigger"] for corner in corners)
     assert use.startswith(f"{100.0 * result.summary['ground']['use']['max']:.1f}{SPACE}% (100{SPACE}%: it tips), at ")
     asked = rows(result, "What was asked")
     masses = f"4 outriggers, with machine masses of 7500{SPACE}kg"
     assert asked["stands on"] == f"{masses}, on ground that rises by 0.5° along X and 1° along Y"
     ground = result.scene.frame.ground
     corners = asked["outriggers, x and y from the pivot"].split("; ")
-    assert corners == [f"{of.name} ({of.at[0]:g}, {of.at[1]:g}){SPACE}m" for of in ground.outriggers]
+    assert corners == [
+        f"{of.name} ({of.at[0]:g}, {of.at[1]:g}){SPACE}m".replace("-", MINUS) for of in ground.outriggers
+    ]
     machine = asked["masses of the machine, x, y, z from the pivot"].split("; ")
     assert [text.partition(f"{SPACE}kg (")[0] for text in machine] == [f"{of.name} {of.mass:g}" for of in ground.masses]
     assert asked["fly: gust"] == "0 at all times, on tip along y"

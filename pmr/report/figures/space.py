@@ -216,7 +216,8 @@ def _draw_loads(ax: Axes, result: RunResult, axes: Mapping[str, tuple[Array, Arr
         names.setdefault(side, []).append(f"{name}{when}")
     for (x_foot, z_foot, is_above), of_place in names.items():
         ax.annotate(", ".join(of_place), (x_foot, z_foot), (0.0, 2.0 if is_above else -2.0), color=LOAD, ha="right",
-                    textcoords="offset points", va="bottom" if is_above else "top", fontsize=7.0)  # fmt: skip
+                    textcoords="offset points", va="bottom" if is_above else "top", fontsize=7.0, zorder=3.0,
+                    bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6})  # fmt: skip
 
 
 def _cylinders(result: RunResult, steps: NDArray[np.intp]) -> list[Array]:

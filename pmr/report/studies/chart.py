@@ -11,6 +11,7 @@ from pmr.files.arrays import Array, Summary
 from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, KeyNumber, Table
 from pmr.report.figures.canvas import drawing
 from pmr.report.figures.load_chart import (
+    LINES,
     NOT_PERMITTED,
     BentBoom,
     LoadChart,
@@ -75,8 +76,7 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     texts = [_cell_text(study, table, chart, error, number) for number in range(least.size)]
     shown = f"{SCREEN}{pointer_cells(chart, texts)}{END_OF_SCREEN}</svg>"
     picture = replace(picture, svg=picture.svg.removesuffix("</svg>") + shown)
-    caption = "Allowed load over the radius of the tip for boom lengths from the pivot; letters and colours as above."
-    lines = drawing(f"{prefix}-duty", duty_lines, caption, chart)
+    lines = drawing(f"{prefix}-duty", duty_lines, duty_caption(len(chart.load)), chart)
     duty = tuple(duty_grids(study, DutyTable.from_loads(table, up_to), not_covered))
     method = prose("chart_method", asked=study.study_file, figures=study.figures, not_covered=not_covered)
     limits = replace(limits, text=method, grids=(*limits.grids, *error_bar_grids(study, names, parts)))
@@ -87,6 +87,13 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
         key_numbers=_key_numbers(study, chart, error, parts),
         blocks=[Block("Load chart", (picture,)), *stated, over_radius, limits, cases, *pages],
     )
+
+
+def duty_caption(lengths: int) -> str:
+    """Caption of the lines of loads over the radius; if not all boom lengths are drawn, it says how many."""
+    caption = "Allowed load over the radius of the tip for boom lengths from the pivot; letters and colours as above."
+    drawn = f" Lines are drawn for {LINES} of {lengths} boom lengths; the tables have all."
+    return caption + (drawn if lengths > LINES else "")
 
 
 def _statement_block(heading: str, statements: Array) -> Block:

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from pmr.report.figures.canvas import style
 from pmr.report.figures.load_chart import (
+    LINES,
     NOT_PERMITTED,
     BentBoom,
     LoadChart,
@@ -18,7 +19,7 @@ from pmr.report.figures.load_chart import (
     label_ends,
     load_chart,
 )
-from pmr.report.studies.chart import _key_numbers, build_chapter
+from pmr.report.studies.chart import _key_numbers, build_chapter, duty_caption
 from pmr.report.studies.chart_tables import (
     case_sentence,
     duty_grids,
@@ -200,6 +201,13 @@ def test_lines_of_duty_have_length_and_letter_and_end_where_the_tip_does() -> No
     assert np.allclose(beyond, [[place[0, 2, 0], 2000.0]])
     more = "more than 2000 kg (search ends there)"
     assert [text.get_text() for text in ax.figure.legends[0].get_texts()] == ["A tip", "B pads", more]
+
+
+def test_the_caption_of_lines_says_how_many_of_all_boom_lengths_are_drawn() -> None:
+    place = np.stack([np.full((12, 2), 5.0), np.zeros((12, 2))], axis=2) * np.arange(1.0, 13.0)[:, None, None]
+    chart = LoadChart(place, np.full((12, 2), 900.0), np.zeros((12, 2), dtype=int), ["tip"], 2e4)
+    ends = [text for text in duty_lines(chart).axes[0].texts if text.get_text().endswith(" m")]
+    assert f" {len(ends)} of 12 boom lengths" in duty_caption(12) and "of 9 boom lengths" not in duty_caption(LINES)
 
 
 def test_labels_above_ends_of_lines_keep_their_distance() -> None:
