@@ -243,10 +243,13 @@ def test_several_simulators_say_how_far_they_agree(tmp_path: Path, run_command) 
 
 @pytest.mark.slow
 def test_no_room_for_a_drawn_mesh_is_one_line(tmp_path: Path) -> None:
-    """No file may be longer than 1,000 bytes, once MPI has its own: nothing is written before the mesh is."""
+    """No file may be longer than 1,000 bytes, once MPI has its own: nothing is written before the mesh is.
+
+    Python stores no bytecode (-B), because bytecode that is cut off at 1,000 bytes would break later imports.
+    """
     limit = "import resource, pmr.fem.compat; resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))"
     command = ["pmr", "run", "workflows/boom_shell.toml", "--out", str(tmp_path)]
-    done = python("-c", f"{limit}; import sys; sys.argv = {command}; from pmr.cli.app import main; main()")
+    done = python("-B", "-c", f"{limit}; import sys; sys.argv = {command}; from pmr.cli.app import main; main()")
     assert (done.returncode, done.stdout) == (1, "")
     assert (
         done.stderr.count("\n") == 1

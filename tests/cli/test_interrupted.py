@@ -108,7 +108,7 @@ def test_no_room_is_one_line_and_leaves_the_old_results(old: Old, tmp_path: Path
     folder = tmp_path / "full"
     shutil.copytree(old.folder, folder)
     left = subprocess.run(
-        [sys.executable, "-c", NO_ROOM, *command(folder, NEW)], check=False, capture_output=True, text=True
+        [sys.executable, "-B", "-c", NO_ROOM, *command(folder, NEW)], check=False, capture_output=True, text=True
     )
     assert left.returncode == 1
     assert left.stderr.splitlines()[-1] == f"pmr: {folder} could not be written: File too large"  # behind stages
