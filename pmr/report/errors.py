@@ -340,7 +340,7 @@ def _play_text(result: RunResult) -> str:
     listed += [f"less than {format_percent(SMALL_CHANGE)}: {', '.join(small)}"] if small else []
     gap = _play(result)["gap"]
     where = " from face to face, which compare.play assumes as the scene states no clearance" if gap else ""
-    return f"{play_words(gap)}{where}: largest values change by {', '.join(listed)}"
+    return f"{play_words(gap)}{where}: largest values change: {'; '.join(listed)}"
 
 
 def _stress_certainty(result: RunResult) -> str:

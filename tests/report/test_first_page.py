@@ -468,7 +468,9 @@ def test_the_stress_of_beams_has_no_share_of_the_yield_stress(make_space: MakeSp
     said = carries["largest von Mises stress in walls"]
     assert said.startswith(f"284{SPACE}MPa ± 12{SPACE}MPa by the cells of the wall, 80.0{SPACE}% of the 355{SPACE}MPa ")
     assert f"of yield, 83.4{SPACE}% with this bar, which lacks the error of pad forces, left wall, " in said
-    assert "added at each point; without welds" in said and "not known" not in said
+    assert (
+        "added at each point; not in it: welds, a strip of half a cell along edges" in said and "not known" not in said
+    )
     sure = rows(compared, "How sure")["stress"]
     assert sure.startswith(f"in walls at pads ± 4.2{SPACE}% by their cells, and the error of pad forces; elsewhere the")
     with_pads = {"model": budget["model"] | {"pad_force": 0.02}}
@@ -673,7 +675,7 @@ def test_another_play_of_pads_has_a_row_a_bar_and_a_clause_beside_each_figure(
     trust = tables["How far to trust it"]
     text = dict(tables["How sure"].rows)["play of pads"]
     assert text.startswith(words) and ("compare.play" in text) is (gap > 0.0)
-    assert f"+25.0{SPACE}%, base: pin −20.0{SPACE}%, less than 1.00{SPACE}%: pads" in text
+    assert f"+25.0{SPACE}%; base: pin −20.0{SPACE}%; less than 1.00{SPACE}%: pads" in text
     assert dict(trust.rows)["play of pads"] == "see How sure"
     assert trust.bars["play of pads"] == pytest.approx(np.log10(0.25 / LEAST) / trust.marks)
     varied.summary["budget"]["play"] = {"reason": "it is stuck"}
