@@ -151,7 +151,7 @@ def place_models(
 class SlidingNoise(NamedTuple):
     """Power of the vibration that a slider excites, the `activity`, which grows with the third power of its speed v.
 
-    The power P has the likelihood exp(-`trust` / 2 ln^2((P + `rest`) / (`rest` + `moving` |v|^3))).
+    The power P has the likelihood ``exp(-trust / 2 ln^2((P + rest) / (rest + moving |v|^3)))``.
     """
 
     moving: float = 1.0  # power at 1 m/s
