@@ -7,13 +7,15 @@ the beam's law S, the stress at each point p of the wall is
 
 .. math:: \sigma(p) = S(p)\, F(x_p) - \sum_k f_k\, \sigma_k(p)
 
-The largest von Mises stress is computed on two meshes, the finer one with cells of
-half the size.  It converges with the square of the size, so that the limit and its error bar are
+The largest von Mises stress at the nodes of the walls is computed on two meshes with cells of the sizes :math:`h_1` and
+:math:`h_2 < h_1`.  It converges with the square of the size, so that the limit and its error bar are
 
-.. math:: \sigma_v = \sigma_{fine} + (\sigma_{fine} - \sigma_{coarse}) / 3, \qquad e = |\sigma_v - \sigma_{fine}|
+.. math::
+    \sigma_v = \sigma_2 + (\sigma_2 - \sigma_1) / (h_1^2 / h_2^2 - 1), \qquad
+    e = |\sigma_v - \sigma_2| + 0.05\, \sigma_v
 
-Left out are the shear of transverse forces, which is small in walls that bend, rings of pads nearby, and half a cell
-along the edges where two walls meet.  There the stress can be a few per cent above the bar, if a pad is close.
+The second term is a margin, `MARGIN`.  Left out are the shear of transverse forces, which is small in walls that bend,
+and rings of pads nearby.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ import scipy.sparse as sp
 
 from pmr.errors import InputError, environment
 from pmr.files import npz
-from pmr.files.arrays import Array, Indices
+from pmr.files.arrays import Array
 from pmr.fullmodel.pads import Pad
 from pmr.fullmodel.wall_compliance import HeldModel, PlateBody, beam_of, shell_of
 from pmr.models.named_mesh import NamedMesh
@@ -45,19 +47,23 @@ from pmr.scene.scene import Scene
 from pmr.scene.signals.base import Interval
 
 #: Length of the piece of a section that is looked at, less that of the pads, over the larger of width and height.
-PIECE = 2.0
-#: Cells along and across a pad on the coarser mesh; those of the finer mesh are half as long and wide.
+PIECE = 3.0
+#: Cells along and across a pad, which are taken times the fineness of each mesh, the coarser one first.
 ALONG, ACROSS = 4, 2
+FINENESS = (1.5, 2.5)
 #: Order with which the largest stress converges as cells get smaller.
 ORDER = 2
+#: Share of the stress that its error bar has on top: for where pads lie among the cells, and for what turns the corners
+#: of the section beyond the piece.  Shells of whole sections and of smaller cells were within the bar with it.
+MARGIN = 0.05
 #: Places along its range at which a ring that slides on a section is looked at.
 PLACES = 3
 #: Points are stored at which the stress of a pad alone is at least this share of its largest one.
 STORED = 0.3
 #: Share by which yield forces of pads that are mirror images of each other may differ.
 ROUND_OFF = 1e-6
-#: Largest distance of a node from the middle of the cells around it, over the size of the cells.
-CENTRED = 0.05
+#: Exponent by which the weight of a cell in a fit falls with the square of its distance, over the largest distance.
+FOCUS = 2.0
 
 
 class Estimate(NamedTuple):
@@ -68,9 +74,9 @@ class Estimate(NamedTuple):
 
     @classmethod
     def from_meshes(cls, coarse: float, fine: float) -> Estimate:
-        """Extrapolate from the values on a `coarse` and a `fine` mesh; the error bar is the last change."""
-        change = (fine - coarse) / (2.0**ORDER - 1.0)
-        return cls(fine + change, abs(change))
+        """Extrapolate from the values on a `coarse` and a `fine` mesh; the bar has the last change and `MARGIN`."""
+        change = (fine - coarse) / ((FINENESS[1] / FINENESS[0]) ** ORDER - 1.0)
+        return cls(fine + change, abs(change) + MARGIN * abs(fine + change))
 
 
 @dataclass(frozen=True)
@@ -108,7 +114,7 @@ class SectionPiece:
                 part.body.material,
                 part.body.shear_correction,
             )
-            for fineness in (1, 2)
+            for fineness in FINENESS
         ]
 
     @cached_property
@@ -187,25 +193,25 @@ class PieceBeam:
 
 
 class PieceMesh:
-    """Shell of a piece of a section, its beam, and means of the shell's stresses at the nodes of its walls."""
+    """Shell of a piece of a section, its beam, and the shell's stresses at the nodes of its walls."""
 
     def __init__(self, body: PlateBody, beam: PieceBeam) -> None:
         shell = shell_of(body)
         self._body, self._beam, self._held = body, beam, HeldModel(shell, body)
         self._rows, self._thickness = shell.stresses(), shell.thickness
-        self._means = node_means(shell.mesh, body.box.size)
+        self._fits = node_fits(shell.mesh)
 
     def stress(self, pads: Sequence[Pad]) -> RingStress:
         """Return the local stresses of pads, at points near the pads.
 
         At each point, the stress of a pad is at least the share `STORED` of the pad's largest stress.
         """
-        rows, means = self._rows, self._means
+        rows, fits = self._rows, self._fits
         stress = rows.evaluate(self._held.under_pads(pads).T)
         faces = [rows.points_on(face) for face in (rows.faces[0], rows.faces[-1])]
-        points = np.concatenate([means @ rows.points[on] for on in faces])
-        unit = np.array([np.concatenate([means @ of_pad[on] for on in faces]) for of_pad in stress])
-        thickness = np.tile(means @ self._thickness, 2)
+        points = np.concatenate([fits @ rows.points[on] for on in faces])
+        unit = np.array([np.concatenate([fits @ of_pad[on] for on in faces]) for of_pad in stress])
+        thickness = np.tile(fits @ self._thickness, 2)
         section = section_of(self._body.profile, self._body.material.poisson)
         forces = self._beam.section_forces(pads, points[:, 0])
         unit[..., 0] -= np.einsum("pc,kcp->kp", axial_stress_factors(section, points[:, 1:]), forces)
@@ -227,23 +233,35 @@ def mean_by_place(x: Array, values: Array) -> tuple[Array, Array]:
     return places, np.asarray(values @ means)
 
 
-def node_means(mesh: NamedMesh, size: float) -> sp.csr_matrix:
-    """Return the matrix (p, C) of means over the cells around nodes, within one wall; `size` is that of cells in m.
+def node_fits(mesh: NamedMesh) -> sp.csr_matrix:
+    """Return the matrix (p, C) from values of cells to values at the nodes of each wall, at its edges too.
 
-    Nodes at edges of a wall are left out: the middle of the cells around them is not the node.
+    At each node it is the value of a quadratic polynomial in the two directions of the wall.  The polynomial fits the
+    values in the middles of the cells that touch the node, and of all cells that share a node with them; cells that are
+    farther away have less weight.
     """
-    nodes, cells, walls = list[Indices](), list[Indices](), list[Indices]()
-    for number, of_wall in enumerate(mesh.regions.values()):
-        nodes.append(mesh.cells[of_wall].ravel())
-        cells.append(np.repeat(of_wall, mesh.cells.shape[1]))
-        walls.append(np.full(nodes[-1].shape, number))
-    keys = np.concatenate(walls) * len(mesh.points) + np.concatenate(nodes)
-    different, row, counts = np.unique(keys, return_inverse=True, return_counts=True)
-    shape = (len(different), len(mesh.cells))
-    means = sp.csr_matrix((1.0 / counts[row], (row, np.concatenate(cells))), shape)
-    middles = means @ mesh.points[mesh.cells].mean(axis=1)
-    apart = np.linalg.norm(middles - mesh.points[different % len(mesh.points)], axis=1)
-    return sp.csr_matrix(means[apart <= CENTRED * size])
+    middles = mesh.points[mesh.cells].mean(axis=1)
+    fits = list[sp.csr_matrix]()
+    for of_wall in mesh.regions.values():
+        nodes, corners = np.unique(mesh.cells[of_wall], return_inverse=True)
+        numbers = np.arange(len(of_wall)).repeat(mesh.cells.shape[1])
+        touching = sp.csr_matrix((np.ones(len(numbers)), (numbers, corners.ravel())))
+        around = (touching.T @ touching @ touching.T).tocsr()
+        points, counts = mesh.points[nodes], np.diff(around.indptr)
+        across = np.linalg.svd(points[:, 1:] - points[:, 1:].mean(axis=0), full_matrices=False)[2][0]
+        directions = np.array([[1.0, 0.0, 0.0], [0.0, *across]]).T
+        weights = np.zeros(around.nnz)
+        for count in np.unique(counts):
+            rows = np.flatnonzero(counts == count)
+            entries = around.indptr[rows][:, None] + np.arange(count)
+            apart = (middles[of_wall[around.indices[entries]]] - points[rows, None]) @ directions
+            x, y = np.moveaxis(apart / np.abs(apart).max(axis=1, keepdims=True), -1, 0)
+            terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+            weighted = np.exp(-FOCUS * (x * x + y * y))[..., None] * terms
+            inverse = np.linalg.pinv(np.swapaxes(terms, 1, 2) @ weighted, hermitian=True)
+            weights[entries] = np.einsum("pct,pt->pc", weighted, inverse[:, 0])
+        fits.append(sp.csr_matrix((weights, of_wall[around.indices], around.indptr), (len(nodes), len(mesh.cells))))
+    return sp.vstack(fits, "csr")
 
 
 def has_even_walls(part: BoomSection) -> bool:
