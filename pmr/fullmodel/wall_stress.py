@@ -12,10 +12,10 @@ The largest von Mises stress at the nodes of the walls is computed on two meshes
 
 .. math::
     \sigma_v = \sigma_2 + (\sigma_2 - \sigma_1) / (h_1^2 / h_2^2 - 1), \qquad
-    e = |\sigma_v - \sigma_2| + 0.05\, \sigma_v
+    e = |\sigma_v - \sigma_2| + m\, \sigma_v
 
-The second term is a margin, `MARGIN`.  Left out are the shear of transverse forces, which is small in walls that bend,
-and rings of pads nearby.
+with the margin m, `MARGIN` or `EDGE_MARGIN`.  Left out are the shear of transverse forces, which is small in walls that
+bend, and rings of pads nearby.
 """
 
 from __future__ import annotations
@@ -53,9 +53,9 @@ ALONG, ACROSS = 4, 2
 FINENESS = (1.5, 2.5)
 #: Order with which the largest stress converges as cells get smaller.
 ORDER = 2
-#: Share of the stress that its error bar has on top: for where pads lie among the cells, and for what turns the corners
-#: of the section beyond the piece.  Shells of whole sections and of smaller cells were within the bar with it.
-MARGIN = 0.05
+#: Shares of the stress that its error bar has on top, within a wall and at an edge where two walls meet: for where pads
+#: lie among the cells, and for what turns the corners of the section beyond the piece.
+MARGIN, EDGE_MARGIN = 0.01, 0.08
 #: Places along its range at which a ring that slides on a section is looked at.
 PLACES = 3
 #: Points are stored at which the stress of a pad alone is at least this share of its largest one.
@@ -73,10 +73,13 @@ class Estimate(NamedTuple):
     error: float
 
     @classmethod
-    def from_meshes(cls, coarse: float, fine: float) -> Estimate:
-        """Extrapolate from the values on a `coarse` and a `fine` mesh; the bar has the last change and `MARGIN`."""
+    def from_meshes(cls, coarse: float, fine: float, margin: float) -> Estimate:
+        """Extrapolate from the values on a `coarse` and a `fine` mesh; the bar has the last change and a `margin`.
+
+        The margin is a share of the value.
+        """
         change = (fine - coarse) / ((FINENESS[1] / FINENESS[0]) ** ORDER - 1.0)
-        return cls(fine + change, abs(change) + MARGIN * abs(fine + change))
+        return cls(fine + change, abs(change) + margin * abs(fine + change))
 
 
 @dataclass(frozen=True)
@@ -86,11 +89,11 @@ class RingStress:
     points: Array  # (P, 3) m: x from the middle of the pads, y and z
     thickness: Array  # (P,) m
     unit: Array  # (k, P, 3) Pa/N: along, across and shear
+    on_edge: Array  # (P,): 1 where two walls meet, else 0
 
-    @property
-    def largest(self) -> Array:
-        """Largest von Mises stress (k,) in Pa/N of each pad alone."""
-        return von_mises(self.unit, PLANE).max(axis=1)
+    def margin(self, point: int) -> float:
+        """Share of the stress that an error bar has on top if the stress is the largest one at this point."""
+        return EDGE_MARGIN if self.on_edge[point] else MARGIN
 
 
 class SectionPiece:
@@ -199,7 +202,7 @@ class PieceMesh:
         shell = shell_of(body)
         self._body, self._beam, self._held = body, beam, HeldModel(shell, body)
         self._rows, self._thickness = shell.stresses(), shell.thickness
-        self._fits = node_fits(shell.mesh)
+        self._fits, self._on_edge = node_fits(shell.mesh)
 
     def stress(self, pads: Sequence[Pad]) -> RingStress:
         """Return the local stresses of pads, at points near the pads.
@@ -219,7 +222,7 @@ class PieceMesh:
         size = von_mises(unit, PLANE)
         near = np.any(size >= STORED * size.max(axis=1)[:, None], axis=0)
         points[:, 0] -= pads[0].at
-        return RingStress(points[near], thickness[near], unit[:, near])
+        return RingStress(points[near], thickness[near], unit[:, near], np.tile(self._on_edge, 2)[near])
 
     def destroy(self) -> None:
         """Free the memory of the model."""
@@ -233,15 +236,25 @@ def mean_by_place(x: Array, values: Array) -> tuple[Array, Array]:
     return places, np.asarray(values @ means)
 
 
-def node_fits(mesh: NamedMesh) -> sp.csr_matrix:
-    """Return the matrix (p, C) from values of cells to values at the nodes of each wall, at its edges too.
+class NodeFits(NamedTuple):
+    """Matrix from values of C cells to values at the p nodes of all walls, and the nodes at edges of two walls."""
 
-    At each node it is the value of a quadratic polynomial in the two directions of the wall.  The polynomial fits the
+    matrix: sp.csr_matrix  # (p, C)
+    on_edge: Array  # (p,): 1 at these nodes, else 0
+
+
+def node_fits(mesh: NamedMesh) -> NodeFits:
+    """Return the values at the nodes of each wall, at its edges too, that fit values of cells.
+
+    At each node the value is that of a quadratic polynomial in the two directions of the wall.  The polynomial fits the
     values in the middles of the cells that touch the node, and of all cells that share a node with them; cells that are
     farther away have less weight.
     """
     middles = mesh.points[mesh.cells].mean(axis=1)
-    fits = list[sp.csr_matrix]()
+    fits, walls = list[sp.csr_matrix](), np.zeros(len(mesh.points))
+    for of_wall in mesh.regions.values():
+        walls[np.unique(mesh.cells[of_wall])] += 1.0
+    on_edge = list[Array]()
     for of_wall in mesh.regions.values():
         nodes, corners = np.unique(mesh.cells[of_wall], return_inverse=True)
         numbers = np.arange(len(of_wall)).repeat(mesh.cells.shape[1])
@@ -260,8 +273,9 @@ def node_fits(mesh: NamedMesh) -> sp.csr_matrix:
             weighted = np.exp(-FOCUS * (x * x + y * y))[..., None] * terms
             inverse = np.linalg.pinv(np.swapaxes(terms, 1, 2) @ weighted, hermitian=True)
             weights[entries] = np.einsum("pct,pt->pc", weighted, inverse[:, 0])
+        on_edge.append((walls[nodes] > 1.0).astype(float))
         fits.append(sp.csr_matrix((weights, of_wall[around.indices], around.indptr), (len(nodes), len(mesh.cells))))
-    return sp.vstack(fits, "csr")
+    return NodeFits(sp.vstack(fits, "csr"), np.concatenate(on_edge))
 
 
 def has_even_walls(part: BoomSection) -> bool:
@@ -322,10 +336,10 @@ def wall_peak(part: BoomSection, states: SectionStates, rings: Sequence[LoadedRi
             state = int(largest.argmax())
             on_meshes = piece.stresses(ring.pads, float(places[state]))
             combined = [_combined(piece.factors(stress), stress, ring, states, state) for stress in on_meshes]
-            estimate = Estimate.from_meshes(*(float(values.max()) for values in combined))
+            at, (coarse, fine_value) = int(combined[-1].argmax()), (float(of.max()) for of in combined)
+            estimate = Estimate.from_meshes(coarse, fine_value, on_meshes[-1].margin(at))
             if best is None or estimate.value > best.stress.value:
-                point = on_meshes[-1].points[combined[-1].argmax()] + [ring.x[state], 0.0, 0.0]
-                best = WallPeak(estimate, state, point)
+                best = WallPeak(estimate, state, on_meshes[-1].points[at] + [ring.x[state], 0.0, 0.0])
         piece.destroy()
     return best
 
@@ -389,6 +403,16 @@ def store_stresses(scene: Scene) -> None:
             deque(largest_pad_stresses(scene, member.number), maxlen=0)
 
 
+def estimates_of_pads(coarse: RingStress, fine: RingStress) -> list[Estimate]:
+    """Largest von Mises stress in Pa/N of each pad alone, from the stresses on two meshes."""
+    on_coarse, on_fine = (von_mises(stress.unit, PLANE) for stress in (coarse, fine))
+    at = on_fine.argmax(axis=1).tolist()
+    return [
+        Estimate.from_meshes(float(first.max()), float(second[point]), fine.margin(point))
+        for first, second, point in zip(on_coarse, on_fine, at, strict=True)
+    ]
+
+
 @dataclass(frozen=True)
 class PadStress:
     """Largest local von Mises stress in Pa/N of a pad, at one place along a section."""
@@ -411,9 +435,8 @@ def largest_pad_stresses(scene: Scene, number: int) -> Iterator[PadStress]:
         x = np.clip(np.linspace(*positions, PLACES), ring.length / 2.0, part.length - ring.length / 2.0)
         pads = [Pad(name, face, 0.0, across, ring.length, ring.width) for name, face, across in ring.named_pads]
         for place in np.unique(piece.place(x)).tolist():
-            coarse, fine = (stress.largest.tolist() for stress in piece.stresses(pads, place))
-            for pad, pair in zip(pads, zip(coarse, fine, strict=True), strict=True):
-                yield PadStress(joint, pad.name, Estimate.from_meshes(*pair))
+            for pad, estimate in zip(pads, estimates_of_pads(*piece.stresses(pads, place)), strict=True):
+                yield PadStress(joint, pad.name, estimate)
     for piece in pieces.values():
         piece.destroy()
 

@@ -9,11 +9,13 @@ from pmr.fullmodel import wall_stress
 from pmr.fullmodel.pads import Pad
 from pmr.fullmodel.wall_compliance import HeldModel, PlateBody, beam_of, shell_of
 from pmr.fullmodel.wall_stress import (
+    EDGE_MARGIN,
     Estimate,
     LoadedRing,
     PadStress,
     SectionPiece,
     SectionStates,
+    estimates_of_pads,
     mean_by_place,
     node_fits,
     wall_peak,
@@ -44,14 +46,20 @@ def pad(by: float = 1.0) -> Pad:
 def largest(part: BoomSection, pad: Pad, x: float) -> Estimate:
     """Largest von Mises stress in Pa/N of a pad alone at x m on a section."""
     piece = SectionPiece(part, pad.length, pad.width)
-    coarse, fine = piece.stresses([pad], float(piece.place(np.array(x))))
+    (estimate,) = estimates_of_pads(*piece.stresses([pad], float(piece.place(np.array(x)))))
     piece.destroy()
-    return Estimate.from_meshes(coarse.largest[0], fine.largest[0])
+    return estimate
 
 
 def test_a_value_and_its_bar_follow_from_two_meshes_by_an_error_of_second_order() -> None:
     """8 + 225 h^2 with cells of h = 1/15 and 1/25 has the limit 8."""
-    assert Estimate.from_meshes(9.0, 8.36) == pytest.approx((8.0, 0.36 + 0.05 * 8.0))
+    assert Estimate.from_meshes(9.0, 8.36, 0.05) == pytest.approx((8.0, 0.36 + 0.05 * 8.0))
+
+
+def test_the_bar_is_larger_where_the_largest_stress_is_on_an_edge() -> None:
+    stresses = np.array([[[9.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [[1.0, 0.0, 0.0], [9.0, 0.0, 0.0]]])
+    ring = wall_stress.RingStress(np.zeros((2, 3)), np.ones(2), stresses, np.array([0.0, 1.0]))
+    assert [of.error / 9.0 for of in estimates_of_pads(ring, ring)] == pytest.approx([wall_stress.MARGIN, EDGE_MARGIN])
 
 
 def test_values_at_nodes_are_those_of_a_quadratic_field_up_to_the_edges_of_each_wall() -> None:
@@ -59,7 +67,7 @@ def test_values_at_nodes_are_those_of_a_quadratic_field_up_to_the_edges_of_each_
     assert box is not None
     mesh = shell_of(PlateBody(draw_box(box, 0.05, 0.1), box, section().body.material, 5.0 / 6.0)).mesh
     x, y, z = mesh.points[mesh.cells].mean(axis=1).T
-    fits, number = node_fits(mesh), 0
+    (fits, on_edge), number = node_fits(mesh), 0
     for name, of_wall in mesh.regions.items():
         points = mesh.points[np.unique(mesh.cells[of_wall])]
         across, apart = (y, points[:, 1]) if name in ("bottom", "top") else (z, points[:, 2])
@@ -67,6 +75,8 @@ def test_values_at_nodes_are_those_of_a_quadratic_field_up_to_the_edges_of_each_
         rows = fits[number : number + len(points)]
         np.testing.assert_allclose(rows @ field, expected, atol=1e-10)
         assert not rows[:, np.setdiff1d(np.arange(len(mesh.cells)), of_wall)].nnz  # the next wall has another stress
+        corners = np.isclose(np.abs(points[:, 1:]), 0.1).all(axis=1)
+        assert on_edge[number : number + len(points)].tolist() == corners.tolist()
         number += len(points)
     assert number == fits.shape[0]
 
@@ -102,7 +112,7 @@ def test_cells_two_thirds_as_large_give_a_stress_within_the_bar(
     monkeypatch.setattr(wall_stress, "ALONG", 1.5 * wall_stress.ALONG)
     monkeypatch.setattr(wall_stress, "ACROSS", 1.5 * wall_stress.ACROSS)
     on_smaller = largest(part, of_case, x)
-    assert abs(on_smaller.value - on_its_cells.value) < on_its_cells.error < 0.1 * on_its_cells.value
+    assert abs(on_smaller.value - on_its_cells.value) < on_its_cells.error < 0.12 * on_its_cells.value
     assert on_smaller.error < on_its_cells.error
 
 
@@ -125,7 +135,7 @@ def test_local_and_whole_stress_add_up_to_that_of_a_shell_of_the_whole_section()
         cells = size[1] / (fineness * wall_stress.ACROSS), size[0] / (fineness * wall_stress.ALONG)
         body = PlateBody(draw_box(box, *cells), box, part.body.material, part.body.shear_correction)
         shell = shell_of(body)
-        model, rows, fits = HeldModel(shell, body), shell.stresses(), node_fits(shell.mesh)
+        model, rows, fits = HeldModel(shell, body), shell.stresses(), node_fits(shell.mesh).matrix
         (stress,) = rows.evaluate((model.under_pads([*middle, *ends]) @ f)[None])
         model.destroy()
         on = [rows.points_on(face) for face in ("outer", "inner")]
@@ -142,8 +152,8 @@ def test_local_and_whole_stress_add_up_to_that_of_a_shell_of_the_whole_section()
     states = SectionStates(along, np.stack(by_name, axis=1))
     peak = wall_peak(part, states, [LoadedRing(tuple(middle), np.array([1.0]), -f[None, :2])])
     assert peak is not None
-    expected = Estimate.from_meshes(*map(whole, wall_stress.FINENESS))
-    assert abs(peak.stress.value - expected.value) < peak.stress.error < 0.12 * peak.stress.value
+    expected = Estimate.from_meshes(*map(whole, wall_stress.FINENESS), 0.0)
+    assert abs(peak.stress.value - expected.value) < peak.stress.error < 0.15 * peak.stress.value
     states_at_rest = SectionStates(along, 0.0 * states.forces)
     local = wall_peak(part, states_at_rest, [LoadedRing(tuple(middle), np.array([1.0]), -f[None, :2])])
     assert local is not None and abs(local.stress.value - expected.value) > local.stress.error
@@ -151,14 +161,16 @@ def test_local_and_whole_stress_add_up_to_that_of_a_shell_of_the_whole_section()
 
 def test_the_largest_stress_is_that_at_its_time_and_of_the_ring_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """With local stresses of 1 Pa/N at one point, forces alone decide; without pads there is no stress."""
-    point = wall_stress.RingStress(np.array([[0.1, 0.1, 0.0]]), np.array([0.006]), np.array([[[1.0, 0.0, 0.0]]]))
+    point = wall_stress.RingStress(
+        np.array([[0.1, 0.1, 0.0]]), np.array([0.006]), np.array([[[1.0, 0.0, 0.0]]]), np.zeros(1)
+    )
     monkeypatch.setattr(SectionPiece, "stresses", lambda piece, pads, place: [point, point])
     states = SectionStates(np.array([0.0, 1.2]), np.zeros((3, len(FORCES), 2)))
     weak, strong = (
         LoadedRing((pad(),), np.array([0.3, 0.4, 0.5]), force * np.array([[1.0], [3.0], [2.0]])) for force in (1.0, 7.0)
     )
     peak = wall_peak(section(), states, [weak, strong, weak])
-    assert peak is not None and (peak.stress, peak.state) == ((21.0, 0.0), 1)
+    assert peak is not None and (peak.stress, peak.state) == ((21.0, 0.01 * 21.0), 1)
     assert peak.position.tolist() == pytest.approx([0.5, 0.1, 0.0])
     assert wall_peak(section(), states, []) is None
 
