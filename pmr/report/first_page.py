@@ -203,14 +203,12 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
             most = shell["error"] + shell["value"] * (by_pads or 0.0)
             used += f", {format_percent((shell['value'] + most) / allowed)} with this bar"
             used += " and the error of pad forces" if by_pads is not None else ", which lacks the error of pad forces"
-    contains = f"{WALL_STRESS_PARTS}{play_clause(result, 'wall_stress')}; not in it: welds{EDGES_OF_WALLS}"
+    contains = f"{WALL_STRESS_PARTS}{play_clause(result, 'wall_stress')}; not in it: welds"
     by_cells = " by the cells of the wall" if "error" in shell else ""
     text = f"{wall_stress_words(shell)}{by_cells}{used}, {peak_place_clause(result, at)}; {contains}"
     return largest_value("wall_stress", f"{text}{_missing_clause(result.summary)}", share)
 
 
-#: Edges whose stress is left out of the stress in walls at pads; on the crane's template it is 18 % larger there.
-EDGES_OF_WALLS = ", a strip of half a cell along edges of walls, where the stress beside pads may be a fifth larger"
 #: What the stress in walls at pads contains.
 WALL_STRESS_PARTS = "stress of the whole section and bending of the wall under the pads, added at each point"
 
