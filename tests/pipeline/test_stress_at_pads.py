@@ -84,7 +84,8 @@ def test_stresses_stored_before_a_run_are_all_that_it_looks_at(
 
     def stresses(piece: SectionPiece, pads: list[Pad], place: float) -> list[RingStress]:
         looked_at.add((piece.length, place, *((pad.on, pad.across, pad.length, pad.width) for pad in pads)))
-        at_one_point = RingStress(np.array([[0.0, 0.1, 0.1]]), np.array([0.006]), np.ones((len(pads), 1, 3)))
+        stress = np.ones((len(pads), 1, 3))
+        at_one_point = RingStress(np.array([[0.0, 0.1, 0.1]]), np.array([0.006]), stress, np.zeros(1))
         return [at_one_point, at_one_point]
 
     monkeypatch.setattr(SectionPiece, "stresses", stresses)
