@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import ctypes.util
 import io
 import logging
 import re
-import sys
 from base64 import b64encode
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -119,25 +116,7 @@ def escape_plain_text(value: object) -> object:
 
 def write_pdf(text: str, file: Path) -> None:
     """Write the page whose HTML is `text` as a PDF file; raises an InputError if weasyprint can't be imported."""
-    with _only_the_loader():
-        weasyprint = import_package("weasyprint")
-    weasyprint.HTML(string=_without_screen(text)).write_pdf(file)
-
-
-@contextmanager
-def _only_the_loader() -> Iterator[None]:
-    """Context in which only the system's loader looks for libraries on Linux.
-
-    Python also looks for names of other systems, under which weasyprint asks for each library first: some fifty
-    processes of compiler and linker find none of them.
-    """
-    find = ctypes.util.find_library
-    if sys.platform == "linux":
-        ctypes.util.find_library = lambda name: None
-    try:
-        yield
-    finally:
-        ctypes.util.find_library = find
+    import_package("weasyprint").HTML(string=_without_screen(text)).write_pdf(file)
 
 
 def _without_screen(text: str) -> str:

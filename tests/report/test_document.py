@@ -1,7 +1,5 @@
 import base64
 import re
-import subprocess
-import sys
 import zlib
 from collections import Counter
 from collections.abc import Iterator
@@ -297,17 +295,6 @@ def test_on_paper_figures_are_images_and_text_stays_as_it_is(monkeypatch: pytest
     shown = ElementTree.fromstring(base64.b64decode(image[1]))
     assert [element.tag.rpartition("}")[2] for element in shown.iter()] == ["svg", "path", "text"]
     assert ".pair embed {" in text and "<p>svg {</p>" in text and "<svg" not in text
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform != "linux", reason="other loaders know fewer places")
-def test_weasyprint_is_loaded_without_a_process_that_looks_for_libraries() -> None:
-    program = (
-        "import subprocess; from pmr.report import document; subprocess.Popen = None\n"
-        "with document._only_the_loader(): print(document.import_package('weasyprint').HTML.__name__)"
-    )
-    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert ended.stdout == "HTML\n", ended.stderr
 
 
 def test_each_text_of_the_template_of_prose_is_used_and_stands_on_one_line() -> None:
