@@ -38,7 +38,7 @@ def extreme_indices(values: ArrayLike, bins: int) -> NDArray[np.intp]:
     -------
     (n,) array of int
         Indices in increasing order, the first and the last sample among them: all T if T <= 2 bins + 2, else at most
-    2 bins + 2.
+        2 bins + 2.
     """
     values = np.asarray(values, dtype=float)
     count = len(values)
@@ -134,18 +134,15 @@ def undrawn_sentence(result: RunResult) -> str:
 def axis_points(result: RunResult) -> list[AxisPoints]:
     """Points of all bodies' axes from the base out; bodies without outputs along z are left out."""
     response, bodies = result.responses["reduced"], list[AxisPoints]()
+    numbered = sorted(enumerate(response.outputs[: len(response.x)]), key=lambda item: float(response.x[item[0]]))
     for body, tail in zip(result.scene.bodies, result.tails.T, strict=True):
-        columns = {
-            direction: [k for k, of in enumerate(response.outputs) if (of.body, of.direction) == (body, direction)]
-            for direction in ("y", "z")
-        }
-        order = np.argsort(response.x[columns["z"]], kind="stable") if columns["z"] else np.empty(0, int)
-        displacement = np.zeros((len(response.t), len(order), 3))
-        for k, direction in enumerate(columns, start=1):
-            if columns[direction]:
-                displacement[:, :, k] = response.displacement[:, np.array(columns[direction])[order]]
-        if len(order):
-            bodies.append(AxisPoints(body, response.x[columns["z"]][order], tail, displacement))
+        aside, up = ([k for k, of in numbered if (of.body, of.direction) == (body, way)] for way in ("y", "z"))
+        if up:
+            displacement = np.zeros((len(response.t), len(up), 3))
+            displacement[:, :, 2] = response.displacement[:, up]
+            if aside:
+                displacement[:, :, 1] = response.displacement[:, aside]
+            bodies.append(AxisPoints(body, response.x[up], tail, displacement))
     return bodies
 
 

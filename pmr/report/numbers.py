@@ -30,6 +30,10 @@ class Unit:
         gap = "" if self.name.startswith("°") else SPACE
         return f"{text}{gap}{self.name}".rstrip(SPACE)
 
+    def axis_label(self, quantity: str) -> str:
+        """Return the label of an axis with a quantity in this unit: ``Force in kN``, or ``Share (–)`` without unit."""
+        return f"{quantity} in {self.name}" if self.name else f"{quantity} (–)"
+
 
 #: Units without prefixes in which quantities are printed, by their own units; ``strain`` is that of a strain.
 FIXED = {

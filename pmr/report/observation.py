@@ -168,7 +168,7 @@ def band_figure(t: Array, mean: Array, deviation: Array, measured: Array, truth:
     where there is no measured or no true value.
     """
     pen = unit_for(float(np.nanmax(np.abs(mean))), unit)
-    figure, ax = make_axes(HALF, 1.9, "Time in s", f"in {pen.name}" if unit else "")
+    figure, ax = make_axes(HALF, 1.9, "Time in s", pen.axis_label("Estimate"))
     shown, at = spread_indices(len(t), 2 * bins_of(ax)), np.flatnonzero(np.isfinite(measured))
     low, high = ((mean + sign * WIDTH * deviation)[shown] / pen.size for sign in (-1.0, 1.0))
     ax.fill_between(t[shown], low, high, color=BAND, linewidth=0.0, zorder=1.0, label="90 %")
@@ -187,7 +187,7 @@ def innovation_figure(t: Array, innovations: Array) -> Figure:
 
     Two lines hold 90 % of the innovations between them.
     """
-    figure, ax = make_axes(HALF, 1.6, "Time in s", "Innovation")
+    figure, ax = make_axes(HALF, 1.6, "Time in s", "Innovation (–)")
     at = np.flatnonzero(np.isfinite(innovations))
     at = at[spread_indices(len(at), 4 * bins_of(ax))]
     ax.plot(t[at], innovations[at], color=INK, linestyle="none", marker=".", markersize=1.2)

@@ -7,6 +7,7 @@ import pytest
 
 from pmr import RunResult
 from pmr.report.bodies import Block, body_surface, build_surroundings
+from pmr.report.columns import axis_points
 from pmr.report.figures import space
 from pmr.report.figures.canvas import style
 from pmr.report.moving_bodies import MovingBodies, cell_stresses
@@ -205,3 +206,27 @@ def test_what_slides_and_holds_is_played_without_fields(whole: RunResult) -> Non
     assert data["section"] == [] and data["back"] == pytest.approx(-3.75)
     (body,) = data["bodies"]
     assert body["stress"] is None and body["motion"]["count"] == 1
+
+
+def test_points_of_an_axis_are_sorted_in_each_direction_by_themselves(make_space) -> None:
+    """Columns along y come in another order than those along z."""
+    result = make_space()
+    response, count = result.responses["reduced"], 3
+    x = np.array([4.0, 2.0, 0.0, 0.0, 2.0, 4.0])
+    moved = replace(
+        response,
+        x=x,
+        displacement=np.tile(x, (len(response.t), 1)),
+        kinds=("point y",) * count + ("point z",) * count,
+        bodies=(next(iter(result.scene.bodies)),) * 2 * count,
+        output_names=tuple(f"point {k}" for k in range(2 * count)),
+        output_units=("m",) * 2 * count,
+        slider_force=None,
+        force_names=(),
+        others=None,
+        other_names=(),
+        other_units=(),
+    )
+    (line,) = axis_points(replace(result, responses={"reduced": moved}))
+    assert line.x.tolist() == [0.0, 2.0, 4.0]
+    assert line.displacement[0].tolist() == [[0.0, x, x] for x in line.x]

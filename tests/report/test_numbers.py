@@ -85,6 +85,14 @@ def test_units_suit_the_largest_value(largest: float, base: str, unit: Unit) -> 
     assert numbers.unit_for(largest, base) == unit
 
 
+@pytest.mark.parametrize(
+    ("base", "label"),
+    [("N", "Value in kN"), ("%", "Value in %"), ("1", "Value (–)"), ("–", "Value (–)"), ("", "Value (–)")],
+)
+def test_the_label_of_an_axis_has_a_unit_or_a_dash(base: str, label: str) -> None:
+    assert numbers.unit_for(2500.0, base).axis_label("Value") == label
+
+
 @pytest.mark.parametrize(("largest", "step"), [(10.4, 10.0), (9.99, 5.0), (0.02, 0.02), (0.5, 0.5), (0.3, 0.2)])
 def test_round_number_is_not_above(largest: float, step: float) -> None:
     assert numbers.round_number(largest) == pytest.approx(step, rel=1e-12)

@@ -31,7 +31,7 @@ from pmr.report.figures.canvas import (
 from pmr.report.numbers import unit_for
 from pmr.report.subject import field_times
 from pmr.results import BodyResult, Response, RunResult
-from pmr.results.quantities import UNIT_QUANTITIES, unit_text
+from pmr.results.quantities import UNIT_QUANTITIES
 from pmr.results.response import Output
 
 PAUSE = 2  # samples; a standstill of so many samples does not divide a motion
@@ -207,7 +207,7 @@ def history_figure(
         band = error if panel is differences else None
         unit = unit_for(max(largest_of(panel), 0.0 if band is None else float(band.max())), base)
         time.trace(ax, panel, unit.size)
-        time.frame(ax, f"{name} in {unit.name}", last=ax is axes[-1, 0])
+        time.frame(ax, unit.axis_label(name), last=ax is axes[-1, 0])
         if band is not None:
             shown = extreme_indices(band, bins_of(ax))
             edge, look = band[shown] / unit.size, {"color": BAND, "linewidth": 0.0, "zorder": 1.0}
@@ -229,7 +229,7 @@ def panel_figure(result: RunResult, panels: Mapping[str, ResponseFunction], base
     figure, axes = make_panels(len(panels), tall, 0.09, 0.3, sharex=True, sharey=True)
     for k, (ax, (name, panel)) in enumerate(zip(axes, signals.items(), strict=True)):
         time.trace(ax, panel, unit.size, weight)
-        time.frame(ax, "" if k % columns else f"{quantity} in {unit.name}", last=k >= len(panels) - columns)
+        time.frame(ax, "" if k % columns else unit.axis_label(quantity), last=k >= len(panels) - columns)
         ax.set_title(name, loc="left", pad=2.0)
     return add_legend(figure)
 
@@ -252,7 +252,7 @@ def line_figure(
         width = 0.8 if len(lines) > MOST_THICK else 0.7 + 0.3 * (len(lines) - 1 - k)
         shown = extreme_indices(line, bins_of(ax))
         ax.plot(time.t[shown], line[shown] / unit.size, color=colours[k % len(colours)], linewidth=width, label=name)
-    time.frame(ax, f"{quantity} in {unit_text(unit.name)}" if unit.name else quantity)
+    time.frame(ax, unit.axis_label(quantity))
     ax.axhline(0.0, linewidth=0.0)  # the axis of a constant line includes zero
     return add_legend(figure)
 

@@ -225,7 +225,7 @@ def envelope_figure(result: RunResult, quantities: Sequence[str]) -> Figure:
             band = envelope.least[of] / unit.size, envelope.most[of] / unit.size
             ax.fill_between(envelope.x, *band, color=colours[name], alpha=0.45, linewidth=0.8, label=name)
         ax.axhline(0.0, linewidth=0.4, color="0.5")
-        ax.set_title(f"{quantity.capitalize()} in {unit.name}", loc="left", pad=2.0)
+        ax.set_title(unit.axis_label(quantity.capitalize()), loc="left", pad=2.0)
         if k >= len(quantities) - 2:
             ax.set_xlabel("From the tail in m")
             ax.tick_params(labelbottom=True)

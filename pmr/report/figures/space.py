@@ -84,7 +84,7 @@ def buckling_figure(result: RunResult) -> Figure:
         x, label = np.rad2deg(frame.angles[0].value(t)), "Luffing angle in degrees"
     else:
         x, label = np.interp(t, times, result.abscissa_at(times)), f"{abscissa_label(result).capitalize()} in m"
-    figure, ax = make_axes(HALF, 2.0, label, "Buckling factor")
+    figure, ax = make_axes(HALF, 2.0, label, "Buckling factor (–)")
     ax.plot(x, factor, color=INK, linewidth=0.7, marker=".", markersize=3.0)
     ax.plot(x[:1], factor[:1], "o", color=INK, markersize=4.5)
     ax.axhline(1.0, color=LIMIT, linewidth=0.9, label="1: the boom buckles")

@@ -337,4 +337,4 @@ def _value_axis(ax: Axes, name: str) -> None:
         log_axis(ax, float(positive.min()) / unit.size, float(positive.max()) / unit.size)
     else:
         ax.set_ylim(0.0, 1.15 * largest / unit.size or 1.0)
-    ax.set_ylabel(f"{what.label.capitalize()} in {unit.name}")
+    ax.set_ylabel(unit.axis_label(what.label.capitalize()))

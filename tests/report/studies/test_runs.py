@@ -7,7 +7,7 @@ import pytest
 
 from pmr.report.blocks import Chapter
 from pmr.report.studies.finished import FinishedStudy
-from pmr.report.studies.runs import MOST_COLUMNS, build_chapter, terminal_grid, varied_parameter
+from pmr.report.studies.runs import MOST_COLUMNS, build_chapter, terminal_grid, value_figure, varied_parameter
 from pmr.report.studies.tables import heading, key_words, quantity_of, run_name
 from pmr.studies.study import RunRecord, StudyResults
 
@@ -108,6 +108,11 @@ def test_figures_are_drawn_over_the_coordinates_and_over_seconds() -> None:
     assert {"basis eigenmodes", "basis paper", "Coordinates (–)"} <= set(texts)
     assert not any("displacement" in text for text in texts)  # the same in all runs
     assert "Time of one simulation in ms" in second.svg
+
+
+def test_an_axis_of_a_plain_number_has_a_dash_in_place_of_a_unit() -> None:
+    figure = value_figure(sweep()[:-1], "reduction.coordinates", ["coordinates.reduced"])
+    assert figure.axes[0].get_ylabel() == "Coordinates, reduced (–)"
 
 
 def test_tables_fit_the_page_and_say_what_is_alike_once() -> None:
