@@ -24,6 +24,7 @@ from pmr.scene.members import body_ring
 
 WIDTH = 1500  # px, of a picture
 SIDE = (0.34, -0.88, 0.30)  # direction from the body to the camera
+NEARLY = 0.005  # s, difference of two times that are stated as one
 NEAR = 1.0  # m, height of the part of the body that the close picture shows
 STEEL, PAD, SECTION = "#b9c4cd", "#3b4a57", "#9fb0bd"
 GROUND, CYLINDER = "#d9d2c5", "#5b6875"
@@ -195,23 +196,23 @@ class _Views:
         low, high = points.min(axis=0), points.max(axis=0)
         middle = (low + high) / 2.0
         from_left, above = place[1] > high[1] - 0.05 * (high[1] - low[1]), place[2] >= middle[2]
-        direction, up = (SIDE[0], -SIDE[1] if from_left else SIDE[1], 0.45 if above else -0.45), (0.0, 0.0, 1.0)
+        ways = np.array([(SIDE[0], -SIDE[1] if from_left else SIDE[1], 0.45 if above else -0.45), (0.0, 0.0, 1.0)])
         if self.pose is not None:
-            (ahead, aside, high_up), (x, y, z) = (
-                (float(c) for c in self.pose.rotate_at(moment.frame, way)) for way in (direction, up)
-            )
-            direction, up = (ahead, aside, high_up), (x, y, z)
+            ways = self.pose.rotate_at(moment.frame, ways)
+        direction, up = ways
         pieces = tuple(self._pieces_at(moment, direction, edges=0.8, opacity=0.08))
         centre = np.array([place[0] + self.bodies.shifts[name][moment.frame], middle[1], middle[2]])
-        x, y, z = (float(c) for c in self._turn_to_ground(moment.frame, centre))
-        shot = Shot(pieces, direction, self.limits, (x, y, z), NEAR, (WIDTH, WIDTH * 3 // 8), up)
-        peak, near = self.result.summary.get("stress_peak", {}).get("reduced", {}).get("t", moment.t), 0.005
+        centre = self._turn_to_ground(moment.frame, centre)
+        shot = Shot(pieces, direction, self.limits, centre, NEAR, (WIDTH, WIDTH * 3 // 8), up)
+        peak = self.bodies.summary_peak.get("t", moment.t)
         caption = prose(
             "close_picture",
             side="left" if from_left else "right",
             height="above" if above else "below",
             t=_two_decimals(moment.t, "s"),
-            peak=_two_decimals(peak, "s") if abs(peak - moment.t) > near else "",  # fields are kept at some times only
+            peak=_two_decimals(peak, "s")
+            if abs(peak - moment.t) > NEARLY
+            else "",  # fields are kept at some times only
         )
         return View("close", shot, f"{caption}{walls_clause(self.result)}")
 

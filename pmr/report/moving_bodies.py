@@ -154,7 +154,7 @@ class MovingBodies:
         such time, the moment with the largest stress in the fields is returned, or with the largest displacement if the
         fields have no stresses.
         """
-        named, weight = self._summary_peak.get("t"), self.stresses if self.cell_stresses else self.displacements
+        named, weight = self.summary_peak.get("t"), self.stresses if self.cell_stresses else self.displacements
         return self._moment(int(np.argmax(weight)) if named is None else int(np.argmin(np.abs(self.t - named))))
 
     def _moment(self, k: int) -> Moment:
@@ -168,7 +168,7 @@ class MovingBodies:
         If the summary does not state them, the point is the middle of the cell with the largest stress of all bodies at
         `moment`.
         """
-        peak = self._summary_peak
+        peak = self.summary_peak
         if "position" in peak and (body := peak.get("section", next(iter(self.fields)))) in self.fields:
             return PointOfBody(body, np.array(peak["position"]))
         stresses = {name: of[moment.frame] for name, of in self.cell_stresses.items()}
@@ -177,7 +177,7 @@ class MovingBodies:
         return PointOfBody(body, fields.points[fields.cells[int(np.argmax(stresses[body]))]].mean(axis=0))
 
     @property
-    def _summary_peak(self) -> Mapping[str, Any]:
+    def summary_peak(self) -> Mapping[str, Any]:
         """Entry ``stress_peak.reduced`` of the summary: time and place of the largest stress; empty without it."""
         return dict(self.result.summary.get("stress_peak", {}).get("reduced") or {})
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import LinearSegmentedColormap, Normalize, to_rgb
 from matplotlib.figure import Figure
@@ -16,7 +17,7 @@ from PIL import Image
 
 from pmr.files.arrays import Array
 
-Vector = tuple[float, float, float]
+Vector = Array | tuple[float, float, float]
 
 EDGE = "#1c2733"
 RAMP = ("#e3ebf0", "#a9cbdf", "#edb84c", "#d55e00", "#7a1b0c")  # from no stress to the largest
@@ -24,7 +25,7 @@ COLOURS = 128  # number of colours of a picture; few colours keep files small
 #: Shares of ambient and diffuse light.  Most light is ambient, as colours are compared with a colour scale; diffuse
 #: light shows walls of different directions in different brightness.
 AMBIENT, DIFFUSE = 0.68, 0.34
-DOTS = 100.0  # px per inch
+DOTS = 128.0  # px per inch; a power of two, so that a size in px is the same again after division
 EDGE_OPACITY = 0.35
 
 
@@ -52,7 +53,7 @@ class Piece:
     edges: float = 0.0  # width of the faces' edges, px
     layer: Array | float = 0.0
 
-    def faces_towards(self, direction: Array | Vector) -> NDArray[np.bool_]:
+    def faces_towards(self, direction: Vector) -> NDArray[np.bool_]:
         """Mask (S,): faces whose outside can be seen from `direction`; seen from outside, corners run anticlockwise."""
         return self.normals @ np.asarray(direction) > 0.0
 
@@ -105,8 +106,8 @@ def frame_shots(shots: Sequence[Shot], width: int, margin: float = 0.12) -> list
     framed_shots = []
     for shot, points in zip(shots, projected, strict=True):
         bottom, height = float(points[:, 1].min()) - margin, float(np.ptp(points[:, 1])) + 2.0 * margin
-        x, y, z = (float(c) for c in np.array([(low[0] + high[0]) / 2.0, bottom + height / 2.0, 0.0]) @ axes)
-        framed_shots.append(replace(shot, centre=(x, y, z), height=height, size=(width, max(round(metre * height), 1))))
+        centre = np.array([(low[0] + high[0]) / 2.0, bottom + height / 2.0, 0.0]) @ axes
+        framed_shots.append(replace(shot, centre=centre, height=height, size=(width, max(round(metre * height), 1))))
     return framed_shots
 
 
@@ -122,18 +123,16 @@ def render_shot(shot: Shot) -> bytes:
     looks = [_face_looks(piece, view, light / np.linalg.norm(light), shot.limits) for piece in pieces]
     faces, edges, widths = (np.concatenate(of)[order] for of in zip(*looks, strict=True))
     (wide, tall), (x, y, _) = shot.size, view @ np.array(shot.centre)
-    figure, half = Figure(figsize=(wide / DOTS, tall / DOTS), facecolor="white"), shot.height / 2.0
+    figure, half = Figure((wide / DOTS, tall / DOTS), DOTS, facecolor="white"), shot.height / 2.0
     ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     ax.set_axis_off()
     ax.set(xlim=(x - half * wide / tall, x + half * wide / tall), ylim=(y - half, y + half))
-    drawn = PolyCollection(
-        polygons[order, :, :2], facecolors=faces, edgecolors=edges, linewidths=widths, joinstyle="round"
-    )
-    ax.add_collection(drawn, autolim=False)
-    every, few = io.BytesIO(), io.BytesIO()
-    figure.savefig(every, format="png", dpi=DOTS)
-    Image.open(every).convert("RGB").quantize(COLOURS).save(few, "PNG", optimize=True)
-    return few.getvalue()
+    look = {"facecolors": faces, "edgecolors": edges, "linewidths": widths, "joinstyle": "round"}
+    ax.add_collection(PolyCollection(polygons[order, :, :2], **look), autolim=False)
+    canvas, file = FigureCanvasAgg(figure), io.BytesIO()
+    canvas.draw()
+    Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB").quantize(COLOURS).save(file, "PNG", optimize=True)
+    return file.getvalue()
 
 
 class Looks(NamedTuple):

@@ -40,6 +40,11 @@ def test_a_picture_shows_what_it_is_told_to_and_is_the_same_again() -> None:
     assert red > 80 and red > 2 * green and red > 2 * blue  # the last colour
 
 
+@pytest.mark.parametrize("size", [(80, 57), (114, 40), (402, 201)])
+def test_a_picture_has_the_size_that_its_page_states(size: tuple[int, int]) -> None:
+    assert Image.open(io.BytesIO(render_shot(replace(SHOT, size=size)))).size == size
+
+
 def colours_of(*pieces: Piece) -> np.ndarray:
     """Colours (40, 80, 3) of a picture of pieces from the front."""
     picture = render_shot(replace(SHOT, pieces=pieces))
