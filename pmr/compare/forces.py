@@ -104,15 +104,12 @@ def support_rows(scene: Scene, response: Response) -> list[dict[str, Any]]:
 def pad_extremes(scene: Scene, response: Response) -> dict[str, Extremes]:
     """Extremes in N of all pads whose force the response contains, by name; positive pushes the body inwards.
 
-    For a single body they are in the order of its rings.  For sections they are those of all contacts and springs that
-    are no cylinders.
+    For a single body they are in the order of its rings.  For sections they are in the order of the response's outputs.
     """
     along = scene.path_positions(response.t)
     names = [name for ring in _pad_rings(scene) for name, _, _ in ring.named_pads]
     if len(scene.sections) > 1:
-        cylinders = set(map(cylinder_name, scene.names))
-        names = [name.removeprefix(force_name("")) for name in response.force_names]
-        names = [name for name in names if name not in cylinders]
+        names = [output.name.removeprefix(force_name("")) for output in response.outputs if output.kind == "pad"]
     forces = {name: force for name in names if (force := _pad_force(response, name)) is not None}
     return {name: Extremes.from_history(force, response.t, along) for name, force in forces.items()}
 

@@ -169,6 +169,15 @@ def test_a_pull_counts_beside_what_else_is_borne() -> None:
     assert said(-1e-9, 0.0) and not said(0.0, 0.0)  # whatever the size
 
 
+def test_a_luffing_cylinder_that_holds_the_base_is_no_pad() -> None:
+    frame = "frame={pivot=[0.0,0.0,0.0],luffing=0.5,cylinder={foot=[0.5,-1.0],lug=[2.0,-0.2],stiffness=1e8}}"
+    pin = "sections.base.supports=[{name='pin',directions=['x','z']}]"
+    scene = scenes.load_any("boom_two", [frame, pin, "gravity={}", "time.end=0.02", "section.mesh.elements=6"])
+    response = simulate(scene, reduce(scene).system)
+    assert "force of base luffing cylinder" in response.force_names
+    assert {name.rpartition(" ")[0] for name in pad_extremes(scene, response)} == {"fly tail", "fly mouth"}
+
+
 def test_rigid_pads_that_stay_are_said_to_be_unknown() -> None:
     rigid = f"pads=[{{name='tail',at=0.15,{ALL_ROUND},stiffness='rigid'}},{{name='mouth',moving=true,{ALL_ROUND}}}]"
     scene = boom(rigid)
