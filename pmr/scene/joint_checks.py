@@ -117,7 +117,7 @@ def check_joints(scene: Scene) -> None:
             _check_drive(scene, number)
     for number in range(1, len(scene.sections)):
         check_fit(scene, number)
-        _check_extension(scene, number)
+        check_extension(scene, number)
         _check_flexible_drive(scene, number)
     for number in range(len(scene.sections)):
         _check_ground_supports(scene, number)
@@ -278,7 +278,7 @@ def _check_ground_supports(scene: Scene, number: int) -> None:
         refuse(ring.moving, key, True, allowed)
 
 
-def _check_extension(scene: Scene, number: int) -> None:
+def check_extension(scene: Scene, number: int) -> None:
     """Refuse extensions that bring section `number` behind the tail of the next outer section, or out of that section.
 
     The pads of the section must not leave the outer section, and pads of tail and mouth must not overlap on a face.

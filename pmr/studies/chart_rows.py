@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from pmr.errors import InputError
+from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene import Scene
+from pmr.scene.joint_checks import check_extension
 from pmr.scene.keys import SceneTable, key_error
+from pmr.scene.members import footprint, members, seats
 from pmr.scene.signals import Constant
 from pmr.studies.study import Count
 
@@ -57,8 +59,8 @@ class Range(SceneTable):
 def extension_rows(scene: Scene, extensions: Range | Sequence[float | dict[str, float]]) -> list[dict[str, float]]:
     """Return extensions in m by section, in the order of the sections, for each row that a study asks for.
 
-    Sections that follow another one are where they follow it.  Raises InputError if an extension is missing, out of
-    range, or not where its section follows.
+    Sections that follow another one are where they follow it.  Raises InputError if an extension is missing, not where
+    its section follows, or not allowed by the checks of a scene, and if it takes pads to where the model has none.
     """
     names = scene.names[1:] if len(scene.sections) > 1 else ()
     driven = [name for number, name in enumerate(names, 1) if scene.joint(number).follows is None]
@@ -74,7 +76,8 @@ def extension_rows(scene: Scene, extensions: Range | Sequence[float | dict[str, 
         if not set(driven) <= set(row) <= set(names):
             allowed = f"an extension of each of {', '.join(names)} is allowed" if names else "none of a body alone"
             raise InputError("study", key, ", ".join(row) or None, allowed)
-        rows[k] = _with_followers(scene, row)
+        still = _scene_at_rest(scene, row)
+        rows[k] = {name: float(still.extension(number).value(0.0)) for number, name in enumerate(names, 1)}
         for name, value in rows[k].items():
             if abs(row.get(name, value) - value) > ROUNDED:
                 follows = scene.joint(scene.names.index(name)).follows
@@ -84,19 +87,46 @@ def extension_rows(scene: Scene, extensions: Range | Sequence[float | dict[str, 
             most = scene.sections[scene.names.index(name) - 1].length
             if not 0.0 < value < most:
                 raise InputError("study", key, value, f"more than 0 and less than {most:g} m is allowed")
+            try:
+                check_extension(still, scene.names.index(name))
+            except InputError as error:
+                raise InputError("study", key, value, error.allowed) from None
+        _check_pads(scene, still, key)
     return rows
 
 
-def _with_followers(scene: Scene, row: dict[str, float]) -> dict[str, float]:
-    """Return the extensions in m of all sections where those with a drive of their own are extended as in `row`."""
+def _scene_at_rest(scene: Scene, row: Mapping[str, float]) -> Scene:
+    """Return the scene with the sections that have a drive of their own extended as in `row`, in m by name."""
     sections = [
         part
         if part.joint is None or part.joint.follows is not None
         else part.with_keys(joint={"extension": Constant(amount=row[part.name]), "overlap": None})
         for part in scene.sections
     ]
-    still = scene.with_keys(sections=tuple(sections))
-    return {name: float(still.extension(number).value(0.0)) for number, name in enumerate(scene.names[1:], 1)}
+    return scene.with_keys(sections=tuple(sections))
+
+
+def _check_pads(scene: Scene, still: Scene, key: str) -> None:
+    """Refuse extensions of the scene `still` that take pads of joints to where the models of `scene` have no rows.
+
+    `key` is that of the row in the study.
+    """
+    for number, member in enumerate(members(scene)):
+        for seat in seats(still, number) if member.has_joint else ():
+            if seat.ring.faces is None:
+                continue
+            (low, high), at = member.ring_ranges[footprint(scene, seat.ring)], seat.positions.low
+            slack = BEYOND_ENDS * (high - low)
+            if not low - slack <= at <= high + slack:
+                beyond = at - min(max(at, low), high)
+                inwards = beyond if seat.joint == number else -beyond  # pads of a section's own joint move to its tail
+                extension = float(still.extension(seat.joint).value(0.0))
+                bound, name = "at least" if inwards > 0.0 else "at most", scene.names[seat.joint]
+                allowed = (
+                    f"{bound} {extension + inwards:.6g} m of {name} is allowed: the scene's extensions go no further, "
+                    "and its model has no pads beyond"
+                )
+                raise InputError("study", key, extension, allowed)
 
 
 def check_slewing(scene: Scene, slewing: Sequence[float]) -> None:

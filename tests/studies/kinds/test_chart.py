@@ -360,6 +360,7 @@ def test_a_limit_of_the_users_own_is_what_its_function_says(
         ('name = "tip"', 'name = "stability"', "names of limits must differ"),
         ("up_to = 5000.0", "up_to = 0.0", "up_to"),
         ("most = 4.0, count", "most = 6.5, count", "less than 6 m is allowed"),
+        ("most = 4.0, count", "most = 5.8, count", "extensions[2] = 5.8: the overlap of middle and base gets down to"),
         ('[{ load = "gust"', '[{ load = "guts"', "cases[1].wind.on[0].load = 'guts': gust of the scene are allowed"),
         ('hoisting_class = "HC2"', 'hoisting_class = "HC5"', "hoisting_class = 'HC5': one of HC1, HC2, HC3, HC4"),
         ("hoisting_speed = 0.5", "", "hoisting_class and hoisting_speed go together"),
@@ -406,6 +407,17 @@ def test_sections_that_follow_are_where_they_follow(folder: Path) -> None:
     (folder / "following.toml").write_text(study.replace(evenly, "[{ middle = 1.0, fly = 1.0 }]"))
     with pytest.raises(InputError, match=r"extensions\[0\].fly = 1.0: 0.7 m is allowed, as it follows middle"):
         call.load(folder / "following.toml")
+
+
+def test_pads_stay_where_the_model_has_them(folder: Path) -> None:
+    path = '{ kind = "ramp", times = [0.0, 1.0], values = [2.0, 3.5] }'
+    pads = "at = 0.15\nfaces = { bottom = [0.0], top = [0.0] }"
+    scene = SCENE.replace('{ kind = "constant", amount = 3.0 }', path).replace("at = 0.15", pads)
+    (folder / "pads.toml").write_text(scene)
+    study = STUDY.replace("scene.toml", "pads.toml")
+    (folder / "padded.toml").write_text(study.replace("{ least = 1.0, most = 4.0, count = 3 }", "[2.0, 5.0, 1.9]"))
+    with pytest.raises(InputError, match=r"extensions\[2\] = 1.9: at least 2 m of middle is allowed: the scene's ext"):
+        call.load(folder / "padded.toml")
 
 
 def test_degrees_are_refused_where_the_scene_says_no_unit(folder: Path) -> None:
