@@ -30,7 +30,7 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Motions by which settings were chosen, and those by which the observer is judged.
+#: Motions by which settings were chosen (`temper` by the first five of them), and those by which observers are judged.
 TUNING, HELD_OUT = range(10), range(10, 40)
 END, STEP, TRUE_STEP, MEASURED_EVERY = 6.0, 1e-3, 5e-4, 2  # s, s, s and steps
 NOMINAL = 300.0  # kg: the model's payload
