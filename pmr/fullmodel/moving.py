@@ -156,6 +156,8 @@ class FrameAssembler:
 
     def __init__(self, model: StructuralModel, masses: Sequence[PointMass], comm: MPI.Comm) -> None:
         self._model, self._masses, self._comm = model, masses, comm
+        self._single_inertias = dict[tuple[int, int], PETSc.Mat]()  # matrices A_jk (n, n) of `inertia`, by j and k
+        self._rigid_loads = dict[bytes, Array]()  # loads A_S R (n, k) on the k rigid motions R, by the bytes of S
 
     @cached_property
     def _assembler(self) -> Assembler:
@@ -193,11 +195,6 @@ class FrameAssembler:
         return self._single_inertias[j, k]
 
     @cached_property
-    def _single_inertias(self) -> dict[tuple[int, int], PETSc.Mat]:
-        """Matrices A_jk (n, n) that were assembled so far, by j and k; empty at first."""
-        return {}
-
-    @cached_property
     def _inertia_form(self) -> tuple[Expr, ...]:
         """Tensor S (3, 3) as a UFL constant with a changeable value, and the form of A_S, compiled once; collective."""
         space = self._assembler.space
@@ -220,14 +217,6 @@ class FrameAssembler:
             free_objects(A)
             self._rigid_loads[key] = np.concatenate(self._comm.allgather(forces))
         return self._rigid_loads[key] @ motion
-
-    @cached_property
-    def _rigid_loads(self) -> dict[bytes, Array]:
-        """Loads A_S R (n, k) that were computed so far, by the bytes of the tensor S (3, 3); empty at first.
-
-        A_S is the inertia with S, and R (n, k) are the k rigid motions.
-        """
-        return {}
 
     def geometric_stiffness(self, name: str) -> PETSc.Mat:
         """Geometric stiffness K_g (n, n) of the model under the unit load `name` (a key of `STATES`); collective.
