@@ -148,18 +148,19 @@ class HeldModel:
         """Assemble the structural `model` of the `body`, hold it and factorise its stiffness."""
         structure = Structure(model, clamps=body.clamps, masses=body.masses)
         self._model, self._T = model, couple(structure).T
-        self._full = full = structural_model(structure, MPI.COMM_SELF)
+        full = structural_model(structure, MPI.COMM_SELF)
         M, rigid = gather(full.M), full.rigid
         assert M is not None and rigid is not None  # as structures have, on the only rank
         self._R = rigid.coordinates @ scipy.linalg.null_space(rigid.held_measures.T @ rigid.held_measures)
         self._MR = M @ self._R
         self._J = self._R.T @ self._MR
-        F = full.K.copy()
         if self._R.size:
             sigma = (HELD * beam_of(body).reference_frequency) ** 2
-            F.axpy(sigma, full.M, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
-        self._factor = factor_for_columns(F, "stiffness")
-        free_objects(F)
+            full.K.axpy(sigma, full.M, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        del M
+        free_objects(full.M, full.inputs, full.outputs)  # before the factor, which takes most of the memory
+        self._factor = factor_for_columns(full.K, "stiffness")
+        free_objects(full.K)
 
     def pads(self, pads: Sequence[Pad], u: Array) -> sp.csr_matrix:
         """Rows (p k, n) of the normal displacement under k pads after the pads slid by each of p distances `u` (p,) m.
@@ -215,9 +216,8 @@ class HeldModel:
         return np.linalg.solve(self._J, g) if self._R.size else g
 
     def destroy(self) -> None:
-        """Free the memory of the factor and the matrices."""
+        """Free the memory of the factor."""
         self._factor.destroy()
-        free_objects(self._full.K, self._full.M, self._full.inputs, self._full.outputs)
 
 
 def places_along(span: float, layer: float) -> Array:
