@@ -149,9 +149,10 @@ def start_richer(scene: Scene, cache: Cache, helper: Executor) -> Future[None] |
 def start_stresses(scene: Scene, helper: Executor) -> Future[None] | None:
     """Let another process, one of `helper`, compute the local stress in walls at pads and store it for later calls.
 
-    Returns None if the scene asks for no stresses, if no beam of it has walls, and if no process can be started.
+    Returns None if the scene asks for no stresses, if no beam of it has walls that stay the same along it, and if no
+    process can be started.
     """
-    has_walls = any(traits_of(member).is_beam and member.part.body.box is not None for member in members(scene))
+    has_walls = any(traits_of(member).is_beam and member.part.has_even_walls for member in members(scene))
     if not has_walls or scene.recovery is None or not scene.recovery.stress:
         return None
     with suppress(BrokenExecutor, OSError):

@@ -14,15 +14,8 @@ from pmr.files.arrays import Array
 from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.pads import Pad, restrain
 from pmr.fullmodel.structure import couple
-from pmr.fullmodel.wall_stress import (
-    LoadedRing,
-    SectionStates,
-    WallPeak,
-    has_even_walls,
-    mean_by_place,
-    wall_peak,
-    yield_forces,
-)
+from pmr.fullmodel.wall_piece import mean_by_place
+from pmr.fullmodel.wall_stress import LoadedRing, SectionStates, WallPeak, wall_peak, yield_forces
 from pmr.pipeline.model_errors import UNNEEDED
 from pmr.reduction.recovery import RecoveredBody
 from pmr.results.field_stress import FORCES
@@ -70,7 +63,7 @@ def stress_at_pads(
             continue
         if not traits_of(member).is_beam:
             missing[part.name] = "it is no beam: its stress is that of its own cells"
-        elif not has_even_walls(part):
+        elif not part.has_even_walls:
             missing[part.name] = UNEVEN
         else:
             loaded = _loaded_section(body, recovered[part.name], states[part.name])

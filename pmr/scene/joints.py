@@ -325,3 +325,9 @@ class BoomSection(OneBody):
     def rings(self) -> tuple[PadRing | JointPads, ...]:
         """Rings of pads on the section and of its joint."""
         return tuple(self.keyed_rings.values())
+
+    @property
+    def has_even_walls(self) -> bool:
+        """Whether the section is a box whose walls stay the same along it, without frames and regions."""
+        box = self.body.box
+        return box is not None and not box.varying_keys and not box.frames and not self.body.regions
