@@ -16,7 +16,7 @@ from pmr.results import BodyResult, RunResult
 from pmr.results.quantities import QUANTITIES, wall_stress
 from pmr.scene.built import Load, PadRing
 from pmr.scene.choice import input_directions
-from pmr.scene.joints import JointPads
+from pmr.scene.joints import JointPads, has_clearance
 from pmr.scene.keys import ALONE, LUFFING_CYLINDER, input_name, qualified_name
 from pmr.scene.mechanism import AT_PIVOT, pin_and_cylinder, supports_at_lug
 from pmr.scene.members import members
@@ -55,8 +55,9 @@ def play_clause(result: RunResult, quantity: str, name: str = "") -> str:
         if (row["quantity"], row["name"]) == (quantity, name):
             return f"; {format_quantity(row['varied'], QUANTITIES[quantity].unit)} {play_words(play['gap'])}"
     rings = [ring for part in result.scene.sections for ring in part.rings if ring.unilateral]
-    gaps = [any(of.values()) if isinstance(of := ring.clearance, dict) else of for ring in rings]
-    return "; without play of pads, which no error bar has in it" if rings and not any(gaps) else ""
+    return (
+        "; without play of pads, which no error bar has in it" if rings and not any(map(has_clearance, rings)) else ""
+    )
 
 
 def play_words(gap: float) -> str:

@@ -27,6 +27,7 @@ from pydantic import ValidationError
 from pmr.errors import InputError
 from pmr.scene.checks import check_scene
 from pmr.scene.choice import has_axial_motion, has_giving_walls, is_planar, model_of, observed_places, traits_of
+from pmr.scene.joints import has_clearance
 from pmr.scene.keys import Schema
 from pmr.scene.members import Member, member_at, members
 from pmr.scene.model_traits import CELLS
@@ -212,6 +213,11 @@ def _unused_simulation_keys(scene: Scene) -> Iterator[UnusedKey]:
     if not any(name.startswith("exudyn") for name in (*scene.simulation.simulators, scene.simulation.full)):
         why = "Exudyn, whose settings these are, does not simulate"
         yield UnusedKey("simulation.newton", "simulation.simulators", why)
+    pushing = [ring for part in scene.sections for ring in part.rings if ring.unilateral and ring.faces is not None]
+    if not pushing:
+        yield UnusedKey("compare.play", "", "no ring of pads on faces has unilateral = true, and others have no play")
+    elif any(map(has_clearance, pushing)):
+        yield UnusedKey("compare.play", "", "pads have a clearance, without which `pmr run` simulates the scene again")
 
 
 #: Rules of scene files: keys that replace each other, and published results, which belong to one scene alone.

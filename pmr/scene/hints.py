@@ -17,7 +17,7 @@ from pydantic import BaseModel
 
 from pmr.scene.built import GRAVITY, Load
 from pmr.scene.choice import has_walls_that_could_give, traits_of
-from pmr.scene.joints import BoomSection
+from pmr.scene.joints import BoomSection, has_clearance
 from pmr.scene.keys import Hinted, Usual, qualified_name, quantity_of, usual_ranges
 from pmr.scene.members import Member, members
 from pmr.scene.scene import Scene
@@ -346,8 +346,7 @@ def _pad_effects(scene: Scene, at_rest: bool) -> list[str]:
     if not rings:
         return []
     clauses = [] if not at_rest and any(getattr(ring, "friction", 0.0) for ring in rings) else ["friction"]
-    gaps = [ring.clearance.values() if isinstance(ring.clearance, dict) else [ring.clearance] for ring in rings]
-    if not any(gap for of_ring in gaps for gap in of_ring):
+    if not any(map(has_clearance, rings)):
         clauses.append("play, which at side pads changes the stress in walls")
     return [*clauses, "wear", "spread of the pressure under a pad"]
 

@@ -206,6 +206,12 @@ class Joint(SceneTable):
         return (*self.tail, *self.mouth)
 
 
+def has_clearance(ring: PadRing | JointPads) -> bool:
+    """Whether a ring of pads has a clearance that is not 0 on one of its faces."""
+    clearance = ring.clearance
+    return any(clearance.values()) if isinstance(clearance, dict) else clearance > 0.0
+
+
 class ScaledSignal(SignalBase):
     """Signal ``offset + ratio * signal``."""
 

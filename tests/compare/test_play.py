@@ -29,7 +29,7 @@ def varied_summary(scene: Scene) -> dict:
 
 @pytest.mark.parametrize(("of_scene", "of_other"), [(0.0, 1e-3), (1e-3, 0.0)])
 def test_values_are_those_of_the_same_scene_with_all_of_the_play_at_the_top(of_scene: float, of_other: float) -> None:
-    play = varied_summary(boom("compare.play=1e-3", gap=of_scene))
+    play = varied_summary(boom(gap=of_scene))
     assert play["gap"] == of_other
     scene, other = boom(gap=of_scene), boom(gap=of_other)
     sizes, other_sizes = (largest_sizes(of, pmr.simulate(of, pmr.reduce(of).system)) for of in (scene, other))
