@@ -9,7 +9,7 @@ PINS := $(filter-out requirements/snakemake.txt requirements/benchmarks.txt requ
 # and on Debian's default BLAS a MUMPS factor takes six times as long as on OpenBLAS.
 APT := python3-dolfinx-real python3-petsc4py-real python3-slepc4py-real openmpi-bin libopenblas0-serial \
        gcc libc6-dev python3-dev python3-venv \
-       libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0 libgl1 libegl1 fonts-dejavu-core \
+       libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0 libgl1 fonts-dejavu-core \
        libglu1-mesa libxft2 libxcursor1 libxinerama1 libxfixes3 libxrender1 libgomp1 $(and $(filter true,$(CI)),calculix-ccx)
 
 # Nothing of the caller's Python or PETSc may leak in: Debian's petsc4py dies beside a NumPy 2 of the user's own.
