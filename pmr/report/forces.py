@@ -104,10 +104,15 @@ def pivot_block(result: RunResult, prefix: str) -> Block | None:
     panels = [
         Panel(
             f"pivot-{name}",
-            prose("pivot", what=what, has_cylinder=has_cylinder and unit == "N", is_computed=has_free_luffing(result)),
+            prose(
+                "pivot",
+                quantity=quantity,
+                has_cylinder=has_cylinder and unit == "N",
+                is_computed=has_free_luffing(result),
+            ),
             _acting_outputs(result, outputs, unit),
         )
-        for unit, what, name in (("N", "Forces", "forces"), ("N m", "Moments about the pivot", "moments"))
+        for unit, quantity, name in (("N", "Forces", "forces"), ("N m", "Moments about the pivot", "moments"))
     ]
     grids = (
         _reaction_grid(result, True, "Least and largest forces and moments on the machine"),

@@ -25,14 +25,14 @@ def _macros() -> Any:
     """Macros of `prose.txt` as functions; imports Jinja, which only pages need."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    prose = Environment(loader=PackageLoader("pmr.report"), undefined=StrictUndefined)
-    prose.globals["nbsp"] = SPACE
-    prose.filters |= {
+    environment = Environment(loader=PackageLoader("pmr.report"), undefined=StrictUndefined)
+    environment.globals["nbsp"] = SPACE
+    environment.filters |= {
         "digits": format_digits,
-        "given": format_input,
+        "input": format_input,
         "percent": format_percent,
         "quantity": format_quantity,
         "significant": significant,
         "time": format_time,
     }
-    return prose.get_template("prose.txt").module
+    return environment.get_template("prose.txt").module

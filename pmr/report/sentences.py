@@ -146,7 +146,7 @@ def frame_sentences(result: RunResult) -> str:
 def energy_sentence(result: RunResult) -> str:
     """Sentence on the energy that drives, loads and damping add to a boom in space; empty if the scene has no frame."""
     energies = result.summary.get("energy")
-    return "" if energies is None else prose("energy", **energies)
+    return "" if energies is None else prose("energy", energies=energies)
 
 
 def _model_key_number(result: RunResult) -> Iterator[KeyNumber]:

@@ -101,8 +101,8 @@ def view_caption(result: RunResult, view: str) -> str:
     moves = result.frame is None and bool(slider_offsets(result)) and slides
     return prose(
         "view",
-        what="body" if is_alone(result) else "boom",
-        seen=view,
+        structure="body" if is_alone(result) else "boom",
+        direction=view,
         times=t[steps].tolist(),
         worst=None if worst is None else float(t[worst.step]),
         ring=ringed_stress_name(result),

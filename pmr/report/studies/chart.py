@@ -78,7 +78,7 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     picture = replace(picture, svg=picture.svg.removesuffix("</svg>") + shown)
     lines = drawing(f"{prefix}-duty", duty_lines, duty_caption(len(chart.load)), chart)
     duty = tuple(duty_grids(study, DutyTable.from_loads(table, up_to), not_covered))
-    method = prose("chart_method", asked=study.study_file, figures=study.figures, not_covered=not_covered)
+    method = prose("chart_method", study_file=study.study_file, figures=study.figures, not_covered=not_covered)
     limits = replace(limits, text=method, grids=(*limits.grids, *error_bar_grids(study, names, parts)))
     over_radius = Block("Load over radius", (lines,), grids=duty)
     pages = governing_pages(study, shown_names, parts, prefix)

@@ -92,7 +92,9 @@ def headline(study: FinishedStudy, least_loads: Array, slewing: Array) -> str:
         return f"No limit is reached up to {most} at any of {least_loads.size} points.{hint} {case}"
     limits = [f"{limit['name']} (factor {limit['factor']:g})" for limit in study.study_file["limits"]]
     permitted = least_loads[least_loads > 0.0]
-    high = ceiling(study) if np.isnan(least_loads).any() else format_load(permitted.max(initial=0.0))
+    loads = [format_load(end) for end in (permitted.min(), permitted.max())] if len(permitted) else []
+    if np.isnan(least_loads).any():
+        loads = [*loads[:1], ceiling(study)]
     return prose(
         "headline",
         case=case,
@@ -100,8 +102,7 @@ def headline(study: FinishedStudy, least_loads: Array, slewing: Array) -> str:
         points=least_loads.size,
         empty=int((least_loads <= 0.0).sum()),
         not_permitted=NOT_PERMITTED,
-        least=format_load(permitted.min()) if len(permitted) else "",
-        most=high if len(permitted) or np.isnan(least_loads).any() else "",
+        loads=loads,
         slewing=slewing_clause(slewing),
         looks_at_walls={"pad", "field"} & {str(limit["of"]) for limit in study.study_file["limits"]},
     )

@@ -30,6 +30,7 @@ from pmr.report.studies.chart_tables import (
     terminal_grid,
 )
 from pmr.studies.duty import DutyTable
+from pmr.studies.limits import STABILITY_WORDS
 
 
 def test_a_chart_on_which_no_limit_is_met_has_no_empty_picture_and_no_table_of_nothing() -> None:
@@ -72,6 +73,25 @@ def test_the_first_sentence_says_whether_walls_and_pads_are_looked_at() -> None:
             sentence.endswith(" A run states the stress of walls at pads.") is is_said
             and "the least over slewing by 0°, 90°." in sentence
         )
+
+
+@pytest.mark.parametrize(
+    ("loads", "start"),
+    [
+        ([500.0, 900.0], "It carries 500 kg to 900 kg,"),
+        ([500.0, np.nan], "It carries 500 kg to more than 20 000 kg (search ends there),"),
+        (
+            [0.0, np.nan],
+            "At 1 of 2 points the boom is {}. Elsewhere it carries more than 20 000 kg (search ends there),",
+        ),
+        ([0.0, 0.0], "At 2 of 2 points the boom is {}. This is so"),
+    ],
+)
+def test_the_first_sentence_has_the_range_of_loads_and_always_the_limits(loads: list[float], start: str) -> None:
+    study: Any = SimpleNamespace(study_file={"limits": [], "up_to": 2e4, "cases": [{"name": "rest"}]})
+    sentence = headline(study, np.array([loads]), np.array([0.0])).replace("\u00a0", " ").replace("\u202f", " ")
+    assert f"not a rated capacity. {start.format(NOT_PERMITTED)}" in sentence
+    assert f"by these limits alone: {STABILITY_WORDS}; at slewing by 0°." in sentence
 
 
 def test_no_load_is_called_zero_where_a_limit_is_passed_without_a_load() -> None:
