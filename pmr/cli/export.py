@@ -238,7 +238,7 @@ def simulate(model: Model, scene: MotionScene, out_dir: Folder = None, overrides
     """
     from pmr import scene as scenes
     from pmr.compare.summary import simulate_saved
-    from pmr.report import errors
+    from pmr.report import trust
     from pmr.report.numbers import format_length, format_quantity
     from pmr.results import RESULT_FILES
     from pmr.results.quantities import QUANTITIES
@@ -273,7 +273,7 @@ def simulate(model: Model, scene: MotionScene, out_dir: Folder = None, overrides
     table.add_row("simulated in", ", ".join(f"{name} {s:.3g} s" for name, s in summary["seconds"]["simulate"].items()))
     out.print(table)
     hidden = ("model", "mesh")  # they are those of the run that wrote the model
-    out.rows(row for row in errors.trust_table(result).rows if row[0] not in hidden)
+    out.rows(row for row in trust.trust_table(result).rows if row[0] not in hidden)
     for warning in summary["warnings"]:
         out.sentences(f"warning: {warning}")
     out.text(str(folder / "trajectories.npz"))

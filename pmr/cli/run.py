@@ -222,7 +222,7 @@ def _tolerance_overrides(tolerance: str, file: Path) -> list[str]:
 
 def _print_outcome(outcome: Outcome) -> None:
     """Print capacity, errors with published ones, coordinates, computing times and warnings of a run."""
-    from pmr.report import errors, first_page
+    from pmr.report import errors, first_page, trust
 
     result, summary = outcome.result, outcome.result.summary
     out.print(escape_controls(result.scene.title), style="bold")
@@ -234,7 +234,7 @@ def _print_outcome(outcome: Outcome) -> None:
     seconds = ", ".join(f"{name} {value:.3g} s" for name, value in summary["seconds"]["simulate"].items())
     coordinates = f"{summary['coordinates']['full']} -> {summary['coordinates']['reduced']} coordinates"
     out.sentences(f"{coordinates}{f' ({each})' if each else ''}; simulated in: {seconds}")
-    out.rows(errors.trust_table(result).rows)
+    out.rows(trust.trust_table(result).rows)
     for warning in summary["warnings"]:
         out.sentences(f"warning: {warning}")
     for pair, length in summary["agreement"].items():

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pmr.files.arrays import Summary
-from pmr.report import errors, overview, sentences
+from pmr.report import overview, sentences, trust
 from pmr.report.blocks import Table
 from pmr.report.columns import axis_points, is_round_off, tip_displacements
 from pmr.report.extremes import (
@@ -61,10 +61,10 @@ def first_page_tables(result: RunResult) -> tuple[Table, ...]:
     """Build the tables of the first page; tables without rows are left out."""
     all_tables = (
         Table("What was asked", tuple(overview.system_rows(result))),
-        Table("How sure", tuple(errors.certainty_rows(result))),
+        Table("How sure", tuple(trust.certainty_rows(result))),
         _largest_values_table(result),
         Table("What is not in this model", tuple(_left_out_rows(result))),
-        errors.trust_table(result),
+        trust.trust_table(result),
     )
     return tuple(table for table in all_tables if table.rows)
 
@@ -199,7 +199,7 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
         share = shell["value"] / allowed
         used = f", {format_percent(share)} of the {format_quantity(allowed, 'Pa')} of yield"
         if "error" in shell:
-            by_pads = errors.pad_force_error(result.summary)
+            by_pads = trust.pad_force_error(result.summary)
             most = shell["error"] + shell["value"] * (by_pads or 0.0)
             used += f", {format_percent((shell['value'] + most) / allowed)} with this bar"
             used += " and the error of pad forces" if by_pads is not None else ", which lacks the error of pad forces"

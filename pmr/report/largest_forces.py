@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from pmr.files.arrays import Summary
-from pmr.report import errors
+from pmr.report import trust
 from pmr.report.extremes import LargestValue, LargestValues, extreme_clause, largest_value, value_at
 from pmr.report.numbers import SPACE, format_length, format_percent, format_quantity, significant
 from pmr.report.overview import format_range
@@ -369,7 +369,7 @@ def _margin_error(result: RunResult) -> str:
     The boom's moment comes from pin and luffing cylinder.  The moments of the machine's masses are exact for their
     given places.  The clause says that the error is not known if a part of it is missing.
     """
-    summed, names = errors.summed_errors(result.summary), [f"{PIVOT}{axis}" for axis in ("rx", "ry")]
+    summed, names = trust.summed_errors(result.summary), [f"{PIVOT}{axis}" for axis in ("rx", "ry")]
     labels = [label for label in MARGIN_ERRORS if label in summed.by_label]
     moments = [Extremes.from_summary(of).size for of in result.summary.get("reactions", ()) if of["name"] in names]
     if not labels or not moments or any({"model", "mesh"} & {*summed.lacking[label]} for label in labels):

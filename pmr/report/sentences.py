@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from pmr.report import errors as error_sentences
+from pmr.report import trust
 from pmr.report.blocks import (
     KeyNumber,
 )
@@ -42,7 +42,7 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
     fewer = "" if full is None else format_percent(1.0 - reduced / full, 2 if reduced > 0.005 * full else 4)
     arrow = f"{reduced}" if full is None else f"{format_input(full)}{SPACE}→{SPACE}{reduced}"
     yield KeyNumber(arrow, "coordinates", f"{fewer} fewer" if fewer else "")
-    totals = error_sentences.summed_errors(summary)
+    totals = trust.summed_errors(summary)
     if totals.by_label:
         yield _total_error(totals)
     else:
@@ -63,7 +63,7 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
     yield from _simulation_time(result)
 
 
-def _total_error(totals: error_sentences.SummedErrors) -> KeyNumber:
+def _total_error(totals: trust.SummedErrors) -> KeyNumber:
     """Key number of the largest error after errors of all sources are added up."""
     label = max(totals.by_label, key=lambda name: totals.by_label[name])
     note = f"in {label}, {totals.sources_clause(label)}"

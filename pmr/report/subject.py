@@ -50,7 +50,7 @@ def play_clause(result: RunResult, quantity: str, name: str = "") -> str:
     `name` is the name of the part or direction of the value.  If there was no such run, the clause says so where pads
     only push and have no play; otherwise it is empty.
     """
-    play = (result.summary.get("budget") or {}).get("play") or {}
+    play = play_summary(result)
     for row in play.get("rows", ()):
         if (row["quantity"], row["name"]) == (quantity, name):
             return f"; {format_quantity(row['varied'], QUANTITIES[quantity].unit)} {play_words(play['gap'])}"
@@ -58,6 +58,11 @@ def play_clause(result: RunResult, quantity: str, name: str = "") -> str:
     return (
         "; without play of pads, which no error bar has in it" if rings and not any(map(has_clearance, rings)) else ""
     )
+
+
+def play_summary(result: RunResult) -> Summary:
+    """Entry ``budget.play`` of a run's summary; empty if the summary has no such entry."""
+    return (result.summary.get("budget") or {}).get("play") or {}
 
 
 def play_words(gap: float) -> str:
@@ -315,3 +320,9 @@ def field_times(result: RunResult, body: BodyResult) -> Array:
         return body.fields.t
     recovery = result.scene.recovery
     return np.arange(count) * (recovery.every if recovery else 0.0)
+
+
+def with_shown_label(result: RunResult, text: str) -> str:
+    """Text in which the label of support forces names the luffing cylinder if it is the only support that gives way."""
+    alone = is_luffing_cylinder_alone(result)
+    return text.replace(QUANTITIES["support_force"].label, QUANTITIES["luffing_force"].label) if alone else text

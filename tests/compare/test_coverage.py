@@ -28,7 +28,7 @@ from pmr.compare.trust import (
     effects_not_covered,
     highest_mode_frequency,
 )
-from pmr.report import errors
+from pmr.report import trust
 from pmr.scene import load as read
 from pmr.scene.signals import Chirp, Constant, Ramp, Signal, Sine, SmoothRamp, Step, Sum, Table
 from pmr.simulation import TimeStepping
@@ -147,7 +147,7 @@ def test_the_motion_of_a_machine_that_is_found_is_named(tmp_path: Path, free: li
 def test_a_run_says_it_in_report_and_summary(load_scene, load: list[str]) -> None:
     outcome = run(load_scene("evolved_residual", [*SHORT, *load, "simulation.simulators=['march']"]))
     assert outcome is not None
-    summary, text = outcome.result.summary, dict(errors.trust_table(outcome.result).rows)["not in these bars"]
+    summary, text = outcome.result.summary, dict(trust.trust_table(outcome.result).rows)["not in these bars"]
     left_out = summary["estimate"]["not_covered"]
     assert left_out[-3:] == [AWAY_FROM_PROBES, RIGID_REACTIONS, SLIDER_IMPACTS]
     assert AWAY_FROM_PROBES in text
@@ -175,7 +175,7 @@ def test_an_estimate_that_fails_leaves_the_run_standing(load_scene, monkeypatch,
     assert outcome is not None
     found = outcome.result.summary["estimate"]
     assert found["beam"] is None and found["reason"] == reason and outcome.result.tip_error is None
-    assert reason in dict(errors.trust_table(outcome.result).rows)["reduction"]
+    assert reason in dict(trust.trust_table(outcome.result).rows)["reduction"]
 
 
 def test_without_tones_and_steps_there_is_no_share() -> None:

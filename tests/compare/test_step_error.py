@@ -25,7 +25,7 @@ from pmr.compare.errors import relative_error
 from pmr.compare.outputs import run_from_start
 from pmr.compare.step_error import NEGLIGIBLE, SETTLED, STEP_LIMIT, ConvergenceSeries, StepError
 from pmr.compare.stepped_runs import SteppedSystem
-from pmr.report import errors
+from pmr.report import trust
 from pmr.report.blocks import Chapter
 from pmr.report.sections import chapter
 from pmr.scene import Scene
@@ -263,7 +263,7 @@ def test_where_march_fails_the_reason_stands_in_place_of_the_figure(load_scene, 
     summary_ = outcome.result.summary
     assert summary_["step"]["beam"] is None and summary_["step"]["reason"] == "march failed at step 3"
     assert any("march failed at step 3" in line for line in summary_["warnings"])
-    assert dict(errors.trust_table(outcome.result).rows)["time step"] == "not known: march failed at step 3"
+    assert dict(trust.trust_table(outcome.result).rows)["time step"] == "not known: march failed at step 3"
 
 
 TELESCOPE = (

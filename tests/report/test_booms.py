@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pmr import RunResult
-from pmr.report import errors, sections
+from pmr.report import errors, sections, trust
 from pmr.report.document import render_runs as render
 from pmr.report.document import write_report
 from pmr.report.figures import histories
@@ -156,5 +156,5 @@ def test_an_error_of_round_off_is_called_so_and_is_in_no_sentence(boom: RunResul
     result = replace(boom, summary=boom.summary | {"errors": {"reduced_vs_full": found}, "estimate": found})
     of_cylinders = [row.value for row in errors.rows(result) if "cylinder" in row.place]
     assert of_cylinders == ["round-off", "round-off"]
-    reduction = dict(errors.trust_table(result).rows)["reduction"]
+    reduction = dict(trust.trust_table(result).rows)["reduction"]
     assert "cylinder" not in reduction and "displacements 2.00\u00a0%" in reduction

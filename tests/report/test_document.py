@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import pytest
 
 from pmr import RunResult, report
-from pmr.report import document, errors, sentences
+from pmr.report import document, errors, sentences, trust
 from pmr.report.blocks import END_OF_SCREEN, SCREEN
 from pmr.report.document import render_runs as render
 from pmr.report.document import with_date, write_report
@@ -223,7 +223,7 @@ def test_forces_beside_impacts_have_a_row(make_result) -> None:
 
 def reduction(result: RunResult) -> str:
     """Text of the first page on the error of the reduction."""
-    return dict(errors.trust_table(result).rows)["reduction"]
+    return dict(trust.trust_table(result).rows)["reduction"]
 
 
 def test_the_estimate_stands_beside_the_true_error(make_result) -> None:

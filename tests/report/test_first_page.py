@@ -16,7 +16,6 @@ from pmr.report import columns, first_page
 from pmr.report.blocks import Chapter, Drawing, KeyNumber, Notices, Table
 from pmr.report.document import drawn_text
 from pmr.report.document import render_runs as rendered
-from pmr.report.errors import LEAST, certainty_rows, summed_errors
 from pmr.report.errors import rows as error_rows
 from pmr.report.extremes import LargestValue, largest_value
 from pmr.report.figures import space
@@ -25,6 +24,7 @@ from pmr.report.first_page import first_page_tables, largest_value_rows, overloa
 from pmr.report.sections import accuracy_block, chapter
 from pmr.report.sentences import key_numbers
 from pmr.report.subject import play_clause, walls_clause
+from pmr.report.trust import LEAST, certainty_rows, summed_errors
 from pmr.results import Response, RunResult
 from pmr.results.response import LUFFING_ANGLE, Output
 from pmr.scene import Scene
