@@ -1,8 +1,9 @@
 r"""Constant parameters of a model, such as Young's modulus, by observers of several models that differ in them.
 
 The log-likelihood of all measurements so far is a polynomial of second degree in the parameters, through those of the
-models; so are means of estimates.  With parameters u over their standard deviations, the innovations
-:math:`\nu_i` of model i over theirs, and the `temper` :math:`\beta`,
+models; so are means of estimates. Measurements of a sensor that any model's observer excludes do not count. With
+parameters u over their standard deviations, the innovations :math:`\nu_i` of model i over theirs, and the `temper`
+:math:`\beta`,
 
 .. math::
     L(u) \approx -\tfrac{\beta}{2} \sum \nu_i^2, \qquad P^{-1} = 1 - \nabla^2 L, \qquad u = P\, \nabla L(0)
@@ -77,7 +78,8 @@ class ParameterObserver:
         every, p = [observer.run(measured) for observer in self.observers], len(self.names)
         first, models = every[0], (self.values - self.mean) / self.deviation
         fit = np.linalg.pinv(self._terms(models))
-        squares = [np.nansum(np.minimum(each.innovations**2, GATE**2), axis=1) for each in every]
+        used = ~np.any([each.excluded for each in every], axis=0)
+        squares = [np.nansum(used * np.minimum(each.innovations**2, GATE**2), axis=1) for each in every]
         likelihood = -0.5 * self.temper * np.cumsum(squares, axis=1).T @ fit.T
         (i, j), slope = np.triu_indices(p), likelihood[:, 1 : 1 + p]
         curvature = np.zeros((len(slope), p, p))

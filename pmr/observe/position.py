@@ -33,14 +33,17 @@ POINTS = 8
 
 @dataclass(frozen=True)
 class PlaceModels:
-    """Models for steps of constant length at S places of a path, with r modes, n = 2 r states and o further outputs."""
+    """Models for steps of constant length at S places of a path, with n = 2 m states and o further outputs.
+
+    The m modes are the r modes of the body, then those that are the same at all places.
+    """
 
     step: float  # s
     places: Array  # (S,) m
-    frequencies: Array  # (S, r) Hz
+    frequencies: Array  # (S, r) Hz: of the body
     F: Array  # (S, n, n): transition from the state of a step to that of the next one
     H: Array  # (S, n): acceleration at the sensor by the state
-    noise: Array  # (S, r, n, n): covariance of a step, for unit noise of each mode's acceleration at the sensor
+    noise: Array  # (S, m, n, n): covariance of a step, for unit noise of each mode's acceleration at the sensor
     rows: Array  # (S, o, n): further outputs, such as displacements
 
 
@@ -168,7 +171,7 @@ class SlidingNoise(NamedTuple):
 class PositionSettings:
     """Random motion of a slider and of what excites the modes; `tune` in a script finds them on measured series."""
 
-    mode_noise: tuple[float, ...] = (1.7e-5, 2.9e-3, 5.2e-3)  # (r,): of the modes, over that of the measurement
+    mode_noise: tuple[float, ...] = (1.7e-5, 2.9e-3, 5.2e-3)  # (m,): of the modes, over that of the measurement
     speeds: tuple[float, ...] = (0.08,)  # m/s, in both directions beside rest
     turn: float = 0.01  # chance in a step that a speed changes to a neighbour
     start: float = 0.02  # the same at rest in motion, as `activity` tells; times `quiet` where nothing moves

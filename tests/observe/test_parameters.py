@@ -66,6 +66,14 @@ def test_a_spring_is_estimated_and_with_it_its_force() -> None:
     assert estimates.coverage("force", outputs[:, 2]) > 0.8
 
 
+def test_a_sensor_at_fault_tells_nothing_of_the_parameter() -> None:
+    data, _ = motion(1.03)
+    t, values = data[OUTPUTS[0]]
+    estimates = springs(1.0).run(data | {OUTPUTS[0]: (t, values + 20.0 * NOISE[0] * (np.arange(STEPS) > STEPS // 3))})
+    assert estimates.excluded[-1].tolist() == [True, False]
+    assert abs(estimates.of("stiffness").mean[-1] - 1.03) < 0.01
+
+
 def test_models_that_do_not_fit_together_are_refused() -> None:
     observer = springs(0.1)
     each, (mean, deviation) = list(observer.observers), (observer.mean, observer.deviation)
