@@ -69,7 +69,7 @@ class WindOnSection(FrameSignal):
         assert frame is not None  # as the checks say
         depths = [load.depth or getattr(box, key) for key in ("height", "width")]
         axis, degree = name.split(" ")[-2:]
-        above = load.above if load.above is not None else frame.ground.height if frame.ground is not None else 0.0
+        above = load.above or (0.0 if frame.ground is None else frame.ground.height)
         return cls(
             angles=(*frame.angles, *frame.base_angles),
             section=ExposedSection(

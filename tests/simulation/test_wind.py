@@ -130,16 +130,16 @@ def test_polynomials_of_the_wind_have_its_force_and_moment_at_any_time(t: float)
 
 def test_wind_above_a_ground_is_the_same_in_a_stored_scene_and_in_a_task_of_a_study() -> None:
     """It had the pivot on the ground there; stored scenes of earlier versions have this 0 in all loads."""
-    built = scene(still(30.0), still(0.0), still(300.0), above=None)
+    built, on_ground = (scene(still(30.0), still(0.0), still(300.0), above=above) for above in (None, 0.0))
     assert built.frame is not None
     outriggers = [{"name": name, "at": at} for name, at in (("a", (2.0, 2.0)), ("b", (2.0, -2.0)), ("c", (-2.0, 0.0)))]
     ground = Ground.model_validate({"height": ABOVE, "outriggers": outriggers})
-    built = built.with_keys(frame={"ground": ground})
+    built, on_ground = (each.with_keys(frame={"ground": ground}) for each in (built, on_ground))
     former = json.loads(built.model_dump_json())
     for part in former["sections"]:
         part["loads"][0]["above"] = 0.0
     copies = [scene_of(scene_arguments(built)), *(stored_scene(data, "scene.json") for data in (former, json.loads(
-        built.model_dump_json()))), scene(still(30.0), still(0.0), still(300.0))]  # fmt: skip
+        built.model_dump_json()))), scene(still(30.0), still(0.0), still(300.0)), on_ground]  # fmt: skip
     amplitudes = [
         [float(signal.value(0.0)) for signal in load_signals(each, member_at(each, 1)).values()]
         for each in (built, *copies)
