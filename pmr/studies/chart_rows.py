@@ -62,7 +62,7 @@ def extension_rows(scene: Scene, extensions: Range | Sequence[float | dict[str, 
     Sections that follow another one are where they follow it.  Raises InputError if an extension is missing, not where
     its section follows, or not allowed by the checks of a scene, and if it takes pads to where the model has none.
     """
-    names = scene.names[1:] if len(scene.sections) > 1 else ()
+    names = scene.names[1:]
     driven = [name for number, name in enumerate(names, 1) if scene.joint(number).follows is None]
     if isinstance(extensions, Range):
         rows = extensions.section_rows(driven)
