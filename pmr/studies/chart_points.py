@@ -149,6 +149,7 @@ def _response_at_equilibria(equilibria: Sequence[Equilibrium], at: PostureMatric
     states = [at_rest.state for at_rest in equilibria]
     t, nothing = np.arange(len(equilibria), dtype=float), np.zeros(len(equilibria))
     tip = [n for n, kind in enumerate(at.output_kinds) if kind == "tip"]
+    shown = [*tip, *range(len(at.output_names), len(at.columns.names))]
     return RestingResponse(
         t=t,
         x=np.zeros(len(tip)),
@@ -160,6 +161,8 @@ def _response_at_equilibria(equilibria: Sequence[Equilibrium], at: PostureMatric
         seconds=0.0,
         output_names=tuple(at.columns.names[n] for n in tip),
         force_names=tuple(map(force_name, at.force_names)),
+        kinds=tuple(at.columns.kinds[n] for n in shown),
+        bodies=tuple(at.columns.bodies[n] for n in shown),
         words=tuple(at_rest.description for at_rest in equilibria),
     )
 
