@@ -17,6 +17,7 @@ from pmr.scene import Scene
 from pmr.scene.keys import LUFFING_CYLINDER
 from pmr.scene.mechanism import CYLINDER
 from pmr.simulation import Excitation
+from pmr.system.states import states_of
 from pmr.system.system import System
 
 
@@ -51,8 +52,9 @@ def simulate_varied_play(scene: Scene, system: System, excitation: Excitation) -
 
     All of this play is at the faces on top and left, so that each section lies on those at bottom and right, where a
     start at rest finds it: how far sections turn in each other depends on the sum of the play on both sides.  States
-    are recorded at the times of the scene's recovery.  The result is None if no pad only pushes, or if `compare.play`
-    is 0 and the scene states no play.
+    are those at the times of the scene's recovery and, where the motion is kept, at which the force of each contact is
+    largest: sections with play beat on their pads, and such a peak is short.  The result is None if no pad only pushes,
+    or if `compare.play` is 0 and the scene states no play.
     """
     pushing = {contact.name: contact for contact in system.contacts if contact.clearance is not None}
     pads = pads_on_faces(scene, pushing)
@@ -62,8 +64,11 @@ def simulate_varied_play(scene: Scene, system: System, excitation: Excitation) -
     if contacts == system.contacts:
         return None
     other = replace(system, contacts=contacts)
-    steps = scene.recovered_steps.tolist()
-    simulation = simulate_by(scene, other, excitation, scene.simulation.simulators[0], steps)
+    steps = scene.recovered_steps
+    simulation = simulate_by(scene, other, excitation, scene.simulation.simulators[0], steps.tolist())
+    if simulation.run is not None and len(steps):
+        steps = np.union1d(steps, simulation.run.forces.argmax(axis=0))
+        simulation = replace(simulation, states=states_of(other, simulation.run, steps))
     return VariedPlay(gap, replace(simulation, response=append_machine(scene, simulation.response)))
 
 

@@ -44,8 +44,9 @@ class ParameterObserver:
     Raises
     ------
     InputError
-        If observers have different outputs, sensors or unknowns, or if there are too few values for a polynomial of
-        second degree, which has 1 + p + p (p + 1) / 2 terms.
+        If an array has another shape, a standard deviation is not above 0 or `temper` is out of its range; if observers
+        have different outputs, sensors or unknowns; or if there are too few values for a polynomial of second degree,
+        which has 1 + p + p (p + 1) / 2 terms.
     """
 
     names: Sequence[str]
@@ -56,6 +57,7 @@ class ParameterObserver:
     temper: float = 0.02
 
     def __post_init__(self) -> None:
+        self._check_numbers()
         first, terms = self.observers[0], self._terms((self.values - self.mean) / self.deviation)
         for each in self.observers:
             same = each.units == first.units and len(each.model.t) == len(first.model.t)
@@ -66,6 +68,26 @@ class ParameterObserver:
         if len(self.observers) != len(terms) or np.linalg.matrix_rank(terms) < terms.shape[1]:
             allowed = f"{terms.shape[1]} models or more are needed, for a polynomial of second degree"
             raise InputError("observe", "values", len(self.values), allowed)
+
+    def _check_numbers(self) -> None:
+        """Refuse arrays of other shapes than (p,) and (k, p), and numbers that are no values of parameters."""
+        p, numbers = len(self.names), {"mean": self.mean, "deviation": self.deviation, "values": self.values}
+        if not p or len(set(self.names)) < p:
+            raise InputError("observe", "names", tuple(self.names), "a different name of each parameter is allowed")
+        if not self.observers:
+            raise InputError("observe", "observers", None, "an observer of each model is allowed")
+        for key, array in numbers.items():
+            shape = (len(self.observers), p) if key == "values" else (p,)
+            if np.shape(array) != shape:
+                allowed = (
+                    f"an array of the shape {shape} is allowed, for {p} parameters and {len(self.observers)} models"
+                )
+                raise InputError("observe", key, f"array of the shape {np.shape(array)}", allowed)
+            if not np.all(np.isfinite(array)) or key == "deviation" and np.min(array) <= 0.0:
+                allowed = f"finite numbers{' above 0' if key == 'deviation' else ''} are allowed"
+                raise InputError("observe", key, np.asarray(array).tolist(), allowed)
+        if not 0.0 <= self.temper <= 1.0:
+            raise InputError("observe", "temper", self.temper, "0 to 1 is allowed")
 
     @staticmethod
     def _terms(u: Array) -> Array:

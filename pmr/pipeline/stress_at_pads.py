@@ -90,14 +90,15 @@ def _peak_entry(part: BoomSection, peak: WallPeak, t: float) -> dict[str, Any]:
     box, material = part.body.box, part.body.material
     assert box is not None
     flat = [side for side in box.sides if side.centre is None]
-    apart = {side.name: abs(float((peak.position[1:] - side.start) @ side.normal)) for side in flat}
+    off_mid = {side.name: abs(float((peak.position[1:] - side.start) @ side.normal)) for side in flat}
+    off_face = {side.name: abs(off_mid[side.name] - side.thickness / 2.0) for side in flat}  # at an edge not the same
     entry = {
         "value": peak.stress.value,
         "error": peak.stress.error,
         "t": t,
         "position": peak.position.tolist(),
         "section": part.name,
-        "region": min(apart, key=lambda name: apart[name]),
+        "region": min(off_face, key=lambda name: off_face[name]),
     }
     allowed = None if material is None else material.yield_stress
     return entry | ({} if allowed is None else {"yield": allowed})

@@ -40,6 +40,7 @@ def check_fit(scene: Scene, number: int) -> None:
     if inner is None or outer is None:
         return
     name, around = scene.names[number], scene.names[number - 1]
+    play = 0.0
     for side, walls in (("width", ("left", "right")), ("height", ("bottom", "top"))):
         has = getattr(inner, side) + sum(map(inner.thickness, walls)) / 2.0
         room = getattr(outer, side) - sum(map(outer.thickness, walls)) / 2.0
@@ -47,6 +48,10 @@ def check_fit(scene: Scene, number: int) -> None:
             sizes = f"outside {name} is {has:.6g} m, inside {around} there are {room:.6g} m"
             allowed = f"{sizes}: a section has to fit into the one before it"
             raise scene_error(f"sections[{number}].body.box.{side}", getattr(inner, side), allowed)
+        play = max(play, room - has)
+    allowed = f"at most {play:.6g} m is allowed: this is how far {name} can move in {around}, from wall to wall"
+    is_set = "play" in scene.compare.model_fields_set  # the default is for all booms
+    refuse(is_set and scene.compare.play > play * (1.0 + SLACK), "compare.play", scene.compare.play, allowed)
     beyond, face = min((room, face) for face, room in gaps(inner.sides, outer.sides).items())
     allowed = f"{name} comes {-beyond:.6g} m too close to the {face} of {around}: a section has to fit into it"
     refuse(beyond <= 0.0, f"sections[{number}].body.box", None, allowed)

@@ -83,6 +83,8 @@ class Refusal:
             case "missing" if isinstance(first["loc"][-1], int):  # an entry of a list
                 entries = [e["loc"][-1] for e in errors if e["loc"][:-1] == first["loc"][:-1]]
                 location, allowed = location[:-1], f"a list of {1 + max(map(int, entries))} is allowed"
+            case "too_short" if isinstance(value, list):
+                allowed = f"a list of at least {about['min_length']} is allowed"
             case "too_long" if about["field_type"] == "Tuple":
                 allowed = f"a list of {about['max_length']} is allowed"
             case "missing":

@@ -199,6 +199,18 @@ NAMES: Mapping[str, Callable[[Scene], Sequence[str]]] = {
     "rope": lambda scene: list(rope_shares(scene)),
     **{kind: _force_names_of(kind) for kind in ("pad", "cylinder", "support")},
 }
+#: Quantities without parts among which a limit could choose.
+UNNAMED = (
+    "deflection",
+    "luffing",
+    "luffing-pull",
+    "tipping",
+    "buckling",
+    "frequency",
+    "overturning",
+    "function",
+    "expression",
+)
 #: All kinds of limits by name: quantities that runs have too, and others.
 KINDS: Mapping[str, Kind] = {
     key: Kind(
@@ -280,6 +292,8 @@ class Limit(SceneTable):
         for key in ("most", "least"):
             if (getattr(self, key) is not None) != (key == needed):
                 raise ValueError(f"a limit of {self.of} {f'takes {needed}' if needed else 'takes no amount'}: {key}")
+        if self.which != ("*",) and self.of in UNNAMED:
+            raise ValueError(f"which belongs to a limit of parts with names: {self.of} has none")
         if self.polygon or self.machine:
             if self.of != "overturning":
                 raise ValueError("polygon and machine belong to a limit of overturning")

@@ -1,6 +1,8 @@
 """Constant parameters by observers of several models: a parabola through log-likelihoods, and a spring."""
 
+import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -83,3 +85,22 @@ def test_models_that_do_not_fit_together_are_refused() -> None:
                               ([*each[:2], other], STIFFNESSES), (each[:2], STIFFNESSES)):  # fmt: skip
         with pytest.raises(InputError, match="observe"):
             ParameterObserver(["stiffness"], mean, deviation, values, observers)
+
+
+@pytest.mark.parametrize(
+    ("changes", "refusal"),
+    [
+        ({"deviation": np.array([-0.1])}, "deviation = [-0.1]: finite numbers above 0 are allowed"),
+        ({"deviation": np.zeros(1)}, "deviation = [0.0]: finite numbers above 0 are allowed"),
+        ({"mean": np.array([np.nan])}, "mean = [nan]: finite numbers are allowed"),
+        ({"values": STIFFNESSES[:, 0]}, "values = 'array of the shape (3,)': an array of the shape (3, 1) is allowed"),
+        ({"temper": -1.0}, "temper = -1.0: 0 to 1 is allowed"),
+        ({"temper": np.nan}, "temper = nan: 0 to 1 is allowed"),
+        ({"names": ["a", "a"]}, "names = ('a', 'a'): a different name of each parameter is allowed"),
+        ({"observers": []}, "observers: an observer of each model is allowed"),
+    ],
+)
+def test_numbers_that_are_no_values_of_parameters_are_refused(changes: dict[str, Any], refusal: str) -> None:
+    """A negative standard deviation and any `temper` gave estimates without a word."""
+    with pytest.raises(InputError, match=re.escape(refusal)):
+        replace(springs(0.1), **changes)

@@ -36,7 +36,8 @@ def test_rings_have_places_and_forces_of_pads_and_the_largest_stress_of_all_sect
         looked_at[part.name] = states, rings
         if part.name == base:
             raise InputError("body", "pads", None, "a pad on its face is allowed")
-        place = np.array([1.0, part.body.box.width / 2.0, 0.1])
+        box = part.body.box  # at the left edge of the bottom wall, on its outer face
+        place = np.array([1.0, box.width / 2.0, -(box.height + box.sides[0].thickness) / 2.0])
         return WallPeak(Estimate(2e8 if part.name == middle else 1e8, 3e6), 1, place)
 
     monkeypatch.setattr(at_pads, "wall_peak", wall_peak)
@@ -45,7 +46,7 @@ def test_rings_have_places_and_forces_of_pads_and_the_largest_stress_of_all_sect
     entries = at_pads.stress_at_pads(scene, reduction.built, recovered, simulated.states)
     assert entries["wall_stress_missing"] == {base: "a pad on its face is allowed"}
     found = entries["wall_stress"]
-    assert (found["value"], found["error"], found["section"], found["region"]) == (2e8, 3e6, middle, "left")
+    assert (found["value"], found["error"], found["section"], found["region"]) == (2e8, 3e6, middle, "bottom")
     assert found["t"] == pytest.approx(0.1)
 
     response = simulated.response

@@ -55,7 +55,7 @@ REFUSED = [
     (GOOD + "jobs = 3", "jobs = 3: unknown key; allowed: kind, title,"),
     (GOOD + "gird = 3", "did you mean 'grid'"),
     (GOOD.replace("title", "titel"), "titel = 'T': unknown key; did you mean 'title'"),
-    ("kind = 'scenes'\ntitle = 'T'\nscenes = []", "scenes = []: tuple should have at least 1 item"),
+    ("kind = 'scenes'\ntitle = 'T'\nscenes = []", "scenes = []: a list of at least 1 is allowed"),
     ("kind = 'scenes'\ntitle = 'T'\nscenes = ['none.toml']", "none.toml: no such scene file (run none)"),
     (GOOD + "[grid]\nreduction.modes = 5", "study.toml: grid.reduction.modes = 5: a list of values"),
     (GOOD + "[grid]\nreduction.mods = [5]", "study.toml: grid.reduction.mods = 5: unknown key; did you mean 'modes'"),

@@ -31,7 +31,7 @@ from pmr.studies.chart_models import ComparedModel
 from pmr.studies.chart_points import StopMotion, governing_details, largest_governed_rows
 from pmr.studies.charting import MARGIN, Chart, case_amount, governing_limit
 from pmr.studies.duty import ChartLoads
-from pmr.studies.limits import Limit, with_fields
+from pmr.studies.limits import KINDS, UNNAMED, Limit, with_fields
 from pmr.system.body import kinds_of
 from pmr.system.terms import carried_inertia
 
@@ -507,3 +507,11 @@ def test_the_page_of_a_limit_shows_where_it_governs_the_largest_load() -> None:
         [[10.0, 20.0, np.nan], [30.0, 40.0, np.nan], [60.0, 8.0, 90.0], [90.0, 9.0, 90.0], [5.0, 50.0, 0.0]]
     )
     assert largest_governed_rows(load).tolist() == [1, 3, -1]
+
+
+@pytest.mark.parametrize("of", UNNAMED)
+def test_which_is_refused_where_a_quantity_has_no_parts_to_choose_from(of: str) -> None:
+    """It was ignored: a limit of the luffing cylinder that named a part which is not there held for the cylinder."""
+    keys = {KINDS[of].amount: 1.0} if KINDS[of].amount else {}
+    with pytest.raises(ValueError, match=f"which belongs to a limit of parts with names: {of} has none"):
+        Limit(name="a", of=of, which=("x",), **keys)
