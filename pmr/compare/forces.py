@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +22,7 @@ from pmr.scene.frame import INERTIA
 from pmr.scene.joints import JointPads
 from pmr.scene.keys import cylinder_name, qualified_name
 from pmr.scene.mechanism import drive_rows, longest_rope, rope_shares
-from pmr.scene.members import EXTENSION, members
+from pmr.scene.members import EXTENSION, body_ring, members
 from pmr.simulation.frame_motion import ComputedMotion
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact, Friction
@@ -43,7 +43,7 @@ def forces_part(scene: Scene, system: System, response: Response) -> SummaryPart
     joined, along, figures = len(scene.sections) > 1, scene.path_positions(response.t), dict[str, Any]()
     if joined or scene.pads:
         loads = pad_extremes(scene, response)
-        areas = {name: of.ring.length * of.ring.width for name, of in pads_on_faces(scene, loads).items()}
+        areas = {name: of.ring.length * of.ring.width for name, of in pads_on_faces(scene).items()}
         figures["pads"] = [
             {"name": name, **of.summary()} | ({"pressure": of.size / areas[name]} if name in areas else {})
             for name, of in loads.items()
@@ -66,18 +66,15 @@ class PadOnFace(NamedTuple):
     face: str
 
 
-def pads_on_faces(scene: Scene, names: Iterable[str]) -> dict[str, PadOnFace]:
-    """Return ring and face of those of the pads `names` that are on faces, by name; pads that are points have none."""
-    rings, pads = dict[str, PadRing | JointPads](), dict[str, PadOnFace]()
+def pads_on_faces(scene: Scene) -> dict[str, PadOnFace]:
+    """Return ring and face of all pads of a scene that are on faces, by the name of the pad."""
+    pads = dict[str, PadOnFace]()
     for body, part in scene.bodies.items():
         for key, ring in part.keyed_rings.items():
-            end = key.partition("[")[0].removeprefix("joint.").removeprefix("pads")
-            rings |= {} if ring.faces is None else {" ".join(filter(None, (body, end, ring.name))): ring}
-    for name in names:
-        if of := [start for start in rings if name.startswith(f"{start} ")]:
-            ring, place = rings[max(of, key=len)], name.removeprefix(max(of, key=len))
-            faces = [face for face in ring.faces or () if f"{place} ".startswith(f" {face} ")]
-            pads |= {name: PadOnFace(ring, max(faces, key=len))} if faces else {}
+            if ring.faces is not None:
+                end = key.partition("[")[0].removeprefix("joint.").removeprefix("pads")
+                named = body_ring(ring, " ".join(filter(None, (body, end, ring.name))))
+                pads |= {name: PadOnFace(ring, face) for name, face, _ in named.named_pads}
     return pads
 
 

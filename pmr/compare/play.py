@@ -57,7 +57,7 @@ def simulate_varied_play(scene: Scene, system: System, excitation: Excitation) -
     or if `compare.play` is 0 and the scene states no play.
     """
     pushing = {contact.name: contact for contact in system.contacts if contact.clearance is not None}
-    pads = pads_on_faces(scene, pushing)
+    pads = {name: of for name, of in pads_on_faces(scene).items() if name in pushing}
     gap = 0.0 if any(pushing[name].clearance for name in pads) else scene.compare.play
     play = {name: gap if of.face == "left" or of.face.startswith("top") else 0.0 for name, of in pads.items()}
     contacts = tuple(replace(of, clearance=play.get(of.name, of.clearance)) for of in system.contacts)

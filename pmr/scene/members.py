@@ -282,8 +282,8 @@ def footprint(scene: Scene, ring: JointPads) -> str:
     return f"pads {patterns.index(_ring_key(ring)) + 1}"
 
 
-def body_ring(ring: JointPads, name: str) -> PadRing:
-    """Return a joint's ring as a ring called `name` that moves along a body."""
+def body_ring(ring: PadRing | JointPads, name: str) -> PadRing:
+    """Return a ring of pads on faces as a ring called `name` that moves along a body, without clearance."""
     assert ring.faces is not None
     return PadRing(
         name=name, moving=True, faces=ring.faces, length=ring.length, width=ring.width, stiffness=ring.stiffness
