@@ -1,6 +1,6 @@
 """What a run says of its mesh and its structural model without being asked."""
 
-from concurrent.futures import Executor, Future
+from concurrent.futures import BrokenExecutor, Executor, Future
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,13 @@ CHANGES = ["compare.against=[]", "time.step=0.01", "time.end=3.0"]
 
 def scene(*changes: str) -> pmr.scene.Scene:
     return pmr.load_scene("boom_beam", [*CHANGES, *changes])
+
+
+class Ended(Executor):
+    """Executor whose process has ended, such as one that was killed."""
+
+    def submit(self, *task) -> Future:
+        raise BrokenExecutor
 
 
 class AtOnce(Executor):
@@ -98,6 +105,14 @@ def test_a_shell_is_compared_with_one_on_cells_twice_as_long(tmp_path: Path) -> 
     moved = [one.responses["reduced"].displacement for one in (result, pmr.run(coarse).result)]
     apart = np.linalg.norm(moved[0] - moved[1]) / np.linalg.norm(moved[0])
     assert summary["mesh"]["beam"] == pytest.approx(apart, rel=0.03) and 0.03 < apart < 0.3
+
+
+def test_another_process_computes_stresses_of_walls_that_stay_the_same_unless_it_has_ended() -> None:
+    helper, framed = AtOnce(), "body.box={length=6.0,width=0.3,height=0.4,wall=0.006,frames=[3.0],frame_depth=0.05}"
+    for changes, count in (([framed], 0), (["recovery.stress=false"], 0), ([], 1)):
+        future = pipeline.start_stresses(scene(*changes), helper)
+        assert helper.stresses == count and (future is not None) == bool(count)
+    assert pipeline.start_stresses(scene(), Ended()) is None
 
 
 def test_walls_that_give_way_are_compared_with_those_of_coarser_cells_and_with_shells_on_their_own() -> None:
