@@ -11,10 +11,10 @@ import scipy.sparse.linalg as spla
 
 from pmr.files.arrays import Array
 from pmr.results import Response
-from pmr.results.quantities import Columns, columns_by_support, with_unit
+from pmr.results.quantities import with_unit
 from pmr.results.response import Extremes
 from pmr.results.run import SummaryPart
-from pmr.results.tables import reaction_extremes
+from pmr.results.tables import reaction_extremes, support_forces
 from pmr.scene import Scene
 from pmr.scene.built import PadRing, force_name, friction_name, reaction_name
 from pmr.scene.choice import has_axial_motion
@@ -79,23 +79,12 @@ def pads_on_faces(scene: Scene) -> dict[str, PadOnFace]:
 
 
 def support_rows(scene: Scene, response: Response) -> list[dict[str, Any]]:
-    """Rows of ``supports`` of summary.json: extremes in N of each support's force, the resultant of all its directions.
-
-    The force of a support that holds a single direction has a sign.
-    """
-    columns, along, rows = Columns.from_scene(scene, response), scene.path_positions(response.t), list[dict[str, Any]]()
-    for name, numbers in columns_by_support(columns, lambda _: True).items():
-        if columns.units[numbers[0]] == "N":
-            forces = np.column_stack([response.clear_round_off(response.column(k)) for k in numbers])
-            force = forces[:, 0] if len(numbers) == 1 else np.linalg.norm(forces, axis=1)
-            body = columns.bodies[numbers[0]]
-            rows.append(
-                {
-                    "name": qualified_name(body, name.removeprefix(f"{body} ")),
-                    **Extremes.from_history(force, response.t, along).summary(),
-                }
-            )
-    return rows
+    """Rows of ``supports`` of summary.json: extremes in N of each support's force, as of `support_forces`."""
+    along = scene.path_positions(response.t)
+    return [
+        {"name": name, **Extremes.from_history(force, response.t, along).summary()}
+        for name, force in support_forces(scene, response).items()
+    ]
 
 
 def pad_extremes(scene: Scene, response: Response) -> dict[str, Extremes]:

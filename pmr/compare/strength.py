@@ -16,6 +16,7 @@ from pmr.results.fatigue import Damage, RepeatedCycles, SNLine
 from pmr.results.quantities import with_unit
 from pmr.results.response import ROUND_OFF, Output
 from pmr.results.run import SummaryPart
+from pmr.results.tables import support_forces
 from pmr.scene import Scene
 from pmr.scene.built import Load, reaction_name
 from pmr.scene.joints import BoomSection as Body
@@ -26,8 +27,10 @@ from pmr.simulation.at_rest import scene_at_rest
 from pmr.simulation.native.form import SystemForm
 from pmr.system.system import System
 
-#: Kinds of outputs, in N or without a unit, of which the largest one has a dynamic factor.
-KINDS = ("pad", "support", "reaction", "cylinder", "outrigger", "tipping")
+#: Kinds of outputs, in N or without a unit, of which the largest one has a dynamic factor, and that of the forces of
+#: supports of several directions.
+RESULTANT = "resultant"
+KINDS = ("pad", "support", "reaction", RESULTANT, "cylinder", "outrigger", "tipping")
 #: Beginnings of names of forces on the machine.
 ON_MACHINE = tuple(reaction_name(f"{place} ") for place in (AT_PIVOT, AT_GROUND, "machine"))
 
@@ -36,9 +39,11 @@ def dynamic_factors_part(scene: Scene, system: System | SystemForm, response: Re
     """Entry ``dynamic_factors`` of summary.json: the largest value of each kind of `KINDS`, and its value at rest.
 
     Each row has the ``name`` of the output, its ``kind``, the time ``t`` in s and value ``largest`` of the output of
-    the largest magnitude, and its value ``rest`` at rest: forces in N, and the use of the support polygon.  The boom at
-    rest has the posture and the loads of this time, and its full weight.  A kind is left out if one of both values is
-    within the round-off.  Forces at the pivot and on the ground are left out, as supports and outriggers share them.
+    the largest magnitude, and its value ``rest`` at rest: forces in N, and the use of the support polygon.  The kind
+    ``resultant`` is the force of a support, all its directions together, with the name that it has in ``supports``.
+    The boom at rest has the posture and the loads of this time, and its full weight.  A kind is left out if one of both
+    values is within the round-off.  Forces at the pivot and on the ground are left out, as supports and outriggers
+    share them.
 
     The entry is missing for scenes without a frame, with a hoist, or with a base that moves or is inclined, and for
     those that compute the motion of their machine, luffing angle or extension.
@@ -46,29 +51,38 @@ def dynamic_factors_part(scene: Scene, system: System | SystemForm, response: Re
     frame = scene.frame
     if frame is None or scene.hoist is not None or scene.computed_key is not None or frame.base is not None:
         return SummaryPart()
-    names, rows = [output.name for output in response.outputs], list[dict[str, Any]]()
+    rows = list[dict[str, Any]]()
     form, at_rest = SystemForm.of(system), dict[int, Response | None]()  # by the step, which kinds may share
     for kind in KINDS:
-        of_kind = [
-            k
-            for k, output in enumerate(response.outputs)
-            if output.kind == kind and output.unit in ("N", "1") and not output.name.startswith(ON_MACHINE)
-        ]
-        largest, number = max(((float(np.abs(response.column(k)).max()), k) for k in of_kind), default=(0.0, -1))
+        histories = _histories_of_kind(scene, response, kind)
+        largest, name = max(
+            ((float(np.abs(values).max()), name) for name, values in histories.items()), default=(0.0, "")
+        )
         floor = response.force_floor if kind != "tipping" else ROUND_OFF
         if largest <= floor:
             continue
-        values = response.column(number)
+        values = histories[name]
         step = int(np.abs(values).argmax())
         if step not in at_rest:
             at_rest[step] = _response_at_rest(_still(scene, float(response.t[step])), form)
         if (still := at_rest[step]) is None:
             continue
-        rest = float(still.column([output.name for output in still.outputs].index(names[number]))[0])
+        rest = float(_histories_of_kind(scene, still, kind)[name][0])
         if abs(rest) > floor:
-            rows.append({"name": names[number], "kind": kind, "t": float(response.t[step]),
+            rows.append({"name": name, "kind": kind, "t": float(response.t[step]),
                          "largest": float(values[step]), "rest": rest})  # fmt: skip
     return SummaryPart({"dynamic_factors": rows} if rows else {})
+
+
+def _histories_of_kind(scene: Scene, response: Response, kind: str) -> dict[str, Array]:
+    """Return the histories of a kind of `KINDS` by name, without those of forces on the machine."""
+    if kind == RESULTANT:
+        return support_forces(scene, response, directions=2)
+    return {
+        output.name: response.column(number)
+        for number, output in enumerate(response.outputs)
+        if output.kind == kind and output.unit in ("N", "1") and not output.name.startswith(ON_MACHINE)
+    }
 
 
 def _response_at_rest(posture: Scene, form: SystemForm) -> Response | None:

@@ -201,10 +201,16 @@ def _forces_by_kind_rows(result: RunResult) -> LargestValues:
 
 
 def _dynamic_factor_rows(result: RunResult) -> LargestValues:
-    """Yield a row with the largest forces of this motion as multiples of those at rest in the same posture."""
+    """Yield a row with the largest forces of this motion as multiples of those at rest in the same posture.
+
+    The force of a support is its resultant where this has a factor, else its largest component.
+    """
+    rows = result.summary.get("dynamic_factors", ())
+    hidden = "reaction" if any(row["kind"] == "resultant" for row in rows) else ""
     factors = [
         f"{row['largest'] / row['rest']:.2f} {_factor_words(row)} ({_rest_text(row)} at rest)"
-        for row in result.summary.get("dynamic_factors", ())
+        for row in rows
+        if row["kind"] != hidden
     ]
     if factors:
         text = f"{', '.join(factors)}; largest value over that at rest, in the same posture under the same loads"
@@ -213,6 +219,8 @@ def _dynamic_factor_rows(result: RunResult) -> LargestValues:
 
 def _factor_words(row: Summary) -> str:
     """Words for the force to which a dynamic factor belongs, such as ``pin of base along x`` for a reaction."""
+    if row["kind"] == "resultant":
+        return f"resultant of {_bearer_words('support', row['name'])}"
     if row["kind"] == "reaction":
         support, _, axis = row["name"].replace(REACTION_OF, "", 1).rpartition(" ")
         return f"{_bearer_words('support', support)} along {axis}"

@@ -20,8 +20,10 @@ from pmr.errors.environment import import_package
 from pmr.files.arrays import Array, Summary
 from pmr.files.whole import finish_swap
 from pmr.results.fatigue import rainflow_cycles
+from pmr.results.quantities import Columns, columns_by_support
 from pmr.results.response import ROUND_OFF, Extremes, Response
 from pmr.results.run import RunResult
+from pmr.scene import Scene
 from pmr.scene.built import force_name, reaction_name
 from pmr.scene.keys import ALONE, qualified_name
 
@@ -123,6 +125,21 @@ def reaction_extremes(response: Response, path: Array) -> dict[Reaction, Extreme
                 values = np.zeros_like(values)
             extremes[Reaction(name.removeprefix(REACTION_OF), unit)] = Extremes.from_history(values, response.t, path)
     return extremes
+
+
+def support_forces(scene: Scene, response: Response, directions: int = 1) -> dict[str, Array]:
+    """Return the force in N over time, (T,), of each support that holds at least so many directions, by its name.
+
+    The force is the resultant of all directions; that of a support of a single direction has a sign.
+    """
+    columns, forces = Columns.from_scene(scene, response), dict[str, Array]()
+    for name, numbers in columns_by_support(columns, lambda _: True).items():
+        if columns.units[numbers[0]] == "N" and len(numbers) >= directions:
+            parts = np.column_stack([response.clear_round_off(response.column(k)) for k in numbers])
+            body = columns.bodies[numbers[0]]
+            force = parts[:, 0] if len(numbers) == 1 else np.linalg.norm(parts, axis=1)
+            forces[qualified_name(body, name.removeprefix(f"{body} "))] = force
+    return forces
 
 
 def reaction_table(result: RunResult) -> Table:

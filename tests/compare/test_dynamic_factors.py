@@ -3,6 +3,7 @@
 from typing import Any
 
 import free_boom
+import numpy as np
 import pytest
 
 import pmr
@@ -23,7 +24,7 @@ def rows(*keys: str) -> dict[str, dict[str, Any]]:
 
 def test_a_boom_at_rest_has_the_factor_1() -> None:
     of = rows(*STANDS, "start='equilibrium'", "time.end=0.02")
-    assert [*of] == ["pad", "reaction", "cylinder"]
+    assert [*of] == ["pad", "reaction", "resultant", "cylinder"]
     for row in of.values():
         assert row["largest"] / row["rest"] == pytest.approx(1.0, abs=1e-9)
 
@@ -63,7 +64,7 @@ def test_loads_of_one_name_on_two_sections_keep_their_own_values() -> None:
     scene = pmr.load_scene("boom_three", [*frame, *still, *loads, "gravity.rise=0.0"])
     model = pmr.reduce(scene).system
     found = dynamic_factors_part(scene, model, pmr.simulate(scene, model)).figures["dynamic_factors"]
-    assert [row["kind"] for row in found] == ["pad", "reaction", "cylinder"]
+    assert [row["kind"] for row in found] == ["pad", "reaction", "resultant", "cylinder"]
     assert all(row["largest"] / row["rest"] == pytest.approx(1.0, abs=1e-9) for row in found)
 
 
@@ -93,5 +94,26 @@ def test_a_machine_that_stands_has_the_factor_1_in_its_pin_and_in_the_use_of_its
     scene = pmr.load_scene("crane_outriggers", [f"{key}={value}" for key, value in still.items()])
     model = pmr.reduce(scene).system
     found = dynamic_factors_part(scene, model, pmr.simulate(scene, model)).figures["dynamic_factors"]
-    assert {"reaction", "outrigger", "tipping"} < {row["kind"] for row in found}
+    assert {"reaction", "resultant", "outrigger", "tipping"} < {row["kind"] for row in found}
     assert all(row["largest"] / row["rest"] == pytest.approx(1.0, abs=1e-6) for row in found)
+
+
+def test_the_resultant_of_a_pin_has_the_factor_of_its_history_not_of_a_component() -> None:
+    """The pin of a crane that luffs fast: the largest resultant, over that of the same posture held still."""
+    still = {"frame.slewing": "0.0", "time.end": "0.5", "compare.against": "[]", "start": "'equilibrium'"}
+    still |= {f"sections.{name}.joint.extension": "2.0" for name in ("middle", "fly")}
+    moving = {"frame.luffing": "{kind='smooth_ramp', times=[0.0, 0.5], values=[20.0, 30.0]}"}
+    scene = pmr.load_scene("crane_outriggers", [f"{key}={value}" for key, value in (still | moving).items()])
+    model = pmr.reduce(scene).system
+    response = pmr.simulate(scene, model)
+    rows = dynamic_factors_part(scene, model, response).figures["dynamic_factors"]
+    pin = next(row for row in rows if row["kind"] == "resultant")
+    axes = [f"reaction of base: pin {axis}" for axis in "xyz"]
+    sizes = np.sqrt(sum(response.other(name) ** 2 for name in axes))
+    assert pin["name"] == "base: pin" and pin["largest"] == pytest.approx(sizes.max(), rel=1e-12)
+    luffing = float(scene.frame.luffing.value(pin["t"]))
+    held = still | {"frame.luffing": repr(luffing), "time.end": "0.02"}
+    there = pmr.load_scene("crane_outriggers", [f"{key}={value}" for key, value in held.items()])
+    at_rest = pmr.simulate(there, pmr.reduce(there).system)
+    rest = np.sqrt(sum(at_rest.other(name)[0] ** 2 for name in axes))
+    assert pin["rest"] == pytest.approx(rest, rel=1e-6) and pin["largest"] / rest > 1.02
