@@ -22,7 +22,7 @@ BEYOND_ENDS = 1e-5
 
 
 class InputError(ValueError):
-    """An input is not possible: a value of a scene, of a study, of an option or of a file.
+    """An input that is not possible: a value of a scene, of a study, of an option or of a file.
 
     `source` is the file or the option with the value.  `key` is the dotted key, such as ``body.length``, or empty if
     the error concerns the whole file.  `value` is the value that was read, or None if the message shows no value.
@@ -38,16 +38,16 @@ class InputError(ValueError):
         return InputError, (self.source, self.key, self.value, self.allowed)
 
     def with_source(self, source: str) -> InputError:
-        """Return this error with the file or the option in which the user wrote the value as its source.
+        """Return this error with `source`, the file or the option in which the user wrote the value, as its source.
 
         An error with another source than ``"scene"`` is returned unchanged.
         """
         return InputError(source, self.key, self.value, self.allowed) if self.source == "scene" else self
 
     def with_key(self, key: str) -> InputError:
-        """Return this error with the key in the words of the scene's file.
+        """Return this error with another key: `key`, as the scene's file spells it.
 
-        `key` is the key as the file spells it.  An error with another source than ``"scene"`` is returned unchanged.
+        An error with another source than ``"scene"`` is returned unchanged.
         """
         return InputError(self.source, key, self.value, self.allowed) if self.source == "scene" else self
 
@@ -103,7 +103,7 @@ class ConvergenceError(RuntimeError):
 
 
 class TooManyModesError(ConvergenceError):
-    """More modes were requested (`count`) than the model has (`most`)."""
+    """More modes were requested than the model has; `count` is the number requested, `most` that of the model."""
 
     def __init__(self, count: int, most: int) -> None:
         """Compose the message from the number `count` of requested modes and the number `most` of the model's modes."""
@@ -156,10 +156,10 @@ def lazy_names(
 ) -> Callable[[str], Any]:
     """Return a function to be used as ``__getattr__`` of a package, which imports public names at their first use.
 
-    `places` maps each public name to its object, written ``module:name``.  `before`, unless it is None, is called
-    before a module is imported, and raises an error if the import would fail.  For a name in `former` the function
-    returns the object of the present name, with a DeprecationWarning.  For any other name it raises AttributeError,
-    which lists the names.
+    `places` maps each public name to its object, written ``module:name``. `before`, unless it is None, is called before
+    a module is imported; it raises an error if the import would fail for want of a library. For a name in `former` the
+    function returns the object of the present name, with a DeprecationWarning. For any other name it raises
+    AttributeError, which lists the names.
     """
 
     def find(name: str) -> Any:
@@ -217,15 +217,15 @@ def is_name(text: str, longest: int = LONGEST_NAME) -> bool:
 
 
 def missing_file_reason(path: Path, what: str = "file") -> str:
-    """Return the reason why there is no file to read at `path`: the name does not exist, or is a folder.
+    """Return the words for a path at which no file can be read: nothing has this name, or a folder has it.
 
-    `what` names the kind of file in this sentence.
+    `what` names the kind of file, such as "mesh", in these words.
     """
     return f"no such {what}" + ", but a folder" * isdir(path)
 
 
 def similar_name_hint(name: object, names: Iterable[str]) -> str:
-    """Return a question whether the most similar one of `names` was meant, followed by a space.
+    """Return a question whether the user meant the one of `names` that is most similar to `name`, and a space.
 
     The text is empty if no name is similar.
     """
@@ -234,7 +234,7 @@ def similar_name_hint(name: object, names: Iterable[str]) -> str:
 
 
 def overview(head: str, **names: Sequence[str]) -> str:
-    """Return a text for a ``repr``: the line `head`, then a line for each list of names with its length.
+    """Return a text for a ``repr``: the line `head`, then a line for each list of `names`: its length, and names.
 
     Of more than three names the first two and the last one are shown.
     """
@@ -246,14 +246,15 @@ def overview(head: str, **names: Sequence[str]) -> str:
 
 
 def two_digits(value: float) -> str:
-    """Return `value` as text with two significant digits, from 1e-4 to 1e6 as a decimal number."""
+    """Return `value` as text with two significant digits: a decimal number from 1e-4 to 1e6, else with an exponent."""
     return f"{float(f'{value:.2g}'):g}"
 
 
 def percent(fraction: float, quantity: str = "") -> str:
-    """Return an error, given as a fraction, as words in per cent.
+    """Return an error, given as a fraction, as text in per cent with two significant digits.
 
-    If the `quantity` is named that the fraction refers to, fractions from 10 on are given as a multiple of it.
+    `quantity` names what the error is relative to, such as "the reference". If it is not empty, fractions from 10 on
+    are written as a multiple of it: "12 times the reference". A fraction that is not finite gives "an unknown amount".
     """
     if not isfinite(fraction):
         return "an unknown amount"
@@ -279,7 +280,7 @@ def warning_kind(warning: str) -> str:
 
 
 def duration_text(seconds: float) -> str:
-    """Return the time `seconds` as text, in s, min or h."""
+    """Return the time `seconds` as text, in s, from a minute on in min, from an hour on in h."""
     if seconds < 60.0:
         return f"{seconds:.0f} s"
     if seconds < 3600.0:

@@ -41,9 +41,10 @@ MPI_VARIABLES = ("OMPI_", "ORTE_", "PRTE_", "PMIX_", "PMI_", "PMI2_", "HYDI_", "
 
 @cache
 def plugin_objects(group: str, reserved: frozenset[str]) -> dict[str, Any]:
-    """Return the objects of all entry points of a group, by name; `reserved` are the names that pmr itself uses.
+    """Return the objects that installed packages offer in a group of entry points, by name.
 
-    Raises InputError if an object can't be imported, or if its name is reserved or used twice.
+    `reserved` are the names that pmr itself uses. Raises InputError if an object can't be imported, or if its name is
+    reserved or used twice.
     """
     objects: dict[str, Any] = {}
     for point in sorted(_entry_points(group)):
@@ -76,7 +77,7 @@ def plugin_names(group: str) -> set[str]:
 def plugin_error(group: str, name: str, says: str | None = None) -> InputError:
     """Return the error for the entry point `name` of a group; `says` is the reason.
 
-    By default the reason is that the object is not what its group expects.
+    If it is None, the reason is what kind of object the group expects.
     """
     return InputError("installed plug-ins", group, name, says or f"{GROUPS[group]} is allowed")
 
@@ -107,7 +108,7 @@ def _code_digest(path: tuple[str, ...]) -> str:
 
 
 def _content_digests(point: metadata.EntryPoint) -> Iterator[tuple[str, str]]:
-    """Yield (name, digest) of each file of an entry point's package or module, and of each file of its distribution."""
+    """Yield name and digest of each file of an entry point's package or module, and of its distribution."""
     listed = (point.dist.files if point.dist else None) or ()
     files = {Path(str(file.locate())): str(file) for file in listed if ".dist-info/" not in str(file)}
     for place in _source_folders(point.module):
@@ -121,7 +122,7 @@ def _content_digests(point: metadata.EntryPoint) -> Iterator[tuple[str, str]]:
 def _source_folders(module: str) -> list[Path]:
     """Return the folders of the outermost regular package that contains a module.
 
-    For a module in no package, its file is returned.  The list is empty if the module can't be found.
+    For a module in no package, the module's file is returned instead. The list is empty if the module can't be found.
     """
     parts = module.split(".")
     for depth in range(1, len(parts) + 1):
@@ -296,7 +297,7 @@ def _processes(variable: str) -> int:
 
 
 def package_versions() -> dict[str, str]:
-    """Return the versions of pmr, Python and the packages that a result depends on, by name."""
+    """Return the versions of pmr, Python and the packages that a result depends on, by the package's name."""
     from pmr import __version__
 
     return {"pmr": __version__, "python": platform.python_version()} | {name: _version(name) for name in _PACKAGES}
@@ -335,7 +336,7 @@ def _read_texts(files: tuple[tuple[Path, int], ...]) -> Mapping[str, str]:
 
 
 def code_digest(files: Mapping[str, str], leave_out: Sequence[str] = ()) -> str:
-    """Return a digest of source files, numerical packages and plug-ins.
+    """Return a digest, 16 hexadecimal digits, of source files and of the versions of numerical packages and plug-ins.
 
     `files` are texts by path within pmr; those whose path begins with one of `leave_out` are left out.
     """
@@ -372,7 +373,10 @@ def today() -> str:
 
 
 def describe_origin(libraries: Mapping[str, str] | None = None) -> dict[str, object]:
-    """Return ``versions`` (with `libraries`, if any), ``commit``, ``date`` and ``machine`` of a run or study."""
+    """Return what a run or study was computed with: ``versions``, ``commit``, ``date`` and ``machine``.
+
+    The versions are those of pmr, its packages and `libraries`, versions by name, unless this is None.
+    """
     versions = package_versions() | dict(libraries or {})
     return {"versions": versions, "commit": checkout_commit(), "date": today(), "machine": describe_machine()}
 
@@ -407,7 +411,10 @@ Progress = Callable[[str, float], None]
 
 @dataclass
 class Clock:
-    """Clock that measures the wall time in s of stages, by name in `seconds`, and reports their progress."""
+    """Clock that adds up the wall time of each stage in `seconds`, by the stage's name.
+
+    `progress` is called with the name of a stage and the share (0 to 1) of the stage that is done.
+    """
 
     progress: Progress = lambda stage, share: None
     seconds: dict[str, float] = field(default_factory=dict)

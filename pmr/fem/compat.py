@@ -119,7 +119,7 @@ logging.getLogger("compilers").setLevel(logging.WARNING)
 
 
 def versions() -> dict[str, str]:
-    """Versions of the finite-element libraries in use, by their names; of SciPy alone if PETSc is not installed."""
+    """Versions of FEniCSx, PETSc and SLEPc in use, by their names; that of SciPy alone if PETSc is not installed."""
     if not HAS_PETSC:
         return {"sparse matrices": f"SciPy {scipy.__version__}"}
     petsc, slepc = PETSc.Sys.getVersion(), SLEPc.Sys.getVersion()
@@ -185,7 +185,7 @@ _comm_of: WeakKeyDictionary[Mesh, MPI.Comm] = WeakKeyDictionary()
 
 
 def cell_topology(cell: str) -> list[list[list[int]]]:
-    """Vertices of each sub-entity of the reference cell, in one list for each dimension from 0 to the cell's own."""
+    """Vertex numbers of the reference cell's vertices, edges, faces and interior, one list for each dimension."""
     return [[list(entity) for entity in part] for part in basix.topology(getattr(basix.CellType, cell))]
 
 
@@ -199,7 +199,7 @@ class LagrangeRule(NamedTuple):
 
 @lru_cache(maxsize=32)
 def lagrange_rule(cell: str, nodes: int, degree: int, parts: int = 1) -> LagrangeRule:
-    """Quadrature on the reference cell, which has d dimensions, with the k functions of a Lagrange element.
+    """Quadrature rule on a reference cell of d dimensions, and the k functions of a Lagrange element at its points.
 
     `nodes` is the polynomial degree of the element, and `degree` the one that the quadrature rule integrates exactly.
     The rule is repeated in the `parts`^d equal pieces of the cell, for lines, triangles and quadrilaterals.
@@ -216,15 +216,15 @@ def lagrange_rule(cell: str, nodes: int, degree: int, parts: int = 1) -> Lagrang
 
 
 def rule_points(cell: str, degree: int) -> Array:
-    """Quadrature points (q, d) on the reference cell of dimension d, for the weights (q,) of `lagrange_rule`.
+    """Quadrature points (q, d) on the reference cell of dimension d, in the order of the weights of `lagrange_rule`.
 
-    The rule is that for this degree.
+    The rule is the one that integrates polynomials of `degree` exactly.
     """
     return np.asarray(_quadrature(getattr(basix.CellType, cell), degree)[0])
 
 
 def _repeat_points(cell: str, parts: int, points: Array) -> Array:
-    """Points (k p, d) of a quadrature rule, repeated on the p = `parts`^d equal pieces of a reference cell.
+    """Points (k p, d) of a quadrature rule of k points, on all p = `parts`^d equal pieces of a reference cell.
 
     `points` (k, d) are those on the whole cell of dimension d.  The pieces of a triangle are upright and, between
     these, turned by 180 degrees.  Raises a `ValueError` for tetrahedra.
@@ -251,12 +251,12 @@ def _quadrature(kind: CellType, degree: int) -> tuple[Array, ...]:
 
 
 def lagrange_space(mesh: Mesh, degree: int) -> FunctionSpace:
-    """Space of continuous vectors of polynomials of `degree`; a component for each coordinate of the mesh."""
+    """Function space of continuous vectors of polynomials of `degree`, with a component per coordinate of the mesh."""
     return _space(mesh, _element(mesh, "Lagrange", degree, mesh.geometry.dim))
 
 
 def shell_space(mesh: Mesh) -> FunctionSpace:
-    """Space of quadratic displacements and Crouzeix-Raviart rotations, three components each, on triangles in space."""
+    """Function space on triangles: quadratic displacements and Crouzeix-Raviart rotations, three components each."""
     return _space(mesh, _mixed_element([_element(mesh, "Lagrange", 2, 3), _element(mesh, "CR", 1, 3)]))
 
 
@@ -327,9 +327,9 @@ def constant(mesh: Mesh, value: float | Array) -> Constant:
 
 
 def function(space: FunctionSpace, values: Array) -> Function:
-    """Function on a space from the `values` (n,) of all its coordinates in PETSc's global order, the same on all ranks.
+    """Function on a space from the `values` (n,) of its n coordinates in PETSc's global order; collective.
 
-    Collective.
+    Every rank passes all values.
     """
     result = dolfinx.fem.Function(space)
     block, owned = space.dofmap.index_map_bs, space.dofmap.index_map.local_range
@@ -339,7 +339,7 @@ def function(space: FunctionSpace, values: Array) -> Function:
 
 
 def compiled_form(form: Form) -> CompiledForm:
-    """Compile a bilinear form, for assembly with any values of the form's constants; collective."""
+    """Compile a bilinear form, so that it can be assembled for any values of its constants; collective."""
     domain = next(iter(form.subdomain_data())).ufl_cargo()
     return _compile_once(domain.comm, f"form {form.signature()}", partial(dolfinx.fem.form, form))
 
@@ -352,7 +352,7 @@ def assemble(form: CompiledForm) -> PETSc.Mat:
 
 
 def tabulation_space(space: FunctionSpace) -> FunctionSpace:
-    """Space on which `tabulate` works for expressions that are linear in functions of `space`: itself or an equivalent.
+    """Space on which `tabulate` works for expressions in functions of `space`: `space` itself or an equivalent one.
 
     In dolfinx 0.5 an expression writes beyond its memory if the components of the space share the numbers of their
     degrees of freedom; a mixed space is then the equivalent.
@@ -411,7 +411,7 @@ def _compile_once(comm: MPI.Comm, signature: str, create: Callable[..., Compiled
 
 @cache
 def _compiler() -> tuple[Path, dict[str, object], tuple[object, ...]]:
-    """Folder for compiled code, options of dolfinx, and what else determines that code; all are read from files once.
+    """Folder for compiled code, options of dolfinx' compiler, and all else that determines this code; read once.
 
     Unless the user chose flags, code is compiled with -O1: assembly then takes as long as with -O2, and compiling a
     third less.
@@ -434,7 +434,7 @@ def _is_whole(folder: Path) -> bool:
 
 
 def cellwise(mesh: Mesh, values: Array) -> Function:
-    """Function that is constant in each of C cells, from `values` (C,) in the cells' order of `create_mesh`.
+    """Function that is constant in each cell, from `values` (C,) for the C cells in the order passed to `create_mesh`.
 
     The space of such functions is made once for a mesh, because forms take dozens of these functions and making the
     space takes most of their time.
@@ -453,7 +453,7 @@ def original_cells(mesh: Mesh) -> Indices:
 
 
 def cell_dofs(space: FunctionSpace) -> list[Indices]:
-    """Global degrees of freedom (cells, d) of each scalar component, d for each cell that this rank knows."""
+    """Global degrees of freedom of the cells that this rank knows: an array (cells, d) for each scalar component."""
     index_map, block = space.dofmap.index_map, space.dofmap.index_map_bs
     tables = []
     for part in _scalar_parts(space):
@@ -464,22 +464,25 @@ def cell_dofs(space: FunctionSpace) -> list[Indices]:
 
 
 def unrolled_cell_dofs(space: FunctionSpace) -> Indices:
-    """Local degrees of freedom (cells, d), d for each cell that this rank knows, in the order of element matrices."""
+    """Local degrees of freedom (cells, d) of each cell that this rank knows, in the order of element matrices.
+
+    The d numbers of a cell count all components of a block.
+    """
     table, block = _table(space.dofmap), space.dofmap.index_map_bs
     return (table[..., None] * block + np.arange(block)).reshape(len(table), -1)
 
 
 def _scalar_parts(space: FunctionSpace) -> list[FunctionSpace]:
-    """Scalar subspaces of a space, with the scalar subspaces of its subspaces."""
+    """Scalar subspaces of a function space at any depth; the space itself if it has no subspaces."""
     if space.num_sub_spaces == 0:
         return [space]
     return [part for i in range(space.num_sub_spaces) for part in _scalar_parts(space.sub(i))]
 
 
 def _table(dofmap: DofMap) -> Indices:
-    """Degrees of freedom (cells, d), d for each cell that this rank knows, from a `dofmap`.
+    """Local degrees of freedom (cells, d) of each cell that this rank knows, from a `dofmap`.
 
-    The components of a block count as one.
+    The components of a block have one common number.
     """
     table = dofmap.list
     if VERSION < (0, 7):

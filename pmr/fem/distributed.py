@@ -20,7 +20,7 @@ SIGN_TOLERANCE = 1e-6
 
 
 def tall(local: Array, like: PETSc.Mat) -> PETSc.Mat:
-    """Dense PETSc matrix (n, k) from `local` (n_local, k), this rank's rows; collective.
+    """Dense PETSc matrix (n, k) with a copy of `local` (n_local, k), this rank's rows; collective.
 
     The rows are distributed as those of `like`.
     """
@@ -28,9 +28,9 @@ def tall(local: Array, like: PETSc.Mat) -> PETSc.Mat:
 
 
 def _tall(local: Array, sizes: tuple[int, int], comm: MPI.Comm) -> PETSc.Mat:
-    """Dense PETSc matrix from this rank's rows `local` (n_local, k); collective.
+    """Dense PETSc matrix with a copy of `local` (n_local, k), this rank's rows; collective.
 
-    `sizes` are the local and the global number of rows.
+    `sizes` are the numbers n_local of rows on this rank and n of all rows.
     """
     assert len(local) == sizes[0]
     matrix = PETSc.Mat().createDense((sizes, (PETSc.DECIDE, local.shape[1])), comm=comm)
@@ -41,7 +41,7 @@ def _tall(local: Array, sizes: tuple[int, int], comm: MPI.Comm) -> PETSc.Mat:
 
 
 def view(local: Array, like: PETSc.Mat) -> PETSc.Mat:
-    """Dense PETSc matrix that shares its entries with this rank's rows `local` (n_local, k) in Fortran's order.
+    """Dense PETSc matrix that shares its memory with `local` (n_local, k), this rank's rows in Fortran's order.
 
     The rows are distributed as the rows of `like`; collective.
     """
@@ -49,9 +49,10 @@ def view(local: Array, like: PETSc.Mat) -> PETSc.Mat:
 
 
 def _view(local: Array, sizes: tuple[int, int], comm: MPI.Comm) -> PETSc.Mat:
-    """Dense PETSc matrix that shares its entries with `local` (n_local, k), the rows of this rank; collective.
+    """Dense PETSc matrix that shares its memory with `local` (n_local, k), the rows of this rank; collective.
 
-    `local` has to be stored by columns (Fortran's order).  `sizes` are the local and the global number of rows.
+    `local` has to be stored by columns (Fortran's order). `sizes` are the numbers n_local of rows on this rank and n of
+    all rows.
     """
     assert len(local) == sizes[0] and local.flags.f_contiguous
     matrix = PETSc.Mat().createDense((sizes, (PETSc.DECIDE, local.shape[1])), array=local, comm=comm)
@@ -60,9 +61,10 @@ def _view(local: Array, sizes: tuple[int, int], comm: MPI.Comm) -> PETSc.Mat:
 
 
 def sparse(rows: sp.csr_matrix, like: PETSc.Mat, columns: int | None = None) -> PETSc.Mat:
-    """Sparse PETSc matrix from this rank's `rows`, distributed as the rows of `like`; collective.
+    """Sparse PETSc matrix from `rows`, this rank's rows with global column numbers; collective.
 
-    `columns` is the number of columns that this rank owns; if it is None, PETSc decides.
+    The rows are distributed as those of `like`. `columns` is the number of columns that this rank owns; if it is None,
+    PETSc decides.
     """
     owned = PETSc.DECIDE if columns is None else columns
     csr = (rows.indptr.astype(PETSc.IntType, copy=False), rows.indices.astype(PETSc.IntType, copy=False), rows.data)
@@ -72,9 +74,10 @@ def sparse(rows: sp.csr_matrix, like: PETSc.Mat, columns: int | None = None) -> 
 
 
 def times(A: PETSc.Mat, local: Array) -> Array:
-    """Rows (n_local, k) of A X on this rank, from `local` (rows, k), its rows of X; collective.
+    """Rows (n_local, k) on this rank of the product A X, from `local` (rows, k), this rank's rows of X; collective.
 
-    X is distributed as the columns of A.  If X is in Fortran's order it is not copied; the result is in that order.
+    The rows of X are distributed as the columns of A. If `local` is in Fortran's order it is not copied; the result is
+    in Fortran's order.
     """
     (rows, columns), result = A.getSizes(), np.empty((A.getLocalSize()[0], local.shape[1]), order="F")
     right, product = _view(np.asfortranarray(local), columns, A.comm), _view(result, rows, A.comm)
@@ -111,11 +114,11 @@ def subtract(X: Array, A: Array, B: Array) -> None:
 
 
 def fix_signs(local: Array, comm: MPI.Comm) -> Array:
-    """Columns of `local` (n_local, k), each times 1 or -1; collective.
+    """Columns of a matrix, of which `local` (n_local, k) are this rank's rows, each times 1 or -1; collective.
 
-    The entry of largest magnitude of each column becomes positive.  `local` is this rank's part of the rows.  Of all
-    entries within `SIGN_TOLERANCE` of the largest one, the first in the model's order decides, so that round-off can't
-    choose between the two ends of a symmetric mode.
+    The entry of largest magnitude of each column becomes positive. Of all entries within `SIGN_TOLERANCE` of the
+    largest one, the first in the model's order decides, so that round-off can't choose between the two ends of a
+    symmetric mode.
     """
     size = np.abs(local)
     largest = np.max(comm.allgather(size.max(axis=0, initial=0.0)), axis=0)
@@ -141,7 +144,7 @@ def free_dropped(comm: MPI.Comm, cycles: bool = True) -> None:
 
 
 def columns(like: PETSc.Mat, transposed: sp.csr_matrix) -> PETSc.Mat:
-    """Sparse PETSc matrix (n, k) without explicit zeros, from `transposed` (k, n), the same on every rank; collective.
+    """Sparse PETSc matrix (n, k) without explicit zeros, from its transpose (k, n), which all ranks pass; collective.
 
     The rows of the matrix are distributed as those of `like`.
     """
@@ -157,7 +160,7 @@ def local_csr(A: PETSc.Mat) -> sp.csr_matrix:
 
 
 def without_zeros(A: PETSc.Mat) -> PETSc.Mat:
-    """Copy of A without the explicit zeros in its pattern; frees A.  Collective."""
+    """Copy of the sparse matrix A without the zeros that it stores; A is freed. Collective."""
     rows: sp.csr_matrix = local_csr(A)
     rows.eliminate_zeros()
     result = sparse(rows, A, columns=A.getLocalSize()[1])
@@ -166,7 +169,7 @@ def without_zeros(A: PETSc.Mat) -> PETSc.Mat:
 
 
 def gather(A: PETSc.Mat) -> sp.csr_matrix | None:
-    """Gather a sparse matrix A on rank 0, and return None on other ranks; collective."""
+    """Gather a sparse matrix A: return all its rows on rank 0, and None on other ranks; collective."""
     comm = A.comm.tompi4py()
     shares = comm.gather(local_csr(A), root=0)
     return None if shares is None else sp.vstack(shares, format="csr")

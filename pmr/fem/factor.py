@@ -37,14 +37,14 @@ FILL = 20
 
 
 class NotDefiniteError(InputError):
-    """The matrix called `name` has no Cholesky factor."""
+    """A matrix has no Cholesky factor; `name` is what messages call the matrix."""
 
     def __init__(self, name: str) -> None:
         super().__init__("body", name, None, "a positive definite matrix is allowed")
 
 
 class _PetscFactor:
-    """A factor that PETSc holds."""
+    """A factor of a matrix that PETSc holds, with solves."""
 
     _factor: PETSc.Mat
 
@@ -53,7 +53,7 @@ class _PetscFactor:
         self._factor.solve(right, answer)
 
     def solve_columns(self, columns: Array) -> Array:
-        """This rank's rows (n_local, k) of k solutions, from `columns` (n_local, k), its rows of right-hand sides.
+        """Rows (n_local, k) on this rank of k solutions, from `columns` (n_local, k), its rows of the right-hand sides.
 
         Collective.  Right-hand sides in Fortran's order are not copied; the result is in that order.
         """
@@ -102,9 +102,10 @@ class Factor(_PetscFactor):
         return bool(self._factor.getMumpsInfog(1) == TOO_LITTLE)
 
     def _check_size(self, name: str, needed: int, free: int) -> None:
-        """Warn that the factor is kept in files; raise an `InputError` if the memory is too small even so.
+        """Warn that the factor is stored in files; raise an `InputError` if the memory is too small even so.
 
-        `name` is the name of the matrix; `needed` and `free` are in MB on a rank.
+        `name` is what messages call the matrix. `needed` is the memory of the factor, and `free` the free memory, both
+        in MB on a rank.
         """
         least = self._factor.getMumpsInfog(26)
         sizes = f"the factor of {name} takes {needed} MB of memory on a rank, and {free} MB are there for it"
@@ -179,7 +180,7 @@ MatrixFactor = Factor | SequentialFactor | SparseFactor
 
 
 def factor_of(A: PETSc.Mat, name: str) -> Factor | SparseFactor:
-    """Factor of a symmetric matrix A by MUMPS, or by SciPy if PETSc is not installed; collective.
+    """Factor of a symmetric positive definite matrix A by MUMPS, or by SciPy if PETSc is not installed; collective.
 
     Raises a `NotDefiniteError` if the matrix, called `name`, is not positive definite.
     """
@@ -201,7 +202,7 @@ def factor_for_steps(A: PETSc.Mat, name: str) -> MatrixFactor:
 
 
 def cholesky(A: PETSc.Mat, package: str) -> PETSc.PC:
-    """Preconditioner that will compute the Cholesky factor of A by the named package.
+    """PETSc preconditioner, not set up yet, that will compute the Cholesky factor of A by the named package.
 
     Raises a `PETSc.Error` if PETSc was built without the package.
     """
@@ -214,7 +215,7 @@ def cholesky(A: PETSc.Mat, package: str) -> PETSc.PC:
 
 
 def refusal(name: str, code: int) -> InputError:
-    """The error for a matrix called `name` whose factorisation MUMPS ended with the negative error `code`."""
+    """Error to be raised for a matrix called `name` whose factorisation MUMPS ended with the negative error `code`."""
     if code in NOT_DEFINITE:
         return NotDefiniteError(name)
     allowed = f"the factor of {name} failed in MUMPS with error {code}"
@@ -229,10 +230,10 @@ def refusal(name: str, code: int) -> InputError:
 
 
 def factorise(A: PETSc.Mat, free: int, in_files: bool = False) -> PETSc.Mat:
-    """Factor of A by MUMPS in at most `free` MB on a rank, 0: without a limit; collective.
+    """Factor of A by MUMPS in at most `free` MB of memory on a rank, 0 for no limit; collective.
 
-    The factor is kept in files if `in_files`.  If the analysis by MUMPS finds that the memory is too little, MUMPS sets
-    an error code and computes nothing.  The factor holds no reference to A.
+    The factor is stored in files if `in_files`. If MUMPS finds before the computation that the memory is too little, it
+    sets an error code in the factor, and computes nothing. The factor holds no reference to A.
     """
     pc = cholesky(A, "mumps")
     factor = pc.getFactorMatrix()
@@ -245,9 +246,9 @@ def factorise(A: PETSc.Mat, free: int, in_files: bool = False) -> PETSc.Mat:
 
 
 def ample(A: PETSc.Mat) -> int:
-    """Memory in MB on a rank that suffices for most factors of A; collective.
+    """Memory in MB on a rank that suffices for the factors of most matrices of the size of A; collective.
 
-    The result serves as a limit, as MUMPS reserves half of what it is allowed, even if it needs less.
+    The result serves as the limit of `factorise`, as MUMPS reserves half of what it is allowed, even if it needs less.
     """
     entries = A.getInfo(PETSc.Mat.InfoType.GLOBAL_MAX)["nz_used"]
     return max(1000, int(FILL * 12 * entries / 1e6))
@@ -256,7 +257,7 @@ def ample(A: PETSc.Mat) -> int:
 def free_memory(comm: MPI.Comm) -> int:
     """Memory in MB that a factor may take on each rank; collective.
 
-    The result is 0, for no limit, if a machine doesn't say how much memory is free.
+    The result is the same on all ranks. It is 0, for no limit, if no machine says how much memory is free.
     """
     node = comm.Split_type(MPI.COMM_TYPE_SHARED)
     available = available_memory()
@@ -307,7 +308,7 @@ class ReplicatedFactor:
             raise refusal(name, min(codes))
 
     def solve_columns(self, columns: Array) -> Array:
-        """This rank's rows (n_local, k) of k solutions, from `columns` (n_local, k), its rows of right-hand sides.
+        """Rows (n_local, k) on this rank of k solutions, from `columns` (n_local, k), its rows of the right-hand sides.
 
         Collective.  Right-hand sides in Fortran's order are overwritten by the solutions, which are returned.  The
         solve is fastest if the number of columns is a multiple of `BLOCK` times the number of ranks.
@@ -331,7 +332,7 @@ def factor_for_columns(A: PETSc.Mat, name: str) -> MatrixFactor | ReplicatedFact
     """Factor of A for many right-hand sides at a time; collective.
 
     On several ranks the factor is complete on each rank if it fits into the memory; if not, a warning is logged.
-    Otherwise, and on one rank, it is the factor of `factor_of`.  `name` is the matrix's, for messages.
+    Otherwise, and on one rank, `factor_of` computes it. Messages call the matrix `name`.
     """
     if A.comm.size > 1:
         try:
@@ -343,9 +344,9 @@ def factor_for_columns(A: PETSc.Mat, name: str) -> MatrixFactor | ReplicatedFact
 
 
 class Exchange:
-    """Redistributes tall matrices (n, k) from ranks that own rows to ranks that own columns, and back.
+    """Exchange of matrices (n, k) between ranks: from a distribution by rows to one by columns, and back.
 
-    `ends` (ranks + 1,) are the number of the first row of each rank, and n.
+    `ends` (ranks + 1,) has the number of the first row of each rank, and last the number n of rows.
     """
 
     def __init__(self, comm: MPI.Comm, ends: Indices) -> None:
@@ -353,7 +354,7 @@ class Exchange:
         self.most = max(1, LARGEST // (8 * int(self._ends[-1])))  # columns for each rank at a time
 
     def columns(self, local: Array) -> Array:
-        """Columns (n, k_own) of a matrix that this rank owns, from its rows `local` (n_local, k) in Fortran's order.
+        """Columns (n, k_local) of a matrix that this rank owns, from its rows `local` (n_local, k) in Fortran's order.
 
         Collective.
         """
@@ -363,7 +364,7 @@ class Exchange:
         return full
 
     def rows(self, full: Array, local: Array) -> None:
-        """Write this rank's rows to `local` (n_local, k) in Fortran's order, from its columns `full` (n, k_own).
+        """Write this rank's rows to `local` (n_local, k) in Fortran's order, from its columns `full` (n, k_local).
 
         Collective; the method undoes `columns`.
         """

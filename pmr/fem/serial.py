@@ -147,19 +147,19 @@ class Mat:
         return Vec(np.zeros(self.getSize()[0]))
 
     def mult(self, x: Vec, y: Vec) -> None:
-        """Write A x to y."""
+        """Write A x to y, where A is this matrix."""
         y.getArray()[:] = self.values @ x.getArray()
 
     def multAdd(self, x: Vec, y: Vec, z: Vec) -> None:
-        """Write y + A x to z."""
+        """Write y + A x to z, where A is this matrix."""
         z.getArray()[:] = y.getArray() + self.values @ x.getArray()
 
     def matMult(self, X: Mat, Y: Mat) -> None:
-        """Write A X to Y."""
+        """Write A X to Y, where A is this matrix."""
         Y.values[:] = self.values @ X.values
 
     def PtAP(self, P: Mat) -> Mat:
-        """P^T A P as a new matrix."""
+        """Product P^T A P as a new matrix, where A is this matrix."""
         return Mat(sp.csr_matrix(P.values.T @ self.values @ P.values))
 
     def createSubMatrix(self, rows: IS, columns: IS) -> Mat:

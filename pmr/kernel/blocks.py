@@ -46,13 +46,13 @@ LANES = 4
 
 
 def round_up(count: int) -> int:
-    """Smallest multiple of `LANES` that is at least `count`."""
+    """Smallest multiple of `LANES`, the numbers in a register of the processor, that is at least `count`."""
     return count + -count % LANES
 
 
 @dataclass(frozen=True)
 class Part:
-    """A body in its modes, and the slices that its modes, inputs and outputs have among those of all bodies."""
+    """A body in its modes, and where its modes, inputs and outputs are among those of all bodies, as slices."""
 
     number: int
     body: ReducedModel
@@ -62,7 +62,7 @@ class Part:
 
     @property
     def flexibility(self) -> CarrierFlexibility:
-        """Residual flexibility between the carriers of the body; zeros for a body without flexibility."""
+        """Residual flexibility between the K carriers of the body; arrays of zeros for a body that has none."""
         carriers = self.body.carriers
         assert carriers is not None  # `System` checks this
         K, i, o = len(carriers.values), len(self.body.input_names), len(self.body.outputs)
@@ -73,7 +73,8 @@ class Part:
     def values(self) -> Array:
         """Values (K, n) of the modes on the K carriers of the body.
 
-        Columns of zeros pad them to the number n of columns in the slice `modes`, a multiple of `LANES`.
+        Columns of zeros are appended, so that the number n of columns is that of the slice `modes`, a multiple of
+        `LANES`.
         """
         assert self.body.carriers is not None
         values = self.body.carriers.values
@@ -82,9 +83,10 @@ class Part:
 
 @dataclass(frozen=True)
 class Block:
-    """Tables on common breaks for q sides that travel along one path on one body.
+    """Tables over one path: rows and flexibility of the q contact sides on one body that travel along this path.
 
-    The tables are also for the w sides on this body that do not travel.
+    All tables have common breaks. They also have the flexibility between these sides and the w sides on this body that
+    do not travel.
     """
 
     part: Part
@@ -101,7 +103,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Arrangement:
-    """Rows of m contacts and n pads with friction: constant parts, and blocks that depend on paths."""
+    """Rows of m contacts and of n pads with friction: constant parts, and one block for each body and path."""
 
     parts: tuple[Part, ...]
     paths: tuple[str, ...]
@@ -115,7 +117,7 @@ class Arrangement:
 
     @property
     def gives(self) -> Array:
-        """Upper bound (m + n,) in m/N of the flexibility of each row over its path."""
+        """Upper bound (m + n,) in m/N of each row's own flexibility, the diagonal entry of F, over the whole path."""
         most = np.abs(np.diagonal(self.F))
         for block in self.blocks:
             most[block.numbers] += np.diagonal(np.abs(power_contributions(block.between)).sum(axis=0).max(axis=0))
@@ -125,8 +127,8 @@ class Arrangement:
 def arrange(system: System) -> Arrangement:
     """Split the contact rows of a system, whose bodies are in their modes, into constants and a block for each path.
 
-    A contact whose flexibility is at most round-off of the largest one in the system becomes rigid: its flexibility is
-    set to zero.
+    A contact whose own flexibility is at most round-off of the largest one in the system becomes rigid: its flexibility
+    is set to zero.
     """
     rows, m = _arrange_exactly(system), len(system.contacts)
     rigid = np.zeros(len(rows.F), bool)
@@ -136,7 +138,10 @@ def arrange(system: System) -> Arrangement:
 
 
 def _without_rigid_flexibility(block: Block, rigid: NDArray[np.bool_]) -> Block:
-    """Return the block with zero flexibility for the rigid contacts: those in the mask `rigid` (m + n,) of all rows."""
+    """Return the block with zeros in place of the flexibility of rigid contacts.
+
+    `rigid` (m + n,) is the mask of these contacts among all rows.
+    """
     on, staying = rigid[block.numbers], block.staying.c.copy()
     if not on.any() and not rigid[block.stays].any():
         return block
@@ -152,7 +157,10 @@ def _without_rigid_flexibility(block: Block, rigid: NDArray[np.bool_]) -> Block:
 
 
 def _arrange_exactly(system: System) -> Arrangement:
-    """Split the contact rows of a system into constants and a block for each path, with all flexibility as it is."""
+    """Split the contact rows of a system into constants and a block for each body and path.
+
+    Other than in `arrange`, the flexibility of contacts stays as it is, however small.
+    """
     parts, friction = _body_parts(system), Friction.from_contacts(system.contacts)
     F = np.pad(system.compliance.constant, (0, 0 if friction is None else len(friction.pads)))
     size = {what: getattr(parts[-1], what).stop for what in ("modes", "inputs", "outputs")}
@@ -184,7 +192,7 @@ def _arrange_exactly(system: System) -> Arrangement:
 
 
 def _body_parts(system: System) -> tuple[Part, ...]:
-    """Bodies of a system, each with the slices of its modes, inputs and outputs among those of all bodies."""
+    """Bodies of a system, with the slices of their modes, inputs and outputs among those of all bodies."""
     parts, r, i, o = list[Part](), 0, 0, 0
     for number, body in enumerate(system.reduced.values()):
         modes, inputs, outputs = round_up(body.size), len(body.input_names), len(body.outputs)
@@ -194,7 +202,7 @@ def _body_parts(system: System) -> tuple[Part, ...]:
 
 
 def _block_of_tables(system: System, part: Part) -> Block:
-    """Block of all contacts of the single body of a system on one path, from the tables of this body."""
+    """Block of a system that has a single body and one path: the body's own tables describe all contacts."""
     body, flexibility = part.body, part.body.flexibility
     tables = (
         [body.rows] if flexibility is None else [body.rows, flexibility.rows, flexibility.inputs, flexibility.outputs]
@@ -223,10 +231,10 @@ def _block_on_path(
     stays: Indices,
     weights: Array,
 ) -> Block:
-    """Block of the `sides` that travel along the path number `path` on the body in `part`, over `domain` in m.
+    """Block of the `sides` of contacts that travel along the path number `path`, on the body in `part`.
 
-    Sides on this body that don't travel have rows with the numbers `stays` (w,), and `weights` (w, K) on the body's K
-    carriers.
+    The block's tables reach over `domain`, the lowest and the highest path coordinate in m. Sides on this body that
+    don't travel have the row numbers `stays` (w,), and `weights` (w, K) on the body's K carriers.
     """
     rows = [_row_on_path(system, side) for side in sides]
     breaks = common_breaks([PPoly(row.coefficients, row.breaks) for row in rows], domain)
@@ -249,9 +257,9 @@ def _block_on_path(
 
 
 def _rubbing_sides(system: System, friction: Friction | None) -> list[Side]:
-    """Sides of pads with friction, on which moments act; empty if `friction` is None.
+    """Sides of pads with friction as further sides, on which moments act; empty if `friction` is None.
 
-    The sides' row numbers follow those of the contacts.
+    The new sides have row numbers that follow those of the m contacts.
     """
     pads = [] if friction is None else friction.pads.tolist()
     m = len(system.contacts)
@@ -259,21 +267,24 @@ def _rubbing_sides(system: System, friction: Friction | None) -> list[Side]:
 
 
 def _modal_row(system: System, side: Side) -> Row:
-    """Row of a side as a function of the coordinate x on its body.
+    """Row of a side of a contact as a function of the coordinate x in m along its body.
 
-    For a side on which a moment acts it is the derivative C' of the row.
+    For a side on which a moment acts the derivative C' of the row with respect to x is returned.
     """
     row = system.row(side.place)
     return row if side.contact < len(system.contacts) else row.slope
 
 
 def _fixed_side_weights(system: System, side: Side) -> Array:
-    """Weights (K,) on the carriers of the row of a side that does not travel, times the side's sign."""
+    """Weights (K,) on the body's K carriers of a side that does not travel, times the side's sign, 1 or -1."""
     return np.asarray(side.sign * _modal_row(system, side).weights(side.place.at).toarray()[0])
 
 
 def _row_on_path(system: System, side: Side) -> Row:
-    """Row of a side as a function of the path coordinate s, with x = at + rate s, times the side's sign."""
+    """Row of a side as a function of its path's coordinate s, times the side's sign, 1 or -1.
+
+    The place on the body is x = at + rate s.
+    """
     row, place = _modal_row(system, side), side.place
     c, breaks, touched = row.coefficients, row.breaks, row.touched
     if place.rate < 0.0:  # intervals are reversed: each begins at its former end
@@ -292,7 +303,7 @@ def _row_on_path(system: System, side: Side) -> Row:
 
 
 def _zeros(breaks: Array, shape: tuple[int, ...]) -> PPoly:
-    """Table of zeros on the `breaks` (k + 1,), with values of the given shape."""
+    """Piecewise polynomial that is zero on the `breaks` (k + 1,), with values of the given shape."""
     return PPoly(np.zeros((1, len(breaks) - 1, *shape)), breaks)
 
 
@@ -304,7 +315,7 @@ _HEAD, _ARRAY = struct.Struct("=8siiqQ32x"), struct.Struct("=40siiqq")
 
 
 def pack(arrays: Mapping[str, NDArray[Any] | str]) -> bytearray:
-    """Pack arrays (any shape) of integers or real numbers, and texts, into a block for the kernel.
+    """Pack arrays (any shape) of integers or real numbers, and texts, by name into a block of bytes for the kernel.
 
     The block's checksum is zero until `seal` sets it.
     """
@@ -330,7 +341,7 @@ def lines(names: Iterable[str]) -> str:
 
 
 def seal(block: bytearray, checksum: int) -> None:
-    """Write `checksum`, the one of the bytes after the first `LINE` bytes, into a block, in place."""
+    """Write `checksum`, that of the bytes after the first `LINE` bytes, into the head of a block, in place."""
     block[24:32] = struct.pack("=Q", checksum)
 
 

@@ -19,12 +19,12 @@ BEGIN, END = "/* ---- from here on cffi reads this file: declarations only ---- 
 
 
 def declarations(header: str) -> str:
-    """Part of the header between the marks `BEGIN` and `END`, which cffi can read."""
+    """Part of the header's text between the marks `BEGIN` and `END`, which cffi can read."""
     return header.partition(BEGIN)[2].partition(END)[0]
 
 
 def sources_digest() -> str:
-    """Digest of all sources of the kernel, which the compiled module has as `SOURCES_DIGEST`."""
+    """SHA-256 digest of all sources of the kernel; the compiled module stores it as `SOURCES_DIGEST`."""
     contents = [f"{path.name}\n{path.read_text()}" for path in sorted(SOURCES.glob("*.[ch]"))]
     return hashlib.sha256("\n".join(contents).encode()).hexdigest()
 

@@ -35,7 +35,7 @@ from pmr.system.system import System
 
 @dataclass(frozen=True)
 class SystemData:
-    """Arrays of a system by name, and the meaning of the numbers in them."""
+    """Arrays of a system by name, as the kernel reads them, and the meaning of the numbers in them."""
 
     arrays: Arrays
     used_modes: NDArray[np.int64]  # (r,): numbers of the bodies' modes; modes with other numbers are padding
@@ -49,8 +49,9 @@ def system_data(
 ) -> SystemData:
     """Arrays of a system for the kernel, from the modal forms of its bodies by name.
 
-    `frame` is the system's moving frame, None for a system without one.  `reduced` is the system in modes with combined
-    rings if the caller has it; then there are no reactions of supports.
+    `frame` is the system's moving frame, None for a system without one. `reduced` is the system in modes in which
+    contacts of a ring are combined, None to convert `system` here. If it is given, the reactions of rigid supports are
+    not among the outputs.
     """
     supports = [supports_of(system, name, form, reduced is None) for name, form in forms.items()]
     reduced = reduced or combine_rings(system_in_modes(system, forms, supports))
@@ -96,7 +97,7 @@ def system_data(
 
 @dataclass(frozen=True)
 class Outputs:
-    """Numbers of the system's own outputs, and of reactions of supports, among all outputs of the bodies."""
+    """Numbers of the bodies' outputs proper, and of reactions of rigid supports, among all outputs of the bodies."""
 
     outputs: NDArray[np.int64]
     reactions: NDArray[np.int64]
@@ -114,15 +115,15 @@ class Outputs:
         return cls(np.concatenate(outputs), np.concatenate(reactions), tuple(map(len, outputs)))
 
     def split(self, array: Array) -> list[Array]:
-        """Columns of an array (any, both) for outputs, (any, outputs), and for reactions, (any, reactions).
+        """Split the columns of an array (k, all outputs) into those of outputs proper and those of reactions.
 
-        Both results are padded with zeros to whole registers, and by one more register.
+        Both results have k rows. Their columns are padded with zeros to whole registers, and by one more register.
         """
         parts = (array[:, numbers] for numbers in (self.outputs, self.reactions))
         return [np.pad(_fill_rows(columns, columns.shape[1]), ((0, 0), (0, LANES))) for columns in parts]
 
     def before(self, part: Part) -> list[int]:
-        """Number of a body's first output among all outputs, then of its first reaction among all reactions."""
+        """First number of a body's outputs among all outputs proper, then that of its reactions among all reactions."""
         return [int(np.searchsorted(numbers, part.outputs.start)) for numbers in (self.outputs, self.reactions)]
 
 
@@ -142,9 +143,10 @@ def system_in_modes(system: System, forms: Mapping[str, Modal], supports: Sequen
 
 
 def _size_arrays(system: System, modal: System, rows: Arrangement, motions: int, outputs: int) -> Arrays:
-    """Sizes of the system: the array ``sizes`` (k,) of whole numbers, in the order of `read_arrays` in src/system.c.
+    """Array ``sizes`` (k,) of counts of the system, in the order in which `read_arrays` in src/system.c reads them.
 
-    `modal` is the system in modes, `rows` are its contact rows, and `motions` and `outputs` are numbers of these.
+    `modal` is the system in modes, `rows` are its contact rows. `motions` is the number of motions of its frame, and
+    `outputs` the number of its outputs without reactions.
     """
     m, pads = len(modal.contacts), len(rows.F) - len(modal.contacts)
     inputs, order = rows.parts[-1].inputs.stop, np.arange(len(rows.F))
@@ -201,7 +203,10 @@ def _fill_rows(array: Array, width: int) -> Array:
 
 
 def _body_arrays(rows: Arrangement, split: Outputs) -> Arrays:
-    """Arrays of the modes, inputs and outputs of all bodies, by their names in the kernel's block."""
+    """Arrays of the modes, inputs and outputs of all bodies, by their names in the kernel's block.
+
+    `split` says which outputs are reactions of supports.
+    """
     last = rows.parts[-1]
     r, i, o = last.modes.stop, last.inputs.stop, last.outputs.stop
     D, B, shapes, direct, energy = (np.zeros(shape) for shape in ((r, r), (i, r), (r, o), (i, o), (i, round_up(i))))
@@ -233,7 +238,8 @@ def _body_arrays(rows: Arrangement, split: Outputs) -> Arrays:
 def _contact_arrays(system: System, rows: Arrangement, split: Outputs) -> Arrays:
     """Constant arrays of the contacts by their names in the kernel's block.
 
-    The arrays hold the rows, the clearances, the contacts that only push, and the ropes that lengthen.
+    They hold the constant parts of the rows, the clearances, which contacts only push, and which are ropes that
+    lengthen. `split` says which outputs are reactions of supports.
     """
     m, moments = len(system.contacts), len(rows.F) - len(system.contacts)
     clearance = np.pad(system.clearance, (0, moments), constant_values=np.nan)
@@ -260,7 +266,7 @@ def _contact_arrays(system: System, rows: Arrangement, split: Outputs) -> Arrays
 def _block_arrays(rows: Arrangement, split: Outputs) -> Arrays:
     """Arrays of the blocks of rows, and of pairs of blocks, by their names in the kernel's block.
 
-    The tables of all blocks are stored one after the other.
+    The tables of all blocks are stored one after the other. `split` says which outputs are reactions of supports.
     """
     parts: dict[str, list[NDArray[Any]]] = {
         name: [np.zeros(0, np.int64 if name in ("block_rows", "touched") else np.float64)]
@@ -309,7 +315,7 @@ def _block_arrays(rows: Arrangement, split: Outputs) -> Arrays:
 
 
 def _pad_powers(c: Array, powers: int) -> Array:
-    """Coefficients c (p, ...) with zeros before the highest power, of shape (max(p, `powers`), ...)."""
+    """Coefficients c (p, ...), highest power first, with zeros put before them: (max(p, `powers`), ...)."""
     return np.concatenate([np.zeros((max(powers - len(c), 0), *c.shape[1:])), c])
 
 
@@ -319,10 +325,10 @@ def _touched_carriers(rows: tuple[Row, ...]) -> NDArray[np.int64]:
 
 
 def _carrier_weights(row: Row, width: int, carriers: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
-    """Indices in `carriers` of those ``touched`` by a row, (intervals, width), and the coefficients as ``weights``.
+    """Arrays ``touched`` and ``weights``: which carriers a row touches in each interval, and by which polynomials.
 
-    The coefficients are (intervals, powers, width).  If a row touches fewer than `width` carriers, the last carrier is
-    repeated with zero coefficients.
+    ``touched`` (intervals, width) has positions in `carriers` (k,), and ``weights`` (intervals, powers, width)
+    coefficients. If a row touches fewer than `width` carriers, the last one is repeated with zero coefficients.
     """
     missing = width - row.touched.shape[1]
     touched = np.searchsorted(carriers, np.pad(row.touched, ((0, 0), (0, missing)), "edge"))

@@ -24,7 +24,7 @@ MOST_SQUARE = float(lib.PMR_MOST_SQUARE)
 
 @dataclass(frozen=True)
 class FilterData:
-    """Data of a Kalman filter by their names in `pmr_filter` (src/pmr_kernel.h), and the estimate at its start."""
+    """Data of a Kalman filter by their names in `pmr_filter` (src/pmr_kernel.h), and its initial estimates."""
 
     sizes: Mapping[str, int]
     numbers: Mapping[str, float]
@@ -44,7 +44,7 @@ class Transitions(NamedTuple):
 
 @dataclass(frozen=True)
 class StepMatrices:
-    """Matrices of T steps of r modes, n = 3 r, from which A and B follow.
+    """Factors and matrices of T steps of r modes, from which the transition matrices of 3 r states follow.
 
     A step's acceleration is R (z*, v*) + G f.  Each mode's next prediction (z*, v*, a*) is a sum of its prediction and
     its acceleration, and so are z and its rate at the end of the step: `courses` has the factors.
@@ -62,7 +62,7 @@ class StepMatrices:
         return self.courses.shape[2]
 
     def transitions(self, steps: slice = slice(None)) -> Transitions:
-        """Transition matrices of the steps in a slice `steps`."""
+        """Transition matrices A and B of the steps in a slice `steps`, by default of all."""
         by_acceleration, r = self.courses[:3, 3], self.modes
         R, G = np.pad(self.R[steps], [(0, 0), (0, 0), (0, r)]), self.G[steps]
         A, B = (np.einsum("pj,tjc->tpjc", by_acceleration, by).reshape(len(by), 3 * r, by.shape[2]) for by in (R, G))
@@ -71,7 +71,11 @@ class StepMatrices:
 
 @dataclass(frozen=True)
 class FilterSteps:
-    """Linear models of T steps, and how their outputs change with parameters and by each kg of a payload."""
+    """Linear models of T steps, and how their q outputs change with unknown parameters of the machine.
+
+    The outputs change by `sensitivity` per unit of a parameter. The sensitivity grows by `per_kilogram` for each kg of
+    an estimated payload.
+    """
 
     reference: Array  # (T, q)
     matrices: StepMatrices
@@ -80,14 +84,14 @@ class FilterSteps:
 
 
 class KalmanFilter:
-    """A filter and its state.
+    """A Kalman filter and its state: the estimates x of N quantities with their covariance P.
 
-    `x` (N,), `P` (N, N) and `level` (p,) are views of its memory, and `lasting` is a view of all that an update begins
-    with.
+    `x` (N,), `P` (N, N) and `level` (p,), running mean squares of the p sensors' normalised innovations, are views of
+    the filter's memory. So is `lasting`: all numbers that an update begins with.
     """
 
     def __init__(self, data: FilterData, steps: FilterSteps) -> None:
-        """Make the filter of the kernel from the numbers in `data`, for the linear models in `steps`."""
+        """Make the kernel's filter from `data` and the linear models in `steps`, and set its initial state."""
         self._filter = structure("pmr_filter", {**data.sizes, **data.numbers, **data.indices, **data.arrays})
         counts = ffi.new("pmr_filter_counts *")
         lib.pmr_filter_sizes(self._filter, counts)
@@ -106,7 +110,7 @@ class KalmanFilter:
         self._step = ffi.new("pmr_filter_step *")
 
     def _step_data(self, k: int) -> Any:
-        """Linear model of step k."""
+        """Addresses of the linear model of step k, as the kernel's structure ``pmr_filter_step``."""
         for name, (first, size) in self._places.items():
             setattr(self._step, name, first + k * size)
         return self._step
@@ -114,10 +118,11 @@ class KalmanFilter:
     def update(self, k: int, measured: Array, use: NDArray[np.int64]) -> Array:
         """Correct the state at step k by `measured` (p,); return innovations (p,) divided by their standard deviations.
 
-        Measurements that are not finite are missing.  `use` (p,) says for each sensor whether it is used never, if
-        possible, only if it is near, or as expected from covariances alone.  The innovation of a missing measurement is
-        NaN, unless it is used as expected.  Raises a SimulationError if the covariance of the measurements is not
-        positive definite.
+        Measurements that are not finite are missing. `use` (p,) has a constant of the kernel for each sensor:
+        ``PMR_NOT_USED``, ``PMR_IF_POSSIBLE``, ``PMR_IF_NEAR`` (only if the measurement is near the estimate), or
+        ``PMR_AS_EXPECTED`` (as if the estimate had been measured). The innovation of a missing measurement is NaN,
+        except for the last of these. Raises a SimulationError if the covariance of the measurements is not positive
+        definite.
         """
         measured, innovations = np.ascontiguousarray(measured, float), np.zeros(len(measured))
         used = np.ascontiguousarray(use, np.int32)
@@ -127,19 +132,22 @@ class KalmanFilter:
         return innovations
 
     def outputs(self, k: int) -> Array:
-        """Mean and variance (2, q) of the q outputs at step k, after `update`, with the errors of the model."""
+        """Mean and variance, (2, q), of the q outputs at step k after `update`.
+
+        The variance includes errors of the model.
+        """
         values = np.zeros((2, self.outputs_count))
         lib.pmr_filter_outputs(self._filter, pointer(self.memory), self._step_data(k), *map(pointer, values))
         return values
 
     def predict(self, k: int) -> None:
-        """Advance state and covariance from step k to the next."""
+        """Advance the state and its covariance from step k to step k + 1."""
         lib.pmr_filter_predict(self._filter, pointer(self.memory), self._step_data(k))
 
 
 @dataclass(frozen=True)
 class ChosenOutputs:
-    """Outputs and loads of a linear model, by their numbers, as `pmr_chosen` (src/pmr_kernel.h) has them."""
+    """Chosen outputs and loads of a linear model, by their numbers, as the kernel's `pmr_chosen` (src/pmr_kernel.h)."""
 
     columns: NDArray[np.int32]  # (q,) among outputs of the bodies, then forces of all contacts
     orders: NDArray[np.int32]  # (q,): of rates with respect to time
@@ -148,10 +156,13 @@ class ChosenOutputs:
 
 
 class LinearSteps:
-    """Linear models of T steps; the arrays (T, ...) are named as in `pmr_linear_step` (src/pmr_kernel.h)."""
+    """Linear models of T steps for chosen outputs and loads.
+
+    The arrays (T, ...) have their names in `pmr_linear_step` (src/pmr_kernel.h).
+    """
 
     def __init__(self, chosen: ChosenOutputs, T: int) -> None:
-        """Make arrays of zeros for the models of T steps, from the outputs, loads and rates in `chosen`."""
+        """Make arrays of zeros for the models of T steps, with the outputs, loads and modes in `chosen`."""
         q, i, r = len(chosen.columns), len(chosen.loads), len(chosen.at_modes)
         shapes = ((5, 4, r), (T, r, 2 * r), (T, r, i), (T, q, 2 * r), (T, q, i))
         self.reference, self.matrices = np.zeros((T, q)), StepMatrices(*map(np.zeros, shapes))
@@ -163,7 +174,10 @@ class LinearSteps:
         self._data = structure("pmr_chosen", {"outputs": q, "inputs": i, "modes": r} | vars(chosen))
 
     def take(self, state: State, k: int, u: Array) -> None:
-        """Take a step of the `state` to drivers u (N,), and store it as step k; raise a StepError if the step fails."""
+        """Take a step of `state` to the drivers u (N,), and store its linear model as that of step k.
+
+        Raises StepError if the step fails.
+        """
         u, where = np.ascontiguousarray(u, float), f"step {state.step_number + 1}"
         arguments = (state.pointer, self._data, pointer(u), self._step_data(k))
         lib.pmr_linear_courses(state.pointer, self._data, pointer(self.matrices.courses))
@@ -172,13 +186,17 @@ class LinearSteps:
         state.raise_unless_done(lib.pmr_linear_outputs(*arguments), where)
 
     def follow_rates(self, h: float) -> None:
-        """Put rates of outputs into the matrices and the reference of all steps, which are h s apart."""
+        """Turn outputs that are rates into derivatives with respect to time, from the models of neighbouring steps.
+
+        The matrices and the reference of all steps, which are h s apart, are changed in place. Call it after all steps
+        are taken.
+        """
         if self._chosen.orders.any():
             steps = [ffi.NULL, *(self._step_data(k) for k in range(len(self.reference))), ffi.NULL]
             for before, now, after in zip(steps[:-2], steps[1:-1], steps[2:], strict=True):
                 lib.pmr_output_rates(self._data, pointer(self.matrices.courses), h, before, now, after)
 
     def _step_data(self, k: int) -> Any:
-        """Addresses of the arrays of step k."""
+        """Addresses of the arrays of step k, as the kernel's structure ``pmr_linear_step``."""
         at = {name: array[min(k, len(array) - 1)] for name, array in self._arrays.items()}
         return structure("pmr_linear_step", at)

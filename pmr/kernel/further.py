@@ -53,7 +53,7 @@ NEGLIGIBLE = 1e-13
 
 
 class Modal(Protocol):
-    """A body in its own r modes (`pmr.simulation.modal.ModalForm`)."""
+    """A body in coordinates of its own r modes (`pmr.simulation.modal.ModalForm`)."""
 
     @property
     def body(self) -> ReducedModel:
@@ -65,14 +65,15 @@ class Modal(Protocol):
 
     @property
     def rows(self) -> tuple[int, ...]:
-        """Numbers of the original body's rows that `body` still has."""
+        """Numbers, among the rows of the original body, of the rows that `body` has."""
 
 
 @dataclass(frozen=True)
 class Supports:
-    """Reactions of a body's h rigid supports, by its n coordinates, r modes, rates of modes, and i inputs.
+    """Reactions of a body's h rigid supports, as linear functions of its modes, rates of modes and i inputs.
 
-    The number h is 0 if the body does not record the forces of its contacts on the supports.
+    The body has n coordinates and r modes. The number h is 0 if the body does not store how its supports carry its
+    contact forces.
     """
 
     names: tuple[str, ...]  # names of the reactions as outputs
@@ -84,9 +85,9 @@ class Supports:
 
 
 def supports_of(system: System, name: str, form: Modal, output: bool = True) -> Supports:
-    """Reactions of rigid supports of the body `name` in its modes, its modal `form`.
+    """Reactions of the rigid supports of the body `name` of a system, in the modes of its modal `form`.
 
-    The reactions are empty if `output` is false or if the body does not store any.
+    There are no reactions, h = 0, if `output` is false or if the body does not store any.
     """
     body, X, r = system.bodies[name], form.X, form.body.size
     reactions = body.reactions if isinstance(body, ReducedModel) else None
@@ -107,10 +108,10 @@ def supports_of(system: System, name: str, form: Modal, output: bool = True) -> 
 
 
 def with_reactions(system: System, name: str, form: Modal, modal: ReducedModel, supports: Supports) -> ReducedModel:
-    """Return `modal`, the body `name` in its modes, with the reactions of `supports` as outputs after its own outputs.
+    """Return `modal`, the body `name` in its modes, with the reactions of its `supports` as further outputs.
 
-    `form` says which rows of the body `modal` has.  `modal` is returned unchanged if `supports` is empty or the body is
-    a full model.
+    They come after the body's own outputs. `form` says which rows of the original body `modal` has. `modal` is returned
+    unchanged if `supports` has no reactions or if the body is a full model.
     """
     body = system.bodies[name]
     if not supports.names or not isinstance(body, ReducedModel):
@@ -142,7 +143,7 @@ def with_reactions(system: System, name: str, form: Modal, modal: ReducedModel, 
 
 
 def _no_flexibility(body: ReducedModel) -> Flexibility:
-    """Residual flexibility of zeros, on the breaks of the body's rows."""
+    """Residual flexibility of zeros for a body that has none, on the breaks of the body's rows."""
     m, i, o = len(body.row_names), len(body.input_names), len(body.outputs)
     rows, inputs, outputs = (
         PPoly(np.zeros((1, len(body.rows.x) - 1, *shape)), body.rows.x) for shape in ((m, m), (m, i), (o, m))
@@ -153,15 +154,15 @@ def _no_flexibility(body: ReducedModel) -> Flexibility:
 def support_arrays(
     system: System, supports: Sequence[Supports], forms: Sequence[Modal], modes: Sequence[slice], width: int
 ) -> Arrays:
-    """Arrays with the reactions of rigid supports to the rates of modes and to the matrices of the system's terms.
+    """Arrays from which the kernel computes those parts of support reactions that rates of modes and terms cause.
 
-    ``reaction_rates`` (r, width) holds the reaction per rate of each of r modes.  ``support_first`` holds where the
-    entries of each term begin.  ``support_entries`` (e, 2) holds the numbers of reaction and mode of each entry; r is
-    added to the mode's number if the entry is multiplied by the mode's rate.  ``support_values`` (e,) holds the
-    entries; negligible ones are left out.
+    ``reaction_rates`` (r, width) holds the reaction per rate of each of r modes. For each term of the system,
+    ``support_first`` holds the number of its first entry. ``support_entries`` (e, 2) holds the number of the reaction
+    and of the mode of each entry; r is added to the mode's number if the entry is multiplied by the mode's rate.
+    ``support_values`` (e,) holds the entries; negligible ones are left out.
 
-    `supports`, the modal `forms` and `modes` have an entry for each body.  `modes` are the slices of each body's modes,
-    padding included; `width` is the number of reactions, padding included.
+    `supports`, the modal `forms` and `modes` have an item for each body; `modes` are the slices of the bodies' modes,
+    padding included. `width` is the number of reactions, padding included.
     """
     r = modes[-1].stop
     rates, first = np.zeros((r, width)), np.cumsum([0, *(len(of.names) for of in supports)])
@@ -238,8 +239,8 @@ def frame_output_arrays(
     """Arrays of the tip and the luffing cylinder by their names in the kernel's block, and the counts ``further``.
 
     ``further`` (3,) has the number of `reactions`, 1 if there is a tip, and the number of forces that make the
-    cylinder's moment.  `paths` are the names of the system's paths.  There is neither a tip nor a cylinder if `scene`
-    is None or has no frame, or if 0 `motions` drive the frame.
+    cylinder's moment. `paths` are the names of the system's paths. `motions` is the number of motions that drive the
+    frame. There is neither a tip nor a cylinder if `motions` is 0 or if `scene` is None or has no frame.
     """
     arrays, sources = Arrays(), 0
     if scene is not None and scene.frame is not None and motions:
@@ -254,13 +255,16 @@ def frame_output_arrays(
 
 
 def further_names(reactions: Sequence[str], arrays: Arrays) -> list[str]:
-    """Names of the `reactions`, and of the tip in space and the luffing cylinder if these have arrays in `arrays`."""
+    """Names of further outputs: the `reactions`, then the tip in space and the luffing cylinder.
+
+    The tip and the cylinder are left out if they have no arrays in `arrays`.
+    """
     tip = [f"tip in space {axis}" for axis in "XYZ"] if "tip_numbers" in arrays else []
     return [*reactions, *tip, *([CYLINDER] if "cylinder_pin" in arrays else [])]
 
 
 def numbers_of_forces(system: System, reactions: Sequence[str]) -> dict[str, int]:
-    """Numbers of outputs, then of reactions of rigid supports, then of contact forces, by their names."""
+    """Numbers by name in one count: first outputs, then `reactions` of rigid supports, then contact forces."""
     named = [*system.output_names, *reactions, *map(force_name, system.contact_names)]
     return {name: k for k, name in reversed([*enumerate(named)])}
 
@@ -280,13 +284,16 @@ Quantity = tuple[str | int, ...]
 
 @dataclass(frozen=True)
 class Product:
-    """Product of a number, the `factor`, and the values of quantities, `of`; their kinds are described above."""
+    """Product of a number, `factor`, and the values of the quantities `of`.
+
+    A quantity is a tuple of its kind and numbers, as listed at `Quantity`, such as ``("reach", 1, 0)``.
+    """
 
     factor: float
     of: tuple[Quantity, ...]
 
     def times(self, factor: float, *more: Quantity) -> Product:
-        """Return the product of this one, a number `factor` and the quantities `more`."""
+        """Return this product multiplied by the number `factor` and by the quantities `more`."""
         return replace(self, factor=factor * self.factor, of=(*self.of, *more))
 
 
@@ -301,7 +308,11 @@ AXES = ("base.x", "base.y", "base.z")
 
 @dataclass(frozen=True)
 class ComputedData:
-    """A free luffing angle or extension: arrays of the kernel's block, and names and units of its outputs."""
+    """Data of a luffing angle or extension that is free, so that its motion is computed.
+
+    They are arrays of the kernel's block, units of the outputs by name, and `moved`: the allowed range, lowest and
+    highest value, of each moved path.
+    """
 
     arrays: Mapping[str, Array]
     outputs: Mapping[str, str]
@@ -310,11 +321,11 @@ class ComputedData:
 
 
 class Frame(Protocol):
-    """Loads and amplitudes of a moving frame, as sums of products (`pmr.simulation.moving`)."""
+    """Motions of a moving frame, and loads and amplitudes of terms that follow from them as sums of products."""
 
     @property
     def computed(self) -> ComputedData | None:
-        """Data of a free luffing angle or extension; None if all motions are drivers."""
+        """Data of a free luffing angle or extension; None if all motions are prescribed."""
 
     @property
     def scene(self) -> Scene:
@@ -326,13 +337,17 @@ class Frame(Protocol):
 
     @property
     def products(self) -> tuple[Products, ...]:
-        """Products whose sums are the loads on i inputs, the amplitudes of K terms, then the drivers of a hoist."""
+        """Products whose sums follow from the frame's motions.
+
+        In this order, they are the loads on the i inputs, the amplitudes of the K terms, and the drivers of a hoist.
+        """
 
 
 def frame_arrays(frame: Frame | None, paths: Sequence[str]) -> Arrays:
     """Arrays of a frame for a system with these `paths`, by their names in the kernel's block.
 
-    The result is empty if `frame` is None.  Raises InputError if the frame has no motion for one of the paths.
+    `paths` are the names of the system's paths. The result is empty if `frame` is None. Raises InputError if the frame
+    has no motion for one of the paths.
     """
     if frame is None:
         return {}
@@ -359,9 +374,10 @@ def frame_arrays(frame: Frame | None, paths: Sequence[str]) -> Arrays:
 def _quantity(quantity: tuple[str | int, ...], numbers: dict[str, int]) -> list[int]:
     """Return three numbers by which the kernel reads a quantity: that of its kind in `KINDS`, and two arguments.
 
-    An argument that the kind does not need is 0.  `numbers` has the numbers of the frame's drivers by name.  Gravity,
-    a load and a motion of the base have the kind ``motion``, with the driver's number as the first argument.  If the
-    scene has no gravity or no such motion of the base, its value is 0: it is the kind ``reach`` of section 0.
+    An argument that the kind does not need is 0. `numbers` has the numbers of the motions that drive the frame, by
+    name. Gravity, a load and a motion of the base have the kind ``motion``, with the driver's number as the first
+    argument. If the scene has no gravity or no such motion of the base, its value is 0: it is the kind ``reach`` of
+    section 0.
     """
     kind, *of = quantity
     if kind in ("gravity", "load", "shaken"):
@@ -377,10 +393,10 @@ DIRECTIONS = dict.fromkeys(("x", "y", "z"), "N") | dict.fromkeys(("rx", "ry", "r
 
 
 def ground_outputs(scene: Scene) -> dict[str, str]:
-    """Units of the quantities about a scene's ground, by the quantity's name.
+    """Units of those outputs that are quantities on a scene's ground, by the quantity's name.
 
-    The quantities are force and moment on the ground, forces of outriggers, margins, and the use of the polygon.  The
-    dict is empty if the scene has no ground.
+    They are, in the order of the outputs, force and moment on the ground, forces of outriggers, margins against
+    tipping, and the use of the support polygon. The result is empty if the scene has no ground.
     """
     ground = None if scene.frame is None else scene.frame.ground
     if ground is None:

@@ -24,7 +24,7 @@ Integers = NDArray[np.int32]
 
 
 def code_variant() -> str:
-    """Name of the kernel code for this processor that runs: avx2, sse2, vectors or plain."""
+    """Name of the kernel's machine code that this processor runs: avx2, sse2, vectors or plain."""
     return str(ffi.string(lib.pmr_variant()).decode())
 
 
@@ -89,7 +89,8 @@ class Kernel:
         """Kernel of a system whose bodies have these modal forms, by name (`pmr.simulation.modal.modal_form`).
 
         If there is a moving `frame` (`pmr.simulation.moving.MovingFrame`), the motions of the frame drive the system.
-        Without a frame, paths, loads and amplitudes of terms do.  `reduced` is as for `pmr.kernel.data.system_data`.
+        Without a frame, paths, loads and amplitudes of terms do. `reduced` is the system in modes with combined rings
+        if the caller has it; see `pmr.kernel.data.system_data`.
         """
         data = system_data(system, forms, frame, reduced)
         block = pack(data.arrays)
@@ -115,7 +116,7 @@ class Kernel:
         return FrameDrivers(u, derivatives)
 
     def names(self, kind: Literal["drivers", "motions", "outputs", "further", "contacts", "forces"]) -> tuple[str, ...]:
-        """Names of drivers, motions and so on (`kind`), in the order of their numbers; empty if there are none."""
+        """Names of the quantities of a `kind`, such as drivers, in the order of their numbers; empty without any."""
         count = ffi.new("size_t *")
         text = lib.pmr_system_names(self._system, kind.encode(), count)
         lines = ffi.buffer(text, count[0])[:].split(b"\n") if count[0] else []
@@ -123,7 +124,10 @@ class Kernel:
 
 
 def pointer(array: NDArray[Any] | None) -> Any:
-    """Address of a contiguous array (any shape) for the kernel, NULL for None; the caller has to keep the array."""
+    """Pointer to a contiguous array (any shape) for the kernel; NULL for None.
+
+    The caller has to keep the array alive.
+    """
     if array is None:
         return ffi.NULL
     return ffi.cast("int32_t *" if array.dtype == np.int32 else "double *", ffi.from_buffer(array))
@@ -135,12 +139,12 @@ _ARRAYS = WeakKeyDictionary[Any, list[NDArray[Any]]]()
 
 @cache
 def _field_types(kind: str) -> dict[str, Any]:
-    """Types of the fields of the kernel's structure `kind`, by their names."""
+    """Types of the fields of the kernel's C structure `kind`, by the fields' names."""
     return {name: field.type for name, field in ffi.typeof(kind).fields}
 
 
 def structure(kind: str, fields: Mapping[str, Any]) -> Any:
-    """Return a pointer to a structure `kind` of the kernel, such as ``pmr_machine``, with values by the fields' names.
+    """Return a pointer to a new C structure `kind` of the kernel, such as ``pmr_machine``, with values by field name.
 
     A field that is a pointer takes an array, which is kept as long as the structure; an array that is not contiguous or
     not of the field's type is copied.
@@ -173,13 +177,13 @@ class Signal(Protocol):
 
     @property
     def strands(self) -> tuple[Any, ...]:
-        """Pieces of polynomials and sines whose sum is the signal; a NotImplementedError for any other signal."""
+        """Polynomials and sines whose sum is the signal, in pieces; raises NotImplementedError for any other signal."""
 
 
 class Signals:
     """N signals, one for each driver and in the order of the drivers, as the kernel's `pmr_signals`.
 
-    A NotImplementedError is raised if a signal is not a sum of such pieces; then the drivers have to be sampled
+    Raises NotImplementedError if a signal is not a sum of polynomials and sines; the drivers have to be sampled then
     (`State.advance_sampled`).
     """
 
@@ -206,14 +210,18 @@ class Signals:
         self.pointer = structure("pmr_signals", fields)
 
     def at(self, t: float) -> Array:
-        """Values of the N signals at t in s, and their first and second rates, (3, N)."""
+        """Values of the N signals at the time t in s, with their first and second rates: (3, N)."""
         u = np.zeros((3, self._count))
         lib.pmr_signals_at(self.pointer, t, *map(pointer, (u, u[1:])))
         return u
 
 
 class BankRecord(NamedTuple):
-    """Results of a bank at T steps: probabilities of S places, mean of n states, level of the innovations."""
+    """Results of a bank of filters at T steps.
+
+    They are the probabilities of S places, the mean of the n states over all places, and the level of the innovations:
+    a running mean of their squares over their variance.
+    """
 
     probability: Array  # (T, S)
     states: Array  # (T, n)
@@ -222,7 +230,7 @@ class BankRecord(NamedTuple):
 
 @dataclass(frozen=True)
 class Bank:
-    """S places, D speeds and n states; arrays and probabilities of a step, as `pmr_bank` (src/pmr_kernel.h).
+    """A filter with n states for each of S places on a path where something may be, and D speeds of its motion.
 
     `up` and `down` are, for each speed, the chances to move to the next place and to the one before.  `rest` and
     `active` are the transition matrices between speeds where nothing moves, and in motion; `activity` in
@@ -244,11 +252,12 @@ class Bank:
 def advance_bank(
     bank: Bank, y: Array, activity: Array, least_level: Array, of_speeds: Array, delay: int = 0
 ) -> BankRecord:
-    """Take T steps from equally likely places, with measurements y (T,); NaN stands for no measurement.
+    """Advance a bank by T steps with measurements y (T,), beginning with equally likely places.
 
-    `activity` (T,), 0 to 1, is how much the slider is in motion.  The level of the innovations, a running mean of their
-    squares divided by their variance, scales all variances; it never falls below `least_level` (T,) and the floor of
-    `bank`.  `of_speeds` (T, D) are logarithms of likelihoods of the speeds.  Probabilities of a step are those by
+    NaN in y stands for no measurement. `activity` (T,), 0 to 1, says how much is in motion: speeds change by this share
+    of `active` and the remaining share of `rest`. The level of the innovations, a running mean of their squares divided
+    by their variance, scales all variances; it never falls below `least_level` (T,) and the floor of `bank`.
+    `of_speeds` (T, D) are logarithms of the likelihoods of the speeds. The probabilities of a step also use
     measurements of up to `delay` further steps.
     """
     S, n = bank.H.shape

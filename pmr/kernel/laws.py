@@ -21,7 +21,8 @@ from pmr.scene.ground import Ground, MachineMass, edge_rows
 class ContactError(SimulationError):
     """A complementarity problem has no solution.
 
-    `row` is the number of the contact that depends on the contacts before it; None if the search did not end.
+    `row` is the number of the first contact that depends linearly on the contacts before it; None if the search did not
+    end.
     """
 
     row: int | None = None
@@ -73,16 +74,19 @@ def solve_contact(A: Array, b: Array, pushes: Mask, closed: Mask) -> ContactForc
 
 
 class ContactSearch:
-    """Search for the closed contacts as in `solve_contact`, for callers that compute the contact forces themselves."""
+    """Search for the contacts that are closed, as in `solve_contact`.
+
+    It is for callers that compute the contact forces themselves.
+    """
 
     def __init__(self) -> None:
         self._state = ffi.new("pmr_search *")
 
     def change(self, closed: Mask, wrong: Mask) -> Mask:
-        """Mask (m,) of the contacts to be closed in the next solve.
+        """Return the mask (m,) of the contacts that are to be closed in the caller's next solve.
 
-        The mask `closed` (m,) has the contacts that were closed in this solve, the mask `wrong` (m,) those that its
-        result shows on the wrong side.  A contact is wrong if it is closed and pulls, or if it is open and overlaps.
+        The mask `closed` (m,) has the contacts that were closed in the last solve, the mask `wrong` (m,) those that its
+        result contradicts. A contact is wrong if it is closed and pulls, or if it is open and overlaps.
         """
         changes = np.array(wrong, np.int32)
         lib.pmr_choose_changes(len(changes), pointer(changes), self._state)
@@ -90,16 +94,16 @@ class ContactSearch:
 
 
 class FixedPoint:
-    """Iterates x (n,) towards a fixed point x = phi(x), extrapolated by generalized conjugate residuals.
+    """Iteration of x (n,) to a fixed point x = phi(x), accelerated by generalized conjugate residuals.
 
     For a linear phi, the number of iterates until they converge is the number of distinct eigenvalues of phi's
     derivative, however large these are.
     """
 
     def __init__(self, size: int, most: int = 32, add_up: Callable[[float], float] | None = None) -> None:
-        """Begin without iterates, for n = `size` numbers, with at most `most` stored directions.
+        """Begin without iterates, for n = `size` numbers on this rank; `most` search directions at most are stored.
 
-        If each rank has a part of the iterates, `add_up` adds up an inner product over the ranks.
+        If each rank has a part of the iterates, `add_up` returns the sum over all ranks of the number that each passes.
         """
         count = 4 * -(-size // 4)
         room = np.zeros((4 + 2 * most) * count + LINE // 8)
@@ -147,8 +151,8 @@ class SchemeFactors(NamedTuple):
         v* = v + v_from_share a + v_from_force z''
         z* = z + h v + z_from_share a + z_from_force z''
 
-    The acceleration of the step adds `gain`, `v_gain` and `z_gain` times itself to a*, v* and z*. The same factors
-    apply to a force and its share in a.
+    The acceleration of the step adds `gain`, `v_gain` and `z_gain` times itself to a*, v* and z*. A contact force and
+    its contribution to a enter the next prediction with the factors of z'' and a.
     """
 
     h: float
@@ -164,7 +168,7 @@ class SchemeFactors(NamedTuple):
 
     @classmethod
     def of(cls, step: float, rho_inf: float) -> SchemeFactors:
-        """Factors for a step of `step` in s, with the spectral radius `rho_inf` (0 to 1) at infinite frequency."""
+        """Factors for a time step of `step` s, with the spectral radius `rho_inf` (0 to 1) at infinite frequency."""
         factors = ffi.new("pmr_factors *")
         lib.pmr_scheme_factors(step, rho_inf, factors)
         return cls(*(getattr(factors, name) for name in cls._fields))
@@ -181,7 +185,7 @@ class JointCylinder(NamedTuple):
 
 
 class PadFriction(NamedTuple):
-    """Friction of the n pads of a joint, along the boom."""
+    """Friction forces of the n pads of a joint along the boom, and the friction at which each pad slides."""
 
     friction: Array  # (n,) N
     limits: Array  # (n,) N: friction at which each pad slides
@@ -190,7 +194,7 @@ class PadFriction(NamedTuple):
 def slide_pads(
     stiffness: Array, laws: Array, forces: Array, old: Array, displacement: float, speed: float, cylinder: JointCylinder
 ) -> PadFriction:
-    """Friction of a joint's n pads at the end of a step; raises ValueError for another number of constants per pad.
+    """Friction of a joint's n pads at the end of a step; raises ValueError if `laws` has another shape.
 
     Parameters
     ----------
@@ -247,7 +251,7 @@ class Stand:
         return edge_rows(self.polygon, self.height)
 
     def columns(self, wrench: Array) -> Array:
-        """Return force and moment on the ground, forces of outriggers, margins over edges and use of the polygon.
+        """Return force and moment on the ground, forces of outriggers, margins at edges and use of the support polygon.
 
         The result (T, 6 + n + e + 1) has these quantities as columns, in this order, for n outriggers and e edges.
         `wrench` (T, 6) are the force and the moment about the pivot by which boom and machine press on the ground,
@@ -259,8 +263,8 @@ class Stand:
     def forces(self, loads: Array) -> Array:
         """Return the forces (T, n) in N of the outriggers under loads within the support polygon.
 
-        `loads` (T, 3) are the sum of the forces in N, and the sums of the forces times x and times y in N m.  Raises a
-        SimulationError as `columns` does.
+        `loads` (T, 3) are the total vertical force in N, and its moments: sums of forces times X and times Y, in N m.
+        Raises a SimulationError as `columns` does.
         """
         return self._call_kernel(lib.pmr_stand_forces, loads, len(self.places))
 
@@ -283,8 +287,8 @@ class Stand:
 def masses_wrench(masses: Sequence[MachineMass], angles: Array, falling: Array) -> Array:
     """Force and moment about the pivot (T, 6) in N and N m by weight and inertia of masses, along the machine's axes.
 
-    `angles` (T, 3, 4) in rad are slewing, roll, pitch and yaw, with rates and second rates.  `falling` (T, 3) in m/s^2
-    is the gravity and the acceleration of the pivot, upwards along axes of the ground.
+    `angles` (T, 3, 4) in rad are slewing, roll, pitch and yaw, with rates and second rates. `falling` (T, 3) in m/s^2
+    is the sum of the acceleration of the pivot and an upward gravity, along axes of the ground.
     """
     numbers = mass_numbers(masses)
     wrenches = np.zeros((len(falling), 6))

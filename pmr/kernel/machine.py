@@ -48,22 +48,26 @@ Fields = Mapping[str, Any]
 
 
 def cylinder_numbers(cylinder: Fields) -> Array:
-    """Numbers (k,) of a cylinder in the order of the kernel's ``pmr_actuator``, from the field ``foot`` on."""
+    """Numbers (k,) of a luffing cylinder in the order of the kernel's ``pmr_actuator``, from its field ``foot`` on.
+
+    `cylinder` has the values of the structure's fields by name.
+    """
     first = ffi.offsetof("pmr_actuator", "foot")
     return np.frombuffer(ffi.buffer(ffi.new("pmr_actuator *", cylinder))[first:])
 
 
 class MachineSimulation:
-    """Simulation of a machine with its boom over T steps, and recorded arrays; `state` is the state of the boom.
+    """Simulation of a machine with its boom over T steps, with arrays of the recorded results.
 
-    An InputError is raised for a boom on a frame without a moving base, for one with contacts that only
-    push, and for settings of several substeps or of energy.
+    `state` is the state of the boom. An InputError is raised for a boom on a frame without a moving base, for contacts
+    that only push, and for settings of several substeps or of energy.
     """
 
     def __init__(self, state: State, machine: Fields, reasons: Mapping[int, str] = REASONS) -> None:
-        """Open a run of a machine on a state of its boom, with arrays of zeros for the results of all steps.
+        """Open a run of a machine on a `state` of its boom, with arrays of zeros for the results of all steps.
 
-        `reasons` are the messages for the kernel's error codes.  Raises an `InputError` if the kernel refuses it.
+        `machine` has the values of the kernel's ``pmr_machine`` by field name. `reasons` are messages by the kernel's
+        error codes. Raises an `InputError` if the kernel refuses the machine.
         """
         self.state, self._reasons = state, reasons
         steps, inertial = len(machine["motions"]), len(machine["inertial"])
@@ -100,11 +104,11 @@ class MachineSimulation:
         return forces
 
     def load_cylinder(self, place: Array, z: Array) -> None:
-        """Let the luffing cylinder begin with the force or the pressures that hold the boom at rest at the start.
+        """Set the initial force, or the initial pressures, of the luffing cylinder so that it holds the boom at rest.
 
-        `place` (6,) is the place of the machine, z (modes,) are coordinates of the boom.  Oil on the rod's side has the
-        back pressure; if the other side would then need a negative one, that side has it.  Raises the errors of
-        `holding_forces`.
+        `place` (6,) in m and rad are the machine's six displacements, z (modes,) the coordinates of the boom's modes.
+        The oil on the rod's side gets the back pressure; if the piston's side then needed a negative pressure, it gets
+        the back pressure instead. Raises the errors of `holding_forces`.
         """
         arrays = [np.ascontiguousarray(array, float) for array in (place, z)]
         self._raise_unless_done(lib.pmr_machine_run_load_cylinder(self._run, *map(pointer, arrays)), 0)

@@ -20,9 +20,9 @@ _STARTS = {"rest": lib.PMR_AT_REST, "given": lib.PMR_GIVEN, "equilibrium": lib.P
 
 
 class StepError(SimulationError):
-    """A step or start failed: error code of the kernel (src/pmr_kernel.h), and number of the contact that caused it.
+    """A step or start failed: with the error code of the kernel (src/pmr_kernel.h), and the contact that caused it.
 
-    The number is -1 if no contact did.
+    The contact is given by its number, -1 if no contact caused the error.
     """
 
     def __init__(self, message: str, failure: int, contact: int) -> None:
@@ -35,8 +35,8 @@ class Settings:
     """Time step, damping and substeps with which a system is simulated.
 
     With several numbers in `parts`, each step is divided into equal substeps; of these numbers, the smallest is taken
-    that keeps the error of the forces of contacts that only push within the tolerance.  `energy` says whether energy
-    and work are added up.
+    that keeps the error of the forces of contacts that only push within the tolerance. `energy` says whether the energy
+    balance, stored energy and work, is computed.
     """
 
     step: float  # s
@@ -50,9 +50,9 @@ class Settings:
 class Record:
     """Recorded arrays of T steps, one row for each step; quantities that are not in `names` are not recorded.
 
-    `ends` (parts, 3 + N) is about the parts of the last step alone, of which there are up to `parts`.  A row belongs to
-    a part, and has a free extension with its rates and the N drivers at the part's end.  `ends` is empty without a free
-    extension.
+    The array `ends` is about the substeps of the last step alone, of which there are up to `parts`. It has a row (3 +
+    N,) for each substep: a free extension with its first and second rate, and the N drivers, at the substep's end. It
+    is empty without a free extension.
     """
 
     FIELDS = ("z", "v", "multipliers", "impulses", "peaks", "energy", "friction", "outputs", "drivers", "hoist")
@@ -60,7 +60,7 @@ class Record:
     def __init__(self, kernel: Kernel, steps: int, names: Sequence[str] = (*FIELDS, "parts"), parts: int = 0) -> None:
         """Make arrays of zeros for the quantities `names` in `steps` steps of a kernel.
 
-        `parts` is the largest number of parts of the last step about which `ends` is recorded, 0 to record none.
+        `parts` is the largest number of substeps of the last step for which `ends` has rows, 0 to record none.
         """
         sizes = (kernel.modes, kernel.modes, kernel.contacts, kernel.contacts, kernel.contacts, 2, kernel.pads)
         columns = dict(zip(self.FIELDS, (*sizes, kernel.outputs, kernel.drivers, kernel.hoist), strict=True))
@@ -74,21 +74,21 @@ class Record:
         return self.arrays[name]
 
     def at(self, first: int) -> Any:
-        """Pointers for the kernel to the row `first` of each array; NULL for arrays that are not recorded."""
+        """Pointers for the kernel to row `first` of each recorded array; NULL for quantities that are not recorded."""
         arrays: dict[str, NDArray[Any]] = {**self.arrays, "parts": self.parts}
         recorded = {name: array[first:] for name, array in arrays.items() if array.size}
         return structure("pmr_record", recorded | ({"ends": self.ends} if self.ends.size else {}))
 
 
 class SampledAdvance(NamedTuple):
-    """Number of steps taken, and number of substeps that the next step needs; 0 if all steps were taken."""
+    """Number of steps taken, and number of substeps that the next step needs: 0 if all steps were taken."""
 
     taken: int
     needed: int
 
 
 class StateOutputs(NamedTuple):
-    """Outputs of a system and forces of its contacts."""
+    """Outputs of a system, and forces of its contacts, at the end of a step."""
 
     values: Array  # (o,)
     forces: Array  # (forces,) N
@@ -121,7 +121,10 @@ class State:
         self.drivers = self._array(view.drivers, kernel.drivers)
 
     def _array(self, pointer: Any, count: int) -> Array:
-        """Read-only view (`count`,) of numbers of the state at `pointer`, whose values change with the simulation."""
+        """Read-only view (`count`,) of the state's numbers at the address `pointer`.
+
+        Its values change with the simulation.
+        """
         if not count:
             return np.zeros(0)
         array = np.frombuffer(ffi.buffer(pointer, 8 * count), np.float64)
@@ -163,7 +166,7 @@ class State:
         self.raise_unless_done(lib.pmr_start_moving(self._state, _STARTS[kind], *pointers), "the start")
 
     def _initial_modes(self, kind: str, z: ArrayLike, v: ArrayLike) -> list[Array]:
-        """Coordinates z and rates v (modes,) for a start, which are not read unless its `kind` is ``given``."""
+        """Coordinates z and rates v (modes,) for a start: as passed if its `kind` is ``given``, otherwise zeros."""
         count = self.kernel.modes
         return [self._check_array(n, x if kind == "given" else np.zeros(count), count) for n, x in (("z", z), ("v", v))]
 
@@ -186,10 +189,10 @@ class State:
         z: ArrayLike = (),
         v: ArrayLike = (),
     ) -> None:
-        """Begin at t = 0 with n motions of the frame, (3, n): values, rates and second rates.
+        """Begin at t = 0 with the n motions that drive the frame, (3, n): values, rates and second rates.
 
-        Of motion k, only the first rows[k] of the three count; None stands for all 3.  `kind`, z and v are as for
-        `start`.
+        Only the first rows[k] of the three numbers of motion k are prescribed; None stands for all three. `kind`, z and
+        v are as for `start`.
         """
         at = self._check_array("motions", np.ravel(motions), 3 * self.kernel.motions)
         arrays = (at, _ensure_integers("rows", rows, self.kernel.motions), *self._initial_modes(kind, z, v))
@@ -199,8 +202,8 @@ class State:
     def step_in_frame(self, motions: ArrayLike, rows: Integers | None = None) -> None:
         """Take one step, at the end of which the n motions of the frame are (3, n): values, rates and second rates.
 
-        Of motion k, only the first rows[k] of the three count; None stands for all 3.  A StepError is raised if the
-        step fails.
+        Only the first rows[k] of the three numbers of motion k are prescribed; None stands for all three. A StepError
+        is raised if the step fails.
         """
         count = self.kernel.motions
         at = self._check_array("motions", np.ravel(motions), 3 * count, finite=False)
@@ -218,10 +221,9 @@ class State:
     ) -> None:
         """Take `steps` steps with drivers from signals; record each `every`-th step, from row `first` of the record on.
 
-        `parts` are the numbers of substeps of each step, int32 (steps,), each from those of the settings; if it is
-        None, the kernel chooses.  A StepError is raised if a step fails.  The state is then at the end of the last
-        whole step, and previous steps have been recorded; after PMR_NOT_FINITE the state has to be started or
-        restored.
+        `parts` (steps,), int32, are the numbers of substeps of each step, each one of `parts` of the settings; if it is
+        None, the kernel chooses. A StepError is raised if a step fails. The state is then at the end of the last whole
+        step, and previous steps have been recorded; after PMR_NOT_FINITE the state has to be started or restored.
         """
         _check_room(record, first, steps // every, self.settings.parts[-1])
         taken, schedule = ffi.new("int64_t *"), pointer(_ensure_integers("parts", parts, steps))
@@ -231,11 +233,11 @@ class State:
     def advance_sampled(
         self, u: Array, per: int, record: Record, first: int = 0, every: int = 1, parts: Integers | None = None
     ) -> SampledAdvance:
-        """Take steps with sampled drivers.
+        """Take steps whose drivers are given by samples at equal distances, `per` of them in each step.
 
-        The samples u (steps * per + 1, N) are `per` in each step; the first sample is at the end of the last step
-        before.  The state stops before a step whose number of substeps does not divide `per`.  `record`, `first`,
-        `every`, `parts` and errors are those of `advance`; an InputError is raised for samples of another shape.
+        The first row of the samples u (steps * per + 1, N) is at the end of the previous step. The state stops before a
+        step whose number of substeps does not divide `per`. `record`, `first`, `every`, `parts` and errors are those of
+        `advance`; an InputError is raised for samples of another shape.
         """
         u = np.ascontiguousarray(u, float)
         steps = (len(u) - 1) // per
@@ -262,7 +264,7 @@ class State:
 
     @property
     def hoist(self) -> Array:
-        """Outputs (10,) of the hoist at the end of the last step, by names `pmr.scene.hoist.OUTPUTS`.
+        """Outputs (10,) of the hoist at the end of the last step, in the order of `pmr.scene.hoist.OUTPUTS`.
 
         The array is empty if the system has no hoist.
         """
@@ -273,7 +275,7 @@ class State:
     def ground(self) -> Array:
         """Outputs (g,) of outriggers at the end of the last step, in the order of `pmr.kernel.further.ground_outputs`.
 
-        The array is empty if the system has no ground.
+        The array is empty if the scene has no ground.
         """
         last = self.kernel.further - self.kernel.computed - self.kernel.hoist
         return self.further()[last - self.kernel.ground : last]
@@ -306,7 +308,7 @@ class State:
         return bytes(ffi.buffer(content))
 
     def restore(self, content: bytes) -> None:
-        """Continue from `content`, the bytes of `save` for a state of the same system with the same settings.
+        """Continue from `content`, the bytes that `save` returned for a state of this system with these settings.
 
         An InputError is raised if the bytes belong to another state, or are damaged.
         """
@@ -362,9 +364,9 @@ class State:
 
 
 def _check_room(record: Record, first: int, rows: int, parts: int) -> None:
-    """Raise an InputError unless the record has `rows` rows from row `first` on, and room for ends of `parts` parts.
+    """Raise an InputError unless the record has `rows` rows from row `first` on, and enough rows of `ends`.
 
-    The room for ends is checked only if the record has any.
+    The rows of `ends` have to suffice for `parts` substeps; this is checked only if the record has any.
     """
     if first < 0 or first + rows > record.steps:
         raise InputError("state", "record", record.steps, f"{first + rows} rows or more are needed")
@@ -382,13 +384,14 @@ def _ensure_integers(name: str, numbers: Integers | None, count: int) -> Integer
 
 
 class BoundStep:
-    """Steps of a state for loops in Python, with pointers that are made once; methods return an error code or 0.
+    """Steps of a state for fast loops in Python: pointers are made once, and methods return error codes.
 
-    With a frame, `step` takes a step to `motions` (3, n) of the frame; of motion k only the first rows[k] rows count,
-    with `rows` (n,).  Without a frame, `step` takes a step to the drivers u (N,) in the first row of `motions` (3, N).
-    `step_by_rates` does the same along cubics, with the `rates` (2, N) of the drivers at both ends of the step.
+    An error code is 0 if the step was done. With a frame, `step` takes a step to `motions` (3, n) of the frame; only
+    the first rows[k] numbers of motion k are prescribed, with `rows` (n,). Without a frame, `step` takes a step to the
+    drivers u (N,) in the first row of `motions` (3, N). `step_by_rates` takes a step along cubics, with the `rates` (2,
+    N) of the drivers at both ends of the step.
 
-    `observe` writes to `values` the quantities with the given `numbers`.  The numbers count through the outputs, then
+    `observe` writes to `values` the quantities with the chosen `numbers`. The numbers count through the outputs, then
     the forces of contacts, and then the outputs of a hoist, of a free luffing angle and of outriggers.
     """
 
