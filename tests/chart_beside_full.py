@@ -12,12 +12,12 @@ from pmr.files import npz
 from pmr.files.arrays import Array
 from pmr.scene import Scene, load_any
 from pmr.simulation.statics.postures import HOOK, WEIGHT, PostureMatrices, PostureSet, with_hook
-from pmr.studies import shared
+from pmr.studies import tasks
 from pmr.studies.allowed import Place, allowed_loads
 from pmr.studies.chart_models import compute_postures
 from pmr.studies.charting import allow_row
 from pmr.studies.limits import Limit, with_fields
-from pmr.studies.shared import scene_arguments
+from pmr.studies.tasks import scene_arguments
 
 GRAVITY = 9.80665
 #: The crane of the workflows as a chart takes it: without its payload, with probes on all sections.
@@ -72,7 +72,7 @@ def beside(scene: Scene, places: Array, limits: Sequence[Limit], up_to: float) -
     cases = [{"weight": 1.0, "machine": 1.0, "load": 1.0, "loads": {}}]
     asked |= scene_arguments(scene)
     found = allow_row(asked | {"cases": cases, "left": []}, {"postures": made}).arrays
-    full = shared.full_system(scene)
+    full = tasks.full_system(scene)
     whole = PostureMatrices.from_scene(scene, full, PostureSet.from_task(at))
     amounts = [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in whole.loads.names]
     near = found["load"]

@@ -24,12 +24,12 @@ from pmr.simulation.native import systems
 from pmr.simulation.reactions import with_forces_on_machine
 from pmr.simulation.statics.loaded import LoadedStates
 from pmr.simulation.statics.postures import HOOK, MACHINE_WEIGHT, WEIGHT, PostureMatrices, with_hook
-from pmr.studies import shared
+from pmr.studies import tasks
 from pmr.studies.allowed import Place
 from pmr.studies.chart_models import compute_postures
 from pmr.studies.charting import allow_row
 from pmr.studies.limits import KINDS, Limit
-from pmr.studies.shared import scene_arguments
+from pmr.studies.tasks import scene_arguments
 from pmr.system.assembly import Assembly
 
 Point = tuple[float, float, float]
@@ -267,7 +267,7 @@ def run(plain: Mapping[str, Any], wind: float, mass: float, point: Point | None 
     last["loads"][0]["signal"]["amount"] = wind
     changed["gravity"] = {"rise": 0.0}
     scene = scene_of(changed)
-    system = join_bodies(scene, reduce_bodies(scene, shared.bodies_of(scene)))
+    system = join_bodies(scene, reduce_bodies(scene, tasks.bodies_of(scene)))
     excitation = Excitation.from_scene(scene)
     moved = systems.simulate(system, excitation, systems.start_of(system, excitation))
     end = (scene.sections[-1].length, 0.0, 0.0)

@@ -30,7 +30,7 @@ from pmr.simulation.statics.postures import (
     acceleration_loads,
     side_positions,
 )
-from pmr.studies import shared
+from pmr.studies import tasks
 from pmr.studies.limits import STABILITY, Limit, with_fields
 from pmr.studies.tasks import Arguments, Needs, TaskResult
 from pmr.system.assembly import Assembly
@@ -71,10 +71,10 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
     from pmr.fullmodel.build import warnings
 
     at = PostureSet.from_task(arguments["at"])
-    scene = with_fields(shared.scene_of(arguments), arguments.get("fields", ()), at.count)
+    scene = with_fields(tasks.scene_of(arguments), arguments.get("fields", ()), at.count)
     if arguments["error"]:  # attachment modes of the richer model need what an estimate needs
         scene = mesh_part.with_estimates(scene, True)
-    system = shared.reduced_system(scene)
+    system = tasks.reduced_system(scene)
     reduced = PostureMatrices.from_scene(scene, system, at)
     reach = at.boom_length(scene)
     arrays = {
@@ -92,12 +92,12 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
         if all(traits_of(member).has_line for member in members(scene)):
             with suppress(InputError):  # a mesh that is read from a file has no other one
                 other = mesh_part.other_mesh(scene)
-                on_mesh = shared.reduced_system(mesh_part.motion_only(other.scene))
+                on_mesh = tasks.reduced_system(mesh_part.motion_only(other.scene))
                 arrays |= npz.record_arrays(PostureMatrices.from_scene(scene, on_mesh, at), "mesh.")
                 arrays["mesh_share"] = np.array(other.share)
-        full = shared.full_system(scene)
+        full = tasks.full_system(scene)
         arrays["too_stiff"] = np.array(stiffness_excess(scene, better, full, at, arguments["up_to"]))
-    of_structures = [line for body in shared.bodies_of(scene).values() for line in warnings(body.structure)]
+    of_structures = [line for body in tasks.bodies_of(scene).values() for line in warnings(body.structure)]
     lines = dict.fromkeys((*of_structures, *mesh_part.mesh_warnings(scene), *turning_warnings(scene, at.luffing)))
     return TaskResult(arrays=arrays, warnings=tuple(lines))
 
@@ -137,7 +137,7 @@ def postures_with_tip_mass(scene: Scene, positions: PostureSet, mass: float) -> 
     point = next(load.point for load in last.loads if load.name == HOOK)
     masses = (*last.masses, PointMass(name=HOOK, on="tip", mass=mass, at=point))
     with_mass = scene.with_keys(sections=(*scene.sections[:-1], last.with_keys(masses=masses)))
-    postures = PostureMatrices.from_scene(with_mass, shared.reduced_system(with_mass), positions)
+    postures = PostureMatrices.from_scene(with_mass, tasks.reduced_system(with_mass), positions)
     loads, machine = postures.loads, postures.machine
     weight, hook = (loads.names.index(name) for name in (WEIGHT, HOOK))
     f, c, parts = loads.f.copy(), loads.c.copy(), machine.parts.swapaxes(0, 1).copy()
@@ -190,12 +190,12 @@ def compute_richer_postures(arguments: Arguments, needs: Needs) -> TaskResult:
     """
     from pmr.system.from_scene import force_names
 
-    scene, at = shared.scene_of(arguments), PostureSet.from_task(arguments["at"])
+    scene, at = tasks.scene_of(arguments), PostureSet.from_task(arguments["at"])
     try:
         of_scene, other, called = model_comparison(scene)
         if any(sorted(force_names(of_scene)[kind]) != sorted(force_names(other)[kind]) for kind in ("pad", "cylinder")):
             return _missing_model(f"a {called} has other pads and cylinders")
-        postures = PostureMatrices.from_scene(other, shared.reduced_system(other), at)
+        postures = PostureMatrices.from_scene(other, tasks.reduced_system(other), at)
     except UNKNOWN as error:
         return _missing_model(error.allowed if isinstance(error, InputError) else str(error))
     return TaskResult(arrays={**npz.record_arrays(postures, "model."), "called": np.array(called)})

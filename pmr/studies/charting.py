@@ -22,7 +22,7 @@ from pmr.scene.hints import left_out
 from pmr.scene.members import members
 from pmr.simulation.statics.postures import HOOK, MACHINE_WEIGHT, WEIGHT, DeflectionOutputs, PostureMatrices
 from pmr.simulation.statics.swings import Rope, lift_off
-from pmr.studies import shared
+from pmr.studies import tasks
 from pmr.studies.allowed import JUST_BELOW, Place, allowed_loads, large_rotation_changes
 from pmr.studies.chart_models import CONTACTS, ChartModels
 from pmr.studies.chart_points import (
@@ -192,7 +192,7 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     rope = None if arguments.get("hoist") is None else Rope(*arguments["hoist"])
     first, last = arguments["rows"]
     idle = replace(chart, amounts=[[case_amount(case, part) for part in at.loads.names] for case in arguments["left"]])
-    scene = shared.scene_of(arguments)
+    scene = tasks.scene_of(arguments)
     rows = [
         _point_arrays(chart, models, k, rope, scene) | {"passed": idle.passed_limits(at, k)} for k in range(first, last)
     ]

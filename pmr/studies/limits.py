@@ -38,7 +38,7 @@ from pmr.scene.members import members
 from pmr.scene.structures import Probe
 from pmr.simulation.statics.loaded import Form, LoadedStates
 from pmr.simulation.statics.postures import MACHINE_WEIGHT, PostureMatrices, StandAtRest
-from pmr.studies import shared
+from pmr.studies import tasks
 from pmr.studies.further_limits import (
     TippingMoments,
     amounts_of_states,
@@ -445,7 +445,7 @@ def with_fields(scene: Scene, patterns: Sequence[str], places: int) -> Scene:
     """
     if not patterns:
         return scene
-    built, parts, count = shared.bodies_of(scene), list[Any](), 0
+    built, parts, count = tasks.bodies_of(scene), list[Any](), 0
     for name, part in zip(scene.names, scene.sections, strict=True):
         probes = list(_field_probes(name, built[name].structure.model, patterns))
         count += len(probes)

@@ -28,7 +28,7 @@ from pmr.simulation.native import march as marching
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.stepping import Recorder
-from pmr.studies import shared
+from pmr.studies import tasks
 from pmr.system.body import FullBody
 
 T = np.arange(200) * 1e-3
@@ -134,7 +134,7 @@ def test_a_reduced_motion_that_grows_is_no_result(load_scene) -> None:
 
 def test_a_study_takes_no_such_reference(load_scene) -> None:
     scene = load_scene("evolved_residual", GROWN)
-    task = shared.reference_task(scene, "full")
+    task = tasks.reference_task(scene, "full")
     with pytest.raises(SimulationError, match="grows without bound"):
         task.function(task.arguments, {})
 

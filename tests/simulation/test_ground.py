@@ -20,7 +20,7 @@ from pmr.simulation import Excitation
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.reactions import outputs_of_ground, with_forces_on_machine
-from pmr.studies import shared
+from pmr.studies import tasks
 
 G, COUNT = 9.80665, 60
 CORNERS = ([2.0, 1.5], [-2.0, 1.5], [-2.0, -1.5], [2.0, -1.5])
@@ -69,7 +69,7 @@ def rigid(luffing: Any, slewing: Any, hoist: dict[str, Any] | None = None, **cha
 
 def simulated(scene: Scene) -> Response:
     """Response of the reduced system of a scene."""
-    system = join_bodies(scene, reduce_bodies(scene, shared.bodies_of(scene)))
+    system = join_bodies(scene, reduce_bodies(scene, tasks.bodies_of(scene)))
     excitation = Excitation.from_scene(scene)
     moved = systems.simulate_form(SystemForm.of(system), excitation)
     return with_forces_on_machine(scene, evaluate_motion(system, moved))

@@ -18,7 +18,7 @@ from pmr.scene.ground import Ground
 from pmr.scene.members import member_at
 from pmr.simulation.frame import load_signals
 from pmr.simulation.wind import WindOnSection
-from pmr.studies.shared import scene_arguments, scene_of
+from pmr.studies.tasks import scene_arguments, scene_of
 
 LENGTHS, OUT, PIVOT, ABOVE = (6.0, 5.5), 3.7, (0.4, 0.0, 0.3), 1.8
 BOXES = ((0.30, 0.40, 0.008), (0.26, 0.36, 0.006))

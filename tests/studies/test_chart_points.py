@@ -19,15 +19,15 @@ from pmr.report.studies.chart import covered_parts
 from pmr.scene import load_any
 from pmr.scene.model_ladder import model_comparison
 from pmr.simulation.statics.postures import PostureMatrices, PostureSet, with_hook
-from pmr.studies import shared
+from pmr.studies import tasks
 from pmr.studies.allowed import Place, allowed_loads
 from pmr.studies.chart_models import compute_richer_postures
 from pmr.studies.chart_points import replaced_mass_warnings
 from pmr.studies.charting import PARTS
 from pmr.studies.kinds.chart import Study
 from pmr.studies.limits import Limit
-from pmr.studies.shared import scene_arguments
 from pmr.studies.study import StudyResults
+from pmr.studies.tasks import scene_arguments
 
 pytestmark = pytest.mark.slow
 
@@ -68,7 +68,7 @@ def test_the_bar_has_the_structural_model(chart: StudyResults, folder: Path) -> 
     arrays = chart.arrays("row1")
     _, other, called = model_comparison(with_hook(load_any(folder / "scene.toml")))
     at = PostureSet({"fly": np.array([EXTENSION])}, np.array([ANGLE]), np.zeros(1))
-    full = shared.full_system(other)
+    full = tasks.full_system(other)
     postures = PostureMatrices.from_scene(other, full, at)
     place = Place(postures, 0, [float(part != "F") for part in postures.loads.names], 9.80665)
     loads = allowed_loads([Limit.model_validate(one) for one in LIMITS], place, UP_TO)

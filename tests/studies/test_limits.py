@@ -25,7 +25,7 @@ from pmr.scene.structures import PointMass
 from pmr.simulation import Excitation
 from pmr.simulation.native import systems
 from pmr.simulation.statics.postures import HOOK, MACHINE_WEIGHT, WEIGHT, DeflectionOutputs, PostureMatrices, with_hook
-from pmr.studies import shared
+from pmr.studies import tasks
 from pmr.studies.allowed import Place, allowed_loads, large_rotation_changes
 from pmr.studies.chart_models import ComparedModel
 from pmr.studies.chart_points import StopMotion, governing_details, largest_governed_rows
@@ -269,7 +269,7 @@ def test_a_stop_that_is_simulated_moves_the_tip_as_the_chart_has_it(of: str, dir
             "time": scene.time.model_copy(update={"end": 0.6, "step": 2e-4, "rho_inf": 1.0}),
         }
     )
-    system = join_bodies(moving, reduce_bodies(moving, shared.bodies_of(moving)))
+    system = join_bodies(moving, reduce_bodies(moving, tasks.bodies_of(moving)))
     run = run_from_start(system, Excitation.from_scene(moving))
     ((name, body),) = system.bodies.items()
     tip = systems.displacements(system, run)[name][:, kinds_of(body).index(f"tip {direction}")]
@@ -400,7 +400,7 @@ def test_ropes_bear_by_statics_what_follows() -> None:
     at = at_rest(scene, [angle], {"middle": [3.0], "fly": [2.0]})
     named = [Limit(name=name, of="rope", which=(name,), most=20e3) for name in ("middle", "fly")]
     cylinder, rope, _ = loads(named, at)
-    full = shared.full_system(with_hook(scene)).bodies
+    full = tasks.full_system(with_hook(scene)).bodies
     own = [carried_inertia(full[name], "x") for name in ("middle", "fly")]
     most = 20e3 / (G * np.sin(angle))
     assert rope == pytest.approx(most - own[1], rel=1e-6)

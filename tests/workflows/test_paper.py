@@ -19,7 +19,7 @@ from pmr.report.blocks import Chapter
 from pmr.scene.mechanism import CYLINDER
 from pmr.simulation import Excitation, InitialState, TimeStepping
 from pmr.simulation.modal import modal_form
-from pmr.studies import shared
+from pmr.studies import tasks
 
 sys.path.insert(0, str(WORKFLOWS / "paper"))
 
@@ -338,7 +338,7 @@ def test_methods_sizes_and_steps_are_traded(short_residual: str, tmp_path: Path)
     errors = {method: rows[method]["reduction.4"] for method in trade.NAMES}
     assert errors["flexibility"] < 0.5 * errors["modes"] and errors["flexibility"] < errors["visited"]
     scene = trade.load(short_residual)
-    body, driven = shared.model_of(scene).gather(), Excitation.from_scene(scene)
+    body, driven = tasks.model_of(scene).gather(), Excitation.from_scene(scene)
     step, rho = driven.stepping.step, driven.stepping.rho_inf
     motions = [
         one_body.observe(

@@ -26,7 +26,7 @@ from pmr.scene import Scene
 from pmr.scene.hints import hints
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn.ancf import COORDINATES_PER_NODE
-from pmr.studies.shared import full_system
+from pmr.studies.tasks import full_system
 
 SETTINGS = {"scene": "paper_evolved", "ancf": list(range(2, 45, 2)), "full": list(range(2, 61, 2))}
 APPROACHES = {"ancf": "ANCF cable", "full": "full model"}

@@ -46,7 +46,7 @@ from pmr.scene.mechanism import frame_terms
 from pmr.simulation import Excitation
 from pmr.simulation.modal import modal_form
 from pmr.simulation.reactions import with_forces_on_machine
-from pmr.studies import shared
+from pmr.studies.tasks import bodies_of, full_system, model_of, with_reduction
 from pmr.system.attachment import simulated_model
 from pmr.system.from_scene import system_of
 from pmr.system.reduced_model import ReducedModel
@@ -104,8 +104,8 @@ class FullMotion:
     def simulate(cls, scene: Scene) -> FullMotion:
         """Build the full models of a scene and simulate their motion."""
         alone = len(scene.sections) == 1
-        body = shared.model_of(scene).gather() if alone else None
-        full = shared.full_system(scene) if body is None else pmr.System.of(modal_form(body).body)
+        body = model_of(scene).gather() if alone else None
+        full = full_system(scene) if body is None else pmr.System.of(modal_form(body).body)
         excitation = divide_steps(full, Excitation.from_scene(scene))
         motion = run_from_start(full, excitation)
         return cls(scene, full, excitation, motion, with_forces_on_machine(scene, evaluate_motion(full, motion)))
@@ -148,7 +148,7 @@ def with_basis(scene: Scene, basis: str, largest: int) -> Scene:
         choice = Reduction(basis="eigenmodes", positions="nodes", coordinates=min(largest, 30), solver=solver)
     else:
         choice = Reduction(basis="free_modes", flexibility=True, coordinates=largest, solver=solver)
-    return shared.with_reduction(scene, choice)
+    return with_reduction(scene, choice)
 
 
 def family(scene: Scene, basis: str) -> Family:
@@ -160,7 +160,7 @@ def family(scene: Scene, basis: str) -> Family:
     """
     if len(scene.sections) > 1:
         return _section_family(scene, basis)
-    longest = reduce_body(scene, shared.model_of(scene)).model
+    longest = reduce_body(scene, model_of(scene)).model
     if basis == "flexibility":
         return _flexible_family(longest)
     if basis == "modes":
@@ -193,7 +193,7 @@ def _pod_family(case: FullMotion) -> Family:
 
 def _section_family(boom: Scene, basis: str) -> Family:
     """Return models of a boom whose size is the number of elastic modes of each section."""
-    bodies = reduce_bodies(boom, shared.bodies_of(boom))
+    bodies = reduce_bodies(boom, bodies_of(boom))
     trials = trials_of(boom, {name: body.modal for name, body in bodies.items()})
 
     def system_of_size(size: int) -> pmr.System:

@@ -24,7 +24,7 @@ from pmr.scene.keys import Usual, key_error
 from pmr.scene.members import members
 from pmr.scene.tomlfiles import Change
 from pmr.simulation.statics.postures import HOOK, with_hook
-from pmr.studies import shared
+from pmr.studies import tasks
 from pmr.studies.chart_models import compute_postures, compute_richer_postures
 from pmr.studies.chart_points import Stop, replaced_mass_warnings
 from pmr.studies.chart_rows import Range, check_at_rest, check_slewing, extension_rows
@@ -133,7 +133,7 @@ class Study(StudyBase):
         fields = sorted({name for limit in self.limits if limit.of == "field" for name in limit.which})
         common |= {"fields": fields} if fields else {}
         turned = {"turned": sorted({stop.of for stop in self.stops})} if self.stops else {}
-        boom = shared.scene_arguments(with_hook(scene, self.point))
+        boom = tasks.scene_arguments(with_hook(scene, self.point))
         common_tasks = {"postures": Task("postures", compute_postures, boom | common | turned | {"at": at}, cost=10.0)}
         if self.error_bars:
             common_tasks["model"] = Task("model", compute_richer_postures, boom | {"at": at}, cost=20.0)

@@ -25,7 +25,7 @@ from pmr.scene import Scene
 from pmr.scene.keys import ALONE, SceneTable, qualified_name
 from pmr.scene.model_ladder import candidate_scenes
 from pmr.scene.tomlfiles import Change
-from pmr.studies import shared
+from pmr.studies import tasks
 from pmr.studies.study import StudyBase
 from pmr.studies.tasks import KEY, Arguments, Needs, Plan, Scalar, Task, TaskResult, task_key
 
@@ -122,11 +122,11 @@ class Study(StudyBase):
         for file, point in self._run_points():
             key = task_key(",".join(point.words) or file.stem)
             scene = _varied_scene(file, point, key)
-            arguments, needs = shared.scene_arguments(scene), dict[str, Task]()
+            arguments, needs = tasks.scene_arguments(scene), dict[str, Task]()
             second_order = scene.frame is not None and scene.frame.second_order
             if not (len(scene.sections) > 1 or second_order or scene.goal is not None or candidate_scenes(scene)):
-                needs = {name: shared.reference_task(scene, name) for name in scene.compare.against}
-                needs["frequencies"] = shared.frequencies_task(scene)
+                needs = {name: tasks.reference_task(scene, name) for name in scene.compare.against}
+                needs["frequencies"] = tasks.frequencies_task(scene)
             common |= {task.key: task for task in needs.values()}
             keys = {name: task.key for name, task in needs.items()}
             runs.append(Task(key, run_case, arguments, keys, point.parameters))
@@ -255,7 +255,7 @@ def run_case(arguments: Arguments, needs: Needs) -> TaskResult:
     from pmr.pipeline import run
     from pmr.pipeline.bodies import Precomputed
 
-    scene, precomputed = shared.scene_of(arguments), None
+    scene, precomputed = tasks.scene_of(arguments), None
     if needs:
         responses: dict[str, Response] = {}
         for name in scene.compare.against:

@@ -20,7 +20,7 @@ from pmr.report.studies import render_studies
 from pmr.report.studies.chart import governing_pages
 from pmr.report.studies.finished import FinishedStudy
 from pmr.scene import load_any
-from pmr.studies import call, shared
+from pmr.studies import call, tasks
 from pmr.studies.call import Progress, compute_results, save
 from pmr.studies.duty import LoadCase
 from pmr.studies.kinds.chart import Study
@@ -458,7 +458,7 @@ def test_names_that_limits_may_choose_are_those_of_the_models() -> None:
     planar = load_any("boom_two", ["section.body.model='beam2d'", "compare.against=[]"])
     for scene in (crane, planar):
         scene = scene.model_copy(update={"frame": crane.frame, "gravity": crane.gravity})
-        system, names = shared.full_system(scene), force_names(scene)
+        system, names = tasks.full_system(scene), force_names(scene)
         for kind in ("pad", "cylinder"):
             assert names[kind] == [one.name for one in system.contacts if one.kind == kind]
 

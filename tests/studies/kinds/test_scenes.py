@@ -14,11 +14,10 @@ from pmr.files.whole import user_cache_folder
 from pmr.results import Energy
 from pmr.scene.tomlfiles import Change
 from pmr.studies import call
-from pmr.studies import shared as common
+from pmr.studies import tasks as common
 from pmr.studies.kinds.scenes import grid_points, motion_figures, run_case
-from pmr.studies.shared import scene_arguments
 from pmr.studies.study import StudyResults
-from pmr.studies.tasks import Plan, task_key
+from pmr.studies.tasks import Plan, scene_arguments, task_key
 
 NAMES = ("base", "fly")
 SCENE = Path(__file__).parents[3] / "workflows" / "paper_simple.toml"
