@@ -9,7 +9,7 @@ from typing import Any
 
 from sphinx.application import Sphinx
 
-from pmr.cli.schema import Schema, allowed, one_line, units
+from pmr.cli.info import Schema, allowed, one_line, units
 from pmr.scene.files import scene_form_schemas
 from pmr.studies.call import schemas
 

@@ -16,10 +16,9 @@ from typer import Argument, Option
 from pmr.cli import console
 from pmr.cli.console import err, out
 from pmr.cli.export import export, flexible, matrices, simulate
-from pmr.cli.info import info
+from pmr.cli.info import info, scene_schema, schema
 from pmr.cli.observe import identify, observe
 from pmr.cli.run import run
-from pmr.cli.schema import scene_schema, schema
 from pmr.cli.study import chart, study
 from pmr.errors import ConvergenceError, InputError, SimulationError, environment, escape_controls, similar_name_hint
 from pmr.files.whole import FULL, NotWrittenError

@@ -15,7 +15,7 @@ from pydantic import BaseModel
 from pmr import InputError
 from pmr import scene as scenes
 from pmr.cli.app import scene_kinds
-from pmr.cli.schema import scene_schema, study_schema
+from pmr.cli.info import scene_schema, study_schema
 from pmr.scene import Scene
 from pmr.scene.hoist import Hoist
 from pmr.scene.keys import SceneTable
