@@ -178,10 +178,9 @@ def _save_results(folder: Path, of_all: Path, outcome: Outcome) -> None:
 
     `of_all` is the folder of the report about all scenes of the run.
     """
-    from pmr.export.paraview import MovingFields, write_series
+    from pmr.export.paraview import MovingFields, pads_over_time, write_series
     from pmr.report.blocks import REPORT_FILES
     from pmr.results import RESULT_FILES
-    from pmr.results.pads import pads_over_time
     from pmr.results.tables import write_tables
 
     result = outcome.result

@@ -1,4 +1,8 @@
-"""Fields over time as files for ParaView: one .vtu for each time and body (or pads), and a .pvd that lists them."""
+"""Fields over time and pads as boxes in files for ParaView: a .vtu for each time and body (or pads), a .pvd of all.
+
+Pads are in axes fixed to the section that a body slides in.  The mouth of this section stays at x = 0, and the body
+moves by -s, where s is the path coordinate in m.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +20,50 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.files.arrays import Array
-from pmr.results.field_series import Boxes, Fields, Grid, Pose
+from pmr.results.field_series import CUBE, Boxes, Fields, Grid, Pose, pad_corners
+from pmr.results.run import RunResult
+from pmr.results.tables import FORCE_OF
+from pmr.scene.box import Box
+from pmr.scene.keys import ALONE
+
+
+def pads_over_time(result: RunResult) -> Boxes | None:
+    """Return all pads of a body alone at the times of its recovered fields, with their forces in N.
+
+    A force is NaN if it is not known.  If the scene has a moving frame, the corners are positions in space.  None is
+    returned for a body without pads or fields, and for a boom of sections.
+    """
+    if ALONE not in (travelling := result.moving_fields):
+        return None
+    scene, (fields, along) = result.scene.bodies[ALONE], travelling[ALONE]
+    places = [(ring, *place) for ring in scene.pads for place in ring.named_pads]
+    if not places:
+        return None
+    t, response, body = fields.t, result.responses["reduced"], _extent(fields, scene.body.box)
+    corners = np.empty((len(t), len(places), 8, 3))
+    force = np.full((len(t), len(places)), np.nan)
+    for k, (ring, name, face, across) in enumerate(places):
+        corners[:, k] = pad_corners(ring, (name, face, across), body, scene.body.box, CUBE)
+        if not ring.moving:
+            corners[:, k, :, 0] += along[:, None]
+        if FORCE_OF + name in response.force_names:
+            force[:, k] = np.interp(t, response.t, response.force(FORCE_OF + name, 0))
+    if (pose := result.pose(t)) is not None:
+        corners = pose.positions(corners.reshape(len(t), -1, 3)).reshape(corners.shape)
+    return Boxes(tuple(name for _, name, _, _ in places), corners, {"force": force})
+
+
+def _extent(fields: Fields, box: Box | None) -> Array:
+    """Return the least and the largest coordinates (2, 3) in m of an undeformed body.
+
+    A beam has the width and height of its `box`; if that is None, it is a line.
+    """
+    extent = np.array([fields.points.min(axis=0), fields.points.max(axis=0)])
+    if fields.kind == "line" and box is not None:
+        outside = np.array([corner.position for corner in box.corners])
+        extent += [[0.0, *outside.min(axis=0)], [0.0, *outside.max(axis=0)]]
+    return extent
+
 
 Named = Mapping[str, NDArray[Any]]
 

@@ -13,8 +13,7 @@ from pmr.report.columns import Force, forces_of
 from pmr.report.extremes import Measured, extremes_grid, extremes_of
 from pmr.report.figures.canvas import drawing
 from pmr.report.figures.histories import output_figure, panel_figure
-from pmr.report.numbers import format_quantity, format_time
-from pmr.report.prose import prose
+from pmr.report.numbers import format_quantity, format_time, prose
 from pmr.report.subject import (
     drive_of,
     force_words,

@@ -1,10 +1,13 @@
-"""Format numbers: significant digits, SI prefixes, per cent."""
+"""Numbers as text: significant digits, SI prefixes, per cent; and longer texts of pages, macros of `prose.txt`."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from decimal import Decimal
+from functools import cache
 from math import floor, isfinite, log10, pi
+from typing import Any
 
 SPACE = "\u00a0"  # space between a number and its unit, at which no line may break
 MINUS = "\u2212"
@@ -200,3 +203,32 @@ def times_the_true_error(estimate: float, true: float | None) -> str:
     The text is empty if the true error is unknown, or if it is at most 1e-6, which is mostly round-off.
     """
     return f"{significant(estimate / true, 3)} times the true error" if true and true > 1e-6 else ""
+
+
+def prose(macro: str, /, **values: Any) -> str:
+    """Return the text of a macro for its arguments `values`, on one line, as plain text."""
+    text = getattr(_macros(), macro)(**values)
+    return re.sub(r"[ \n]+", " ", str(text)).strip()
+
+
+def format_digits(value: float, digits: int, unit: str = "") -> str:
+    """Format a value with at most `digits` significant digits, and with its `unit`."""
+    return f"{value:.{digits}g}{SPACE if unit else ''}{unit}"
+
+
+@cache
+def _macros() -> Any:
+    """Macros of `prose.txt` as functions; imports Jinja, which only pages need."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(loader=PackageLoader("pmr.report"), undefined=StrictUndefined)
+    environment.globals["nbsp"] = SPACE
+    environment.filters |= {
+        "digits": format_digits,
+        "input": format_input,
+        "percent": format_percent,
+        "quantity": format_quantity,
+        "significant": significant,
+        "time": format_time,
+    }
+    return environment.get_template("prose.txt").module

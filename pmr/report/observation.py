@@ -19,8 +19,7 @@ from pmr.report.columns import spread_indices
 from pmr.report.document import ReportFiles, render, with_date, write_page
 from pmr.report.figures.canvas import HALF, INK, LIMIT, MUTED, SERIES, add_legend, bins_of, drawing, make_axes
 from pmr.report.figures.histories import BAND
-from pmr.report.numbers import SPACE, format_percent, format_quantity, significant, unit_for
-from pmr.report.prose import prose
+from pmr.report.numbers import SPACE, format_percent, format_quantity, prose, significant, unit_for
 from pmr.results.quantities import unit_text
 
 #: p-value of the test of innovations below which the report says that the model lacks something.

@@ -8,8 +8,7 @@ import numpy as np
 
 from pmr.files.arrays import Array
 from pmr.report.columns import axis_points, body_axes, spread_indices
-from pmr.report.numbers import MINUS, SPACE, format_input, format_quantity, significant
-from pmr.report.prose import prose
+from pmr.report.numbers import MINUS, SPACE, format_input, format_quantity, prose, significant
 from pmr.report.scene_tables import SceneWords, describe_plain
 from pmr.report.subject import (
     AppliedLoad,

@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.files.arrays import Array
-from pmr.report.bodies import Block, Surface
-from pmr.report.moving_bodies import MovingBodies
+from pmr.report.moving_bodies import Block, MovingBodies, Surface
 from pmr.report.numbers import format_input, format_percent, round_number
 from pmr.report.renderer import RAMP
 from pmr.report.subject import is_alone, reach

@@ -25,8 +25,7 @@ from pmr.report.figures import histories, shapes, space
 from pmr.report.figures.canvas import drawing, section_colours
 from pmr.report.figures.histories import line_figure
 from pmr.report.moving_bodies import MovingBodies
-from pmr.report.numbers import SPACE, format_input, significant, with_sign
-from pmr.report.prose import prose
+from pmr.report.numbers import SPACE, format_input, prose, significant, with_sign
 from pmr.report.subject import acting_loads, direction_words, is_alone, moving_part, slider_offsets
 from pmr.results import RunResult
 from pmr.results.quantities import UNIT_QUANTITIES

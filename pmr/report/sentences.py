@@ -14,9 +14,9 @@ from pmr.report.numbers import (
     format_input,
     format_percent,
     format_quantity,
+    prose,
     significant,
 )
-from pmr.report.prose import prose
 from pmr.report.subject import (
     reduced_size,
     scope_words,

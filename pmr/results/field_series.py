@@ -1,4 +1,4 @@
-r"""Grids and fields on them at several times, axes that move with a boom, and flexible bodies for other programs.
+r"""Grids and fields on them at several times, pads around them, moving axes, and flexible bodies for other programs.
 
 Let r be a point and u its displacement, both in components along moving axes.  Let R(t) be the rotation of these axes
 at the time t, and o(t) the vector from the pivot to their origin, in components along them.  In space, the point is at
@@ -23,10 +23,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from pmr.files import npz
 from pmr.files.arrays import Array, Indices
+from pmr.scene.box import Box
+from pmr.scene.built import Face, PadRing
 
 Single = NDArray[np.float32]
 MOST_EXPANSION = 100.0  # largest size of fields as a multiple of their compressed file; moving fields take 4/3 of it
 ROOM = 2**28  # bytes that fields may take whatever the size of their file; fields at rest take up to 1000 times of it
+THICK = 0.025  # m, thickness of a pad in drawings: the gap between both sections
+#: Corners of the unit cube in VTK's order of a hexahedron.
+CUBE = np.array([(x, y, z) for z in (0.0, 1.0) for x, y in ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))])
 
 
 @dataclass(frozen=True)
@@ -73,6 +78,30 @@ class Boxes:
     names: tuple[str, ...]
     corners: Array
     values: Mapping[str, Array]
+
+
+def pad_corners(ring: PadRing, place: tuple[str, Face, float], body: Array, box: Box | None, cube: Array) -> Array:
+    """Return the k corners (k, 3) in m of a pad of `ring` at s = 0: a plate on a face of a body.
+
+    `cube` (k, 3) are the corners of a unit cube, which is moved and scaled to become the pad.  `place` has the pad's
+    name, its face and its position in m across the face.  `body` (2, 3) are the least and the largest coordinates of
+    the body in m.  The faces bottom and top are normal to z, right and left are normal to y; all other faces are
+    slanted faces of `box`, which is None for a body without such faces.
+    """
+    _, face, across = place
+    size, local = np.array([ring.length, ring.width, THICK]), cube - [0.5, 0.5, 0.0]
+    if box is not None and " " in face:  # the face is slanted
+        side = box.faces[face]
+        along, out = ([0.0, *pair] for pair in (side.across_direction, side.normal))
+        reach = float(side.normal @ side.start) + side.thickness / 2.0
+        centre = np.array([ring.at, *(across * side.across_direction + reach * side.normal)])
+    else:
+        normal, tangent = (2, 1) if face in ("bottom", "top") else (1, 2)
+        outwards = -1.0 if face in ("bottom", "right") else 1.0
+        along, out = np.eye(3)[tangent], outwards * np.eye(3)[normal]
+        centre = body.mean(axis=0) + across * along
+        centre[0], centre[normal] = ring.at, (body[0] if outwards < 0.0 else body[1])[normal]
+    return np.asarray(centre + (local * size) @ np.array([[1.0, 0.0, 0.0], along, out]))
 
 
 @dataclass(frozen=True)

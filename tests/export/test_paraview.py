@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from boom_results import MakeSpace, make_fields, make_space  # noqa: F401 fixtures
 
-from pmr.export.paraview import MovingFields, write_series
+from pmr.export.paraview import MovingFields, pads_over_time, write_series
 from pmr.results import Fields
 from pmr.results.field_series import Boxes, Grid
-from pmr.results.pads import pads_over_time
 
 POINTS = np.random.default_rng(1).normal(size=(8, 3))
 CELLS = {

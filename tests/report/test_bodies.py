@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 
 from pmr import RunResult
-from pmr.report.bodies import Block, body_surface, build_surroundings
 from pmr.report.columns import axis_points
 from pmr.report.figures import space
 from pmr.report.figures.canvas import style
-from pmr.report.moving_bodies import MovingBodies, cell_stresses
+from pmr.report.moving_bodies import Block, MovingBodies, body_surface, build_surroundings, cell_stresses
 from pmr.report.player import body_motion
-from pmr.results.field_series import Grid
-from pmr.results.pads import THICK
+from pmr.results.field_series import THICK, Grid
 from pmr.scene.box import Box
 
 

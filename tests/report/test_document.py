@@ -16,7 +16,7 @@ from pmr.report import document, errors, sentences, trust
 from pmr.report.blocks import END_OF_SCREEN, SCREEN
 from pmr.report.document import render_runs as render
 from pmr.report.document import with_date, write_report
-from pmr.report.prose import prose
+from pmr.report.numbers import prose
 from pmr.report.sections import chapter as case
 
 

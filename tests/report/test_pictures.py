@@ -9,13 +9,12 @@ from PIL import Image
 
 from pmr import scene as scenes
 from pmr.report import album as pictures
-from pmr.report.bodies import body_surface
 from pmr.report.document import render_runs as render
-from pmr.report.moving_bodies import MovingBodies
+from pmr.report.moving_bodies import MovingBodies, body_surface
 from pmr.report.renderer import Piece, Shot, frame_shots, render_shot
 from pmr.report.sections import chapter as case
 from pmr.results import BodyResult, Paths
-from pmr.results.pads import THICK
+from pmr.results.field_series import THICK
 
 SQUARE = Piece(np.array([(0.0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1)]), np.array([(0, 1, 2, 3)]), np.array([1.0]))
 SHOT = Shot((SQUARE,), (0.0, -1.0, 0.0), (0.0, 1.0), centre=(0.5, 0.0, 0.5), height=2.0, size=(80, 40))

@@ -10,9 +10,8 @@ import pytest
 
 from pmr import RunResult
 from pmr.report import player as players
-from pmr.report.bodies import body_surface
 from pmr.report.document import render_runs as render
-from pmr.report.moving_bodies import MovingBodies
+from pmr.report.moving_bodies import MovingBodies, body_surface
 from pmr.report.player import body_motion, compress, drawing_sentence
 from pmr.report.sections import chapter as case
 from pmr.results import BodyResult

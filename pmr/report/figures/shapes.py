@@ -28,8 +28,7 @@ from pmr.report.figures.canvas import (
     octave_axis,
     section_colours,
 )
-from pmr.report.numbers import format_input, share_captured, unit_for
-from pmr.report.prose import prose
+from pmr.report.numbers import format_input, prose, share_captured, unit_for
 from pmr.report.renderer import RAMP
 from pmr.report.subject import crossing, moving_part, reach
 from pmr.results import FrequencyResponse, RunResult, Shapes

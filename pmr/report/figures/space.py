@@ -29,8 +29,7 @@ from pmr.report.figures.canvas import (
     section_colours,
 )
 from pmr.report.figures.histories import line_figure
-from pmr.report.numbers import SPACE, enlargement, format_quantity
-from pmr.report.prose import prose
+from pmr.report.numbers import SPACE, enlargement, format_quantity, prose
 from pmr.report.subject import (
     abscissa_label,
     fixtures,

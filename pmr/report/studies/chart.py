@@ -20,8 +20,7 @@ from pmr.report.figures.load_chart import (
     load_chart,
     pointer_cells,
 )
-from pmr.report.numbers import SPACE, format_input, format_quantity
-from pmr.report.prose import prose
+from pmr.report.numbers import SPACE, format_input, format_quantity, prose
 from pmr.report.studies.chart_tables import (
     Parts,
     case_grid,

@@ -11,8 +11,7 @@ from pmr.files.arrays import Array, Summary
 from pmr.report.blocks import Grid
 from pmr.report.columns import spread_indices
 from pmr.report.figures.load_chart import NOT_PERMITTED
-from pmr.report.numbers import SPACE, format_input, format_quantity
-from pmr.report.prose import prose
+from pmr.report.numbers import SPACE, format_input, format_quantity, prose
 from pmr.report.studies.finished import FinishedStudy
 from pmr.studies import charting
 from pmr.studies.duty import NOT_LIMITED, DutyTable, LoadCase

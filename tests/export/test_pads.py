@@ -7,7 +7,8 @@ import pytest
 from boom_results import make_fields, make_space  # noqa: F401 fixtures
 
 from pmr import scene as scenes
-from pmr.results.pads import CUBE, THICK, pad_corners, pads_over_time
+from pmr.export.paraview import pads_over_time
+from pmr.results.field_series import CUBE, THICK, pad_corners
 from pmr.scene.box import Box
 from pmr.scene.built import PadRing
 
