@@ -28,9 +28,8 @@ from pmr.errors import InputError, missing_file_reason, overview
 from pmr.files import npz
 from pmr.files.arrays import Array, Indices
 from pmr.scene.signals.base import Interval
-from pmr.system import stored
 from pmr.system.body_matrices import CONSTANT, LINEAR, Rayleigh, Reactions
-from pmr.system.carriers import CarrierRows, EnrichmentModes, Flexibility
+from pmr.system.carriers import CarrierRows, EnrichmentModes, Flexibility, pack_model, unpack_model
 from pmr.system.polynomials import (
     apply_table,
     evaluate,
@@ -295,7 +294,7 @@ class ReducedModel:
         )
 
     def save(self, path: str | Path) -> Path:
-        """Write the model to an npz file with a JSON header (`pmr.system.stored`); return its path.
+        """Write the model to an npz file with a JSON header (`pmr.system.carriers`); return its path.
 
         Nothing in the file is pickled.
         """
@@ -305,7 +304,7 @@ class ReducedModel:
             "version": FORMAT_VERSION,
             "units": "SI; coordinates as the basis in provenance states",
         }
-        npz.write(path, stored.pack(self), header, compressed=True)
+        npz.write(path, pack_model(self), header, compressed=True)
         return path
 
     @classmethod
@@ -332,7 +331,7 @@ class ReducedModel:
             if data.get("flexibility.inertia.kept", False):
                 allowed = "a model without residual inertia is allowed: more coordinates have the same effect"
                 raise InputError(str(path), "flexibility.inertia", None, allowed)
-            model = npz.record_from_arrays(cls, stored.unpack(data))
+            model = npz.record_from_arrays(cls, unpack_model(data))
             if model.carriers is None:  # of an earlier version: its modes for the estimate need carriers
                 model = replace(model, enrichment=None)
             wrong = model.contradiction()

@@ -1,7 +1,7 @@
 """File of a system: its reduced bodies, the contacts between them, its terms, and the scene it was made from.
 
 An npz file whose JSON header has format, version, names of the bodies, contacts, names and bodies of the terms, and
-provenance.  The arrays of body k have names that begin with ``bodies.k.``, as in `pmr.system.stored`.  Arrays that
+provenance.  The arrays of body k have names that begin with ``bodies.k.``, as in `pmr.system.carriers`.  Arrays that
 begin with ``on_modes.k.`` belong to a second model of a body, which has neither cylinder modes nor modes without
 inertia; the names of these bodies are in the header.  An array that equals an array of the body is not stored again:
 ``same`` in the header maps its name to the name of the stored array.  The matrices of term k are ``terms.k.stiffness``
@@ -23,7 +23,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from pmr.errors import InputError, missing_file_reason
 from pmr.files import npz
-from pmr.system import stored
+from pmr.system.carriers import pack_model, unpack_model
 from pmr.system.contacts import ALONE, Contact
 from pmr.system.reduced_model import FORMAT as ONE_BODY
 from pmr.system.reduced_model import READING, ReducedModel
@@ -82,11 +82,11 @@ def write(path: Path, system: StoredSystem) -> None:
     """
     arrays = dict[str, NDArray[Any]]()
     for number, body in enumerate(system.bodies.values()):
-        arrays |= stored.pack(body, f"bodies.{number}.")
+        arrays |= pack_model(body, f"bodies.{number}.")
     same, names = dict[str, str](), list(system.bodies)
     for number, (name, body) in enumerate(system.on_modes.items()):
         stem = f"bodies.{names.index(name)}."
-        for key, array in stored.pack(body).items():
+        for key, array in pack_model(body).items():
             if stem + key in arrays and np.array_equal(array, arrays[stem + key]):
                 same[f"on_modes.{number}.{key}"] = stem + key
             else:
@@ -129,7 +129,7 @@ def read(path: Path) -> StoredSystem | ReducedModel:
         data = {key: data[place] for key, place in file_header.same.items()} | data
         models, on_modes = (
             [
-                npz.record_from_arrays(ReducedModel, stored.unpack(data, f"{kind}.{number}."), f"{kind}.{number}.")
+                npz.record_from_arrays(ReducedModel, unpack_model(data, f"{kind}.{number}."), f"{kind}.{number}.")
                 for number in range(len(names))
             ]
             for kind, names in {"bodies": file_header.bodies, "on_modes": file_header.on_modes}.items()

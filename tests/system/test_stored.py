@@ -11,7 +11,7 @@ from scipy.interpolate import PPoly
 
 from pmr import InputError, ReducedModel
 from pmr.files import npz
-from pmr.system import stored
+from pmr.system.carriers import pack_model, unpack_model
 from pmr.system.soundness import symmetric_part
 from pmr.system.truncation import with_tables
 
@@ -84,10 +84,10 @@ def test_a_matrix_is_its_triangle_and_the_sign_of_the_other(model: ReducedModel,
     A = np.random.default_rng(1).normal(size=(20, 20))
     assert model.carriers is not None
     carriers = replace(model.carriers, matrices={"rotating x": A + sign * A.T, "other": A})
-    arrays = stored.pack(replace(model, carriers=carriers), "bodies.0.")
+    arrays = pack_model(replace(model, carriers=carriers), "bodies.0.")
     assert arrays[f"bodies.0.carriers.matrices.rotating x.{kind}"].shape == (210,)
     assert np.array_equal(arrays["bodies.0.carriers.matrices.other"], A)
-    assert np.array_equal(stored.unpack(arrays, "bodies.0.")["bodies.0.carriers.matrices.rotating x"], A + sign * A.T)
+    assert np.array_equal(unpack_model(arrays, "bodies.0.")["bodies.0.carriers.matrices.rotating x"], A + sign * A.T)
 
 
 def test_a_damaged_triangle_is_refused_in_one_line(model: ReducedModel, tmp_path: Path) -> None:
