@@ -11,8 +11,8 @@ from pmr.scene.checks import check_scene
 from pmr.simulation import Excitation
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
-from pmr.system.hoist import hoist_of
 from pmr.system.states import SystemTrajectory
+from pmr.system.terms import hoist_of
 
 G, REACH, SECOND_MOMENT = 9.80665, 4.0, 1e-5
 CANTILEVER = f"""

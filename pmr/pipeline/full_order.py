@@ -38,11 +38,10 @@ from pmr.simulation.start import needs_of
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import Friction
 from pmr.system.from_scene import contacts_of
-from pmr.system.hoist import hoist_of
 from pmr.system.soundness import natural_frequencies
 from pmr.system.states import BodyStates, friction_on_body
 from pmr.system.system import System
-from pmr.system.terms import add_terms, terms_of
+from pmr.system.terms import add_terms, hoist_of, terms_of
 
 #: (rad/s)^2: shift below all eigenvalues, at which the shifted stiffness is not singular.
 SHIFT = -1.0

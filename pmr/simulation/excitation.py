@@ -38,7 +38,7 @@ class Excitation:
     start: Literal["rest", "equilibrium"] = "rest"  # how motions begin if no initial state is given
     # c_k(t) by the names of the terms that they scale (`pmr.system.terms`)
     terms: Mapping[str, SignalBase] = field(default_factory=dict)
-    hoist: Mapping[str, SignalBase] = field(default_factory=dict)  # what drives a hoist, by name (`pmr.system.hoist`)
+    hoist: Mapping[str, SignalBase] = field(default_factory=dict)  # what drives a hoist, by name (`pmr.system.terms`)
 
     @classmethod
     def from_scene(cls, scene: Scene) -> Excitation:

@@ -49,7 +49,7 @@ from pmr.simulation.frame_motion import (
     rotation_products,
 )
 from pmr.simulation.wind import WindOnSection
-from pmr.system.hoist import frame_quantities
+from pmr.system.terms import frame_quantities
 
 
 @lru_cache(maxsize=2)
@@ -215,7 +215,7 @@ def rope_load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
 
 
 def hoist_signals(scene: Scene) -> dict[str, SignalBase]:
-    """Signals of all that drives the hoist of a scene, by name; empty without a hoist (`pmr.system.hoist`)."""
+    """Signals of all that drives the hoist of a scene, by name; empty without a hoist (`pmr.system.terms`)."""
     if scene.hoist is None:
         return {}
     signals = {ROPE: scene.hoist.rope_signal, **scene.hoist.wind_signals}

@@ -36,11 +36,10 @@ from pmr.scene.members import AROUND, POINT, TAIL, WITHIN, body_ring, footprint,
 from pmr.system.body import SlidingBody
 from pmr.system.carriers import CarrierFlexibility, CarrierRows
 from pmr.system.contacts import Contact, Place, pad_at_mouth, pad_at_tail
-from pmr.system.hoist import hoist_of
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Row, dense_entries
 from pmr.system.system import Body, System, ground_contacts
-from pmr.system.terms import terms_of
+from pmr.system.terms import hoist_of, terms_of
 
 
 def system_of(scene: Scene, bodies: Mapping[str, SlidingBody]) -> System:

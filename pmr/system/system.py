@@ -37,10 +37,9 @@ from pmr.system.contacts import (
     input_name,
     qualified_name,
 )
-from pmr.system.hoist import Hoist, recorded_hoist
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Row
-from pmr.system.terms import Term, term_error
+from pmr.system.terms import Hoist, Term, recorded_hoist, term_error
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from pmr.scene.hints import hints
 from pmr.scene.members import members
 from pmr.simulation import Excitation
 from pmr.studies.limits import Limit
-from pmr.system.hoist import hoist_of
+from pmr.system.terms import hoist_of
 
 STILL = ("frame.unit=rad", "frame.luffing=0.3", "frame.slewing=0.0")
 

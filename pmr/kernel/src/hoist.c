@@ -22,7 +22,7 @@
 #define HOIST_STILL 1e-13
 #define HOIST_EXACT (8.0 * DBL_EPSILON)
 
-/* What is known of the rope by numbers of the system, in their order (pmr/system/hoist.py). */
+/* What is known of the rope by numbers of the system, in their order (pmr/system/terms.py). */
 enum {
     HOIST_MASS,
     HOIST_EA,
