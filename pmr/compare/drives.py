@@ -16,8 +16,7 @@ from pmr.results.response import LUFFING_ANGLE, Extremes
 from pmr.results.run import SummaryPart
 from pmr.scene import Scene
 from pmr.scene.cylinder import LuffingCylinder, Oil
-from pmr.scene.drive_checks import misplaced_supports
-from pmr.scene.frame_checks import distance_along
+from pmr.scene.frame_checks import distance_along, misplaced_supports
 from pmr.scene.hoist import HEIGHT, KEYS, KINDS, Hoist
 from pmr.scene.keys import LUFFING_CYLINDER
 from pmr.scene.mechanism import CYLINDER, NEAR, PinAndCylinder, pin_and_cylinder, supports_at_lug

@@ -1,21 +1,29 @@
-"""Checks of a whole scene, which raise InputError: time, path, reduction, comparison, simulators.
+"""Checks of a whole scene, which raise InputError: time, path, reduction, comparison, simulators, free extensions.
 
 Each check raises an InputError for the first key that contradicts another key.  The file of the error is ``"scene"``,
-for which the reader of the scene puts the name of the file.  Checks of a single table are in its validators, checks of
-one body in `pmr.scene.structure_checks`, of neighbouring sections in `pmr.scene.joint_checks`, of a moving frame in
-`pmr.scene.frame_checks`, and of a free extension in `pmr.scene.drive_checks`.
+for which the reader of the scene puts the name of the file.  `EXCLUSIONS` lists parts of a scene that do not go
+together.  Checks of a single table are in its validators, checks of one body in `pmr.scene.structure_checks`, of
+neighbouring sections in `pmr.scene.joint_checks`, and of a moving frame and a hoist in `pmr.scene.frame_checks`.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
-from pmr.scene.choice import REFERENCE, SimulatorNeeds, fewest_rows, is_pinned_beam, refuse_unsupported
-from pmr.scene.drive_checks import check_free_extension
-from pmr.scene.frame_checks import check_exclusions, check_frame, check_hoist, check_wind
+from pmr.scene.choice import (
+    REFERENCE,
+    SimulatorNeeds,
+    fewest_rows,
+    has_driven_tail,
+    is_pinned_beam,
+    refuse_unsupported,
+)
+from pmr.scene.frame import Frame
+from pmr.scene.frame_checks import FREE, check_frame, check_hoist
 from pmr.scene.joint_checks import check_joints, check_section
 from pmr.scene.joints import JointPads
-from pmr.scene.members import member_at
+from pmr.scene.members import member_at, members
 from pmr.scene.scene import Scene
 from pmr.scene.structure_checks import describe_jump, refuse, scene_error
 from pmr.scene.structures import Damping
@@ -215,3 +223,123 @@ def _check_accuracy(scene: Scene) -> None:
                 "free modes with flexibility and an estimate, without ports, are allowed: they hold all smaller models"
             )
             raise scene_error(scene.section_key(number, "reduction"), None, allowed)
+
+
+def check_free_extension(scene: Scene) -> None:
+    """Refuse a second free extension, and all settings that a free extension does not go with.
+
+    A scene without a free extension passes.
+    """
+    for number, extension in scene.free_extensions.items():
+        free = f"the free extension of {scene.names[number]}"
+        key = f"sections[{number}].joint"
+        refuse(number != min(scene.free_extensions), f"{key}.extension.kind", "free", "one free extension is allowed")
+        if scene.frame is None:
+            raise scene_error("frame", None, f"a table is needed beside {free}: luffing = 0 is a level boom")
+        allowed = f"false is allowed beside {free}: what a boom shortens by bending is not in its equation"
+        refuse(scene.frame.second_order is not False, "frame.second_order", scene.frame.second_order, allowed)
+        allowed = f"'equilibrium' is allowed beside {free}, which its cylinder holds then"
+        refuse(scene.start != "equilibrium", "start", scene.start, allowed)
+        if (opening := extension.worst_opening(scene.time.end)) is not None:
+            raise scene_error(f"{key}.extension.oil.valve.opening", opening, "openings from -1 to 1 are allowed")
+        _check_moved_sections(scene, number, free)
+
+
+def moved_sections(scene: Scene, number: int) -> dict[int, tuple[float, float]]:
+    """Ratio and offset in m of each section that moves with the free extension of section `number`, by its number."""
+    ratios_and_offsets = {number: (1.0, 0.0)}
+    for k in range(number + 1, len(scene.sections)):
+        follows = scene.joint(k).follows
+        leader = None if follows is None else scene.names.index(follows)
+        if leader in ratios_and_offsets:
+            ratio, offset = ratios_and_offsets[leader]
+            joint = scene.joint(k)
+            ratios_and_offsets[k] = joint.ratio * ratio, joint.ratio * offset + joint.offset
+    return ratios_and_offsets
+
+
+def _check_moved_sections(scene: Scene, number: int, free: str) -> None:
+    """Refuse drives that give way, and models without displacements along the boom.
+
+    `free` names the free extension of section `number` in messages.
+    """
+    for k in moved_sections(scene, number):
+        joint, key = scene.joint(k), f"sections[{k}].joint"
+        if joint.rope is not None:
+            raise scene_error(f"{key}.rope", None, f"none is allowed beside {free}: its cylinder moves the section")
+        allowed = f"'rigid' is allowed beside {free}: oil or a spring gives way"
+        refuse(joint.cylinder.stiffness != "rigid", f"{key}.cylinder.stiffness", joint.cylinder.stiffness, allowed)
+        allowed = f"a model with displacements along the boom is allowed beside {free}"
+        refuse(not has_driven_tail(member_at(scene, k)), scene.section_key(k, "body.model"), None, allowed)
+
+
+class Exclusion(NamedTuple):
+    """A part of a scene, by its key, that is refused together with another part, and the reason."""
+
+    key: str
+    excluded_by: str
+    why: str
+
+
+#: A frequency response, and an extension that is computed, as parts of a scene.
+RESPONSE, FREE_EXTENSION = "observe.frequency_response", "joint.extension.kind = 'free'"
+#: Parts of a scene that exclude each other.
+EXCLUSIONS = (
+    Exclusion(RESPONSE, "hoist", "a payload that swings has a part in it"),
+    Exclusion("hoist", "frame.machine", "the rope's pull on it is not known"),
+    Exclusion("frame.machine", FREE, "the cylinder stands on what does not move by itself"),
+    Exclusion("frame.ground", "frame.machine", "its masses belong to frame.ground, which does not move"),
+    Exclusion("frame.ground.slope", FREE, "its motion is computed on level ground"),
+    Exclusion("frame.cylinder.stiffness", FREE, "oil or spring gives way, a support of the base is at the lug"),
+    *(Exclusion(f"frame.base.{key}", FREE, "its motion is that on a level base") for key in ("rx", "ry", "rz")),
+    *(Exclusion(f"frame.base.{key}", "frame.ground.slope", "which inclines the machine") for key in ("rx", "ry")),
+    *(
+        Exclusion("frame.base.acceleration", part, "it does not say where the ground is: x, y and z do")
+        for part in ("frame.machine", FREE)
+    ),
+    Exclusion("hoist", FREE_EXTENSION, "a rope's path is known for a prescribed extension alone"),
+    *(Exclusion(part, FREE_EXTENSION, "one motion is computed at a time") for part in ("frame.machine", FREE)),
+    *(
+        Exclusion(key, part, why)
+        for part in ("frame.machine", FREE, FREE_EXTENSION)
+        for key, why in (
+            ("accuracy", "whose motion depends on model and step"),
+            (RESPONSE, "what is computed there has a part in it"),
+            ("budget", "whose motion depends on model and step"),
+        )
+    ),
+)
+
+
+def check_exclusions(scene: Scene) -> None:
+    """Refuse the first of `EXCLUSIONS` both of whose parts the scene has."""
+    frame = scene.frame or Frame.model_construct()
+    ground, base = frame.ground, frame.base
+    parts = {
+        RESPONSE: any(part.observe.frequency_response for part in scene.sections),
+        "hoist": scene.hoist,
+        "accuracy": scene.accuracy,
+        "budget": scene.budget,
+        "frame.machine": frame.machine,
+        FREE: frame.luffing == "free",
+        FREE_EXTENSION: scene.free_extensions,
+        "frame.ground": ground,
+        "frame.ground.slope": ground is not None and any(ground.slope),
+        "frame.cylinder.stiffness": frame.cylinder and frame.cylinder.stiffness,
+        "frame.base.acceleration": base and base.accelerations,
+    } | {f"frame.base.{key}": True for key in (base.motions if base else {})}
+    for key, other, why in EXCLUSIONS:
+        if parts.get(key) and parts.get(other):
+            key = scene.section_key(len(scene.sections) - 1, key) if key == RESPONSE else key
+            key, value = ("frame.luffing", "free") if key == FREE else (key, None)
+            raise scene_error(key, value, f"none is allowed beside {other}: {why}")
+
+
+def check_wind(scene: Scene) -> None:
+    """Refuse wind together with a motion that is computed."""
+    for member in members(scene) if scene.computed_key is not None else ():
+        for k, load in enumerate(member.part.loads):
+            if load.acts == "wind":
+                allowed = f"'force' is allowed beside {scene.computed_key}, which is computed: the pressure of wind "
+                allowed += "follows motions that are prescribed"
+                raise scene_error(scene.section_key(member.number, f"loads[{k}].acts"), "wind", allowed)

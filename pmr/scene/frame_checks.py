@@ -1,8 +1,8 @@
-"""Checks of a moving frame and a hoist, and of what excludes them or a part of them, which raise InputError.
+"""Checks of a moving frame, its luffing cylinder and a hoist, which raise InputError.
 
-`EXCLUSIONS` lists parts of a scene that do not go together.  The other checks refuse angles that jump, and
-whatever the motion of the frame or its terms of second order do not cover.  Places of head and winch of a hoist on the
-boom stand here too.  Checks of the luffing cylinder are in `pmr.scene.drive_checks`.
+Refused are angles that jump, whatever the motion of the frame or its terms of second order do not cover, a luffing
+cylinder without an arm about the pivot, and what does not go with a luffing angle that is computed with the boom.
+Places of head and winch of a hoist on the boom stand here too.
 """
 
 from __future__ import annotations
@@ -14,76 +14,20 @@ import numpy as np
 from pmr.files.arrays import Array
 from pmr.scene.built import Gravity
 from pmr.scene.choice import has_axial_motion, input_directions, is_planar, model_of, traits_of
-from pmr.scene.drive_checks import FREE, check_luffing
 from pmr.scene.frame import Frame, Machine
 from pmr.scene.joints import JointPads
+from pmr.scene.keys import LUFFING
+from pmr.scene.mechanism import NEAR, supports_at_lug
 from pmr.scene.members import member_at, members
 from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase, Table
 from pmr.scene.signals.base import ROUND_OFF
 from pmr.scene.structure_checks import refuse, scene_error
 
-
-class Exclusion(NamedTuple):
-    """A part of a scene, by its key, that is refused together with another part, and the reason."""
-
-    key: str
-    excluded_by: str
-    why: str
-
-
-#: A frequency response, and an extension that is computed, as parts of a scene.
-RESPONSE, FREE_EXTENSION = "observe.frequency_response", "joint.extension.kind = 'free'"
-#: Parts of a scene that exclude each other.
-EXCLUSIONS = (
-    Exclusion(RESPONSE, "hoist", "a payload that swings has a part in it"),
-    Exclusion("hoist", "frame.machine", "the rope's pull on it is not known"),
-    Exclusion("frame.machine", FREE, "the cylinder stands on what does not move by itself"),
-    Exclusion("frame.ground", "frame.machine", "its masses belong to frame.ground, which does not move"),
-    Exclusion("frame.ground.slope", FREE, "its motion is computed on level ground"),
-    Exclusion("frame.cylinder.stiffness", FREE, "oil or spring gives way, a support of the base is at the lug"),
-    *(Exclusion(f"frame.base.{key}", FREE, "its motion is that on a level base") for key in ("rx", "ry", "rz")),
-    *(Exclusion(f"frame.base.{key}", "frame.ground.slope", "which inclines the machine") for key in ("rx", "ry")),
-    *(
-        Exclusion("frame.base.acceleration", part, "it does not say where the ground is: x, y and z do")
-        for part in ("frame.machine", FREE)
-    ),
-    Exclusion("hoist", FREE_EXTENSION, "a rope's path is known for a prescribed extension alone"),
-    *(Exclusion(part, FREE_EXTENSION, "one motion is computed at a time") for part in ("frame.machine", FREE)),
-    *(
-        Exclusion(key, part, why)
-        for part in ("frame.machine", FREE, FREE_EXTENSION)
-        for key, why in (
-            ("accuracy", "whose motion depends on model and step"),
-            (RESPONSE, "what is computed there has a part in it"),
-            ("budget", "whose motion depends on model and step"),
-        )
-    ),
-)
-
-
-def check_exclusions(scene: Scene) -> None:
-    """Refuse the first of `EXCLUSIONS` both of whose parts the scene has."""
-    frame = scene.frame or Frame.model_construct()
-    ground, base = frame.ground, frame.base
-    parts = {
-        RESPONSE: any(part.observe.frequency_response for part in scene.sections),
-        "hoist": scene.hoist,
-        "accuracy": scene.accuracy,
-        "budget": scene.budget,
-        "frame.machine": frame.machine,
-        FREE: frame.luffing == "free",
-        FREE_EXTENSION: scene.free_extensions,
-        "frame.ground": ground,
-        "frame.ground.slope": ground is not None and any(ground.slope),
-        "frame.cylinder.stiffness": frame.cylinder and frame.cylinder.stiffness,
-        "frame.base.acceleration": base and base.accelerations,
-    } | {f"frame.base.{key}": True for key in (base.motions if base else {})}
-    for key, other, why in EXCLUSIONS:
-        if parts.get(key) and parts.get(other):
-            key = scene.section_key(len(scene.sections) - 1, key) if key == RESPONSE else key
-            key, value = ("frame.luffing", "free") if key == FREE else (key, None)
-            raise scene_error(key, value, f"none is allowed beside {other}: {why}")
+#: Key and value of a luffing angle that is computed, for messages.
+FREE = "frame.luffing = 'free'"
+#: Least arm of a luffing cylinder as a share of the lug's distance from the pivot; number of times that are checked.
+IN_LINE, SAMPLES = 0.01, 1001
 
 
 def check_machine(scene: Scene, frame: Frame, machine: Machine) -> None:
@@ -117,16 +61,6 @@ def _check_computed(scene: Scene, frame: Frame, computed: str) -> None:
         refuse(ring.unilateral, f"{key}.unilateral", True, allowed)
         if isinstance(ring, JointPads) and ring.friction:
             raise scene_error(f"{key}.friction", ring.friction, f"0 is allowed beside {computed}")
-
-
-def check_wind(scene: Scene) -> None:
-    """Refuse wind together with a motion that is computed."""
-    for member in members(scene) if scene.computed_key is not None else ():
-        for k, load in enumerate(member.part.loads):
-            if load.acts == "wind":
-                allowed = f"'force' is allowed beside {scene.computed_key}, which is computed: the pressure of wind "
-                allowed += "follows motions that are prescribed"
-                raise scene_error(scene.section_key(member.number, f"loads[{k}].acts"), "wind", allowed)
 
 
 def _check_ground(scene: Scene) -> None:
@@ -229,10 +163,6 @@ def _has_jump(angle: SignalBase, t: float) -> bool:
     return bool(abs(after - before) > JUMP * (high - low) + ROUND_OFF * max(abs(low), abs(high)))
 
 
-#: Number of times at which the length of the rope is checked.
-HOIST_SAMPLES = 1001
-
-
 def still_rotation(scene: Scene) -> Array:
     """Rotation (3, 3) from axes of a boom without a frame into those of the ground; Z is opposite to the weight."""
     assert scene.gravity is not None  # as the checks say
@@ -312,7 +242,7 @@ def check_hoist(scene: Scene) -> None:
             if frame is not None and frame.second_order and on != "tip" and x != member.part.length:
                 allowed = "a section's tip is allowed with frame.second_order, which takes forces along the boom there"
                 raise scene_error(key, on, allowed)
-    t = np.linspace(0.0, scene.time.end, HOIST_SAMPLES)
+    t = np.linspace(0.0, scene.time.end, SAMPLES)
     if frame is not None and frame.luffing == "free" and not hoist.winch.section:
         t = t[:1]  # later the angle, and with it the distance from winch to head, is computed
     along = np.array([distance_along(scene, float(at)) for at in t])
@@ -321,3 +251,140 @@ def check_hoist(scene: Scene) -> None:
         k = int(np.argmax(hanging <= 0.0))
         allowed = f"a longer rope is allowed: without force its hook is at the head at {t[k]:.4g} s"
         raise scene_error(f"hoist.{'speed' if hoist.is_wound else 'length'}", None, allowed)
+
+
+def check_luffing(scene: Scene, frame: Frame) -> None:
+    """Refuse a luffing cylinder that can't carry the boom, and what does not go with a free luffing angle."""
+    _check_cylinder(scene, frame)
+    _check_drive(scene, frame)
+    if frame.luffing == "free":
+        _check_supports(scene, frame)
+
+
+def misplaced_supports(scene: Scene) -> dict[int, float]:
+    """Places of supports that hold the boom across, but neither at its pivot nor at the luffing cylinder's lug.
+
+    The result maps the index of such a support to its place in m from the base's tail.  Only supports that hold z, and
+    neither x nor ry, are looked at.  The result is empty without a cylinder, or if the cylinder holds the base by its
+    own stiffness.
+    """
+    cylinder = None if scene.frame is None else scene.frame.cylinder
+    if scene.frame is None or cylinder is None or cylinder.stiffness is not None:
+        return {}
+    part, pivot, misplaced = members(scene)[0].part, -scene.frame.tail_position[0], dict[int, float]()
+    for k, support in enumerate(part.supports):
+        place, held = part.position_of(support.on), support.held_directions
+        if place is None or "z" not in held or {"x", "ry"} & set(held):
+            continue
+        if min(abs(place - pivot), abs(place - pivot - cylinder.lug[0])) > NEAR:
+            misplaced[k] = place
+    return misplaced
+
+
+def _check_supports(scene: Scene, frame: Frame) -> None:
+    """Refuse supports of the base that do not go with a free luffing angle.
+
+    A support that keeps the base from turning about the pivot has to be rigid.  On a spring the whole boom would turn
+    by the angle and by the spring alike, and the steps of a heavy boom would not converge.  A support across the boom
+    has to be at the cylinder's lug.
+    """
+    part = members(scene)[0].part
+    for k, support in enumerate(part.supports):
+        place, held = part.position_of(support.on), support.held_directions
+        is_at_pivot = place is not None and abs(place + frame.tail_position[0]) <= NEAR
+        if support.stiffness != "rigid" and ("ry" in held or ("z" in held and not is_at_pivot)):
+            key = scene.section_key(0, f"supports[{k}].stiffness")
+            allowed = f"'rigid' is allowed beside {FREE} where a support keeps the base from turning about the pivot"
+            raise scene_error(key, support.stiffness, allowed)
+    for k in misplaced_supports(scene):
+        assert frame.cylinder is not None  # else no support is misplaced
+        lug = frame.cylinder.lug[0] - frame.tail_position[0]
+        allowed = f"{lug:g} m from the tail, where frame.cylinder.lug is, is allowed for a support across the boom"
+        raise scene_error(scene.section_key(0, f"supports[{k}].on"), part.supports[k].on, f"{allowed} beside {FREE}")
+
+
+def _check_drive(scene: Scene, frame: Frame) -> None:
+    """Refuse what a free luffing angle does not go with, and a free angle's keys if the angle is prescribed.
+
+    With a free angle these are refused: a cylinder without a drive, valve openings outside of -1 to 1, and an unfit
+    stroke.  A stroke has to contain the cylinder's first length and to lie between its dead centres.  A free angle
+    without a cylinder is allowed.
+    """
+    cylinder = frame.cylinder
+    if frame.luffing != "free":
+        for key in ("luffing_start", "luffing_rate"):
+            refuse(getattr(frame, key), f"frame.{key}", getattr(frame, key), f"{FREE} is needed with it")
+        keys = () if cylinder is None else (*cylinder.drives, *(k for k in ("damping",) if cylinder.damping))
+        if keys:
+            raise scene_error(f"frame.cylinder.{keys[0]}", None, f"{FREE} is needed with it: the angle is prescribed")
+        return
+    if cylinder is None:
+        return
+    allowed = f"force, length or oil is needed beside {FREE}; without frame.cylinder the boom swings by itself"
+    refuse(not cylinder.drives, "frame.cylinder", None, allowed)
+    if (opening := cylinder.worst_opening(scene.time.end)) is not None:
+        raise scene_error("frame.cylinder.oil.valve.opening", opening, "openings from -1 to 1 are allowed")
+    length = float(cylinder.length_and_arm(frame.angles.luffing.value(np.zeros(1))).length[0])
+    if cylinder.stroke is not None and not cylinder.stroke[0] <= length <= cylinder.stroke[1]:
+        allowed = f"the length at luffing_start, {length:.4g} m, is needed within the stroke"
+        raise scene_error("frame.cylinder.stroke", list(cylinder.stroke), allowed)
+    reach = [float(np.hypot(*hinge)) for hinge in (cylinder.foot, cylinder.lug)]
+    dead = abs(reach[0] - reach[1]), sum(reach)
+    if cylinder.stroke is not None and not dead[0] < cylinder.stroke[0] < cylinder.stroke[1] < dead[1]:
+        allowed = (
+            f"lengths between {dead[0]:.4g} and {dead[1]:.4g} m are allowed: foot, lug and pivot are in line there"
+        )
+        raise scene_error("frame.cylinder.stroke", list(cylinder.stroke), allowed)
+
+
+def _check_cylinder(scene: Scene, frame: Frame) -> None:
+    """Refuse a luffing cylinder whose arm about the pivot is zero, or nearly so, at some time.
+
+    Such a cylinder carries no moment.
+    """
+    if frame.cylinder is None:
+        return
+    if frame.cylinder.stiffness is not None:
+        _check_holding_cylinder(scene, frame)
+    t = np.linspace(0.0, scene.time.end, SAMPLES)
+    angle = frame.angles.luffing.value(t)
+    length, arm = frame.cylinder.length_and_arm(angle)
+    reach = float(np.hypot(*frame.cylinder.lug))
+    k = int(np.argmin(np.abs(arm)))
+    if np.abs(arm[k]) < IN_LINE * reach or arm.min() < 0.0 < arm.max() or reach == 0.0:
+        at = f"at {t[k]:.4g} s, {np.rad2deg(angle[k]):.3g} degrees, a cylinder of {length[k]:.3g} m has {arm[k]:.2g} m"
+        raise scene_error("frame.cylinder", None, f"hinges with an arm about the pivot are allowed: {at}")
+
+
+def _check_holding_cylinder(scene: Scene, frame: Frame) -> None:
+    """Refuse a luffing cylinder with a stiffness unless it can hold the base.
+
+    The base has to be a beam of a boom of several sections with a luffing angle.  The lug has to be on the base, and no
+    support may be at the lug.  A pin has to be at the pivot: elsewhere the cylinder would have another arm about the
+    pin.
+    """
+    key, base = "frame.cylinder.stiffness", members(scene)[0]
+    assert frame.cylinder is not None
+    if not base.has_joint or not traits_of(base).is_beam:
+        allowed = "a boom of several sections whose base is a beam is allowed with it: body.model = 'beam3d' in the "
+        raise scene_error(key, None, f"{allowed}section {scene.names[0]!r} makes it one; the others may be shells")
+    refuse(frame.luffing is None, "frame.luffing", None, f"the angle that the boom is raised by is needed with {key}")
+    if LUFFING in scene.names:
+        raise scene_error("sections.name", LUFFING, f"other names are allowed beside {key}: a path has this one")
+    at = frame.cylinder.lug[0] - frame.tail_position[0]
+    allowed = "with a stiffness, a place on the base is allowed"
+    refuse(not 0.0 <= at <= base.part.length, "frame.cylinder.lug", frame.cylinder.lug[0], allowed)
+    clamped = any("ry" in support.held_directions for support in base.part.supports)
+    for k, support in enumerate(base.part.supports if not clamped else ()):
+        place = base.part.position_of(support.on)
+        if place is None or "x" not in support.held_directions:
+            continue
+        x, z = place + frame.tail_position[0], frame.tail_position[2]
+        if np.hypot(x, z) > NEAR:
+            allowed = f"beside {key} a pin at the pivot is allowed, about which the cylinder has its arm: this one is "
+            allowed += f"{x:g} m ahead of the pivot and {z:g} m above"
+            raise scene_error(scene.section_key(0, f"supports[{k}].on"), support.on, allowed)
+    if twice := supports_at_lug(scene):
+        at_lug = twice[0].row_name("z")
+        allowed = f"the cylinder's stiffness or the support {at_lug!r} at its lug is allowed, one of both"
+        raise scene_error(key, frame.cylinder.stiffness, allowed)

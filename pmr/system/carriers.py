@@ -362,8 +362,7 @@ def _describe_fault(carriers: CarrierRows) -> str | None:
 def _path_tables(carriers: CarrierRows, arrays: Mapping[str, NDArray[Any]]) -> dict[str, PPoly]:
     """Tables that follow from values on the carriers, by their names in the file.
 
-    The tables have the breaks of the rows in `arrays`; tables that have other breaks in `arrays` are left out.  The
-    result is empty if the carriers or `arrays` have no breaks.
+    The tables have the breaks of the rows in `arrays`; tables that have other breaks there are left out, all without.
     """
     breaks = arrays.get("rows.breaks")
     if not carriers.breaks or breaks is None:

@@ -36,8 +36,8 @@ from pmr.kernel.machine import CYLINDER_COLUMNS, LUFFING_REASONS, Fields, cylind
 from pmr.kernel.state import Record, Settings, State, StepError
 from pmr.results.response import LUFFING_ANGLE
 from pmr.scene import Scene
+from pmr.scene.checks import moved_sections
 from pmr.scene.cylinder import FreeExtension, LuffingCylinder, Oil
-from pmr.scene.drive_checks import moved_sections
 from pmr.scene.frame import INERTIA, BaseMotion, InitialDisplacements, InitialRates, Machine
 from pmr.scene.keys import LUFFING_CYLINDER, cylinder_name
 from pmr.scene.signals import Constant, SignalBase
