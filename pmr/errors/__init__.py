@@ -156,10 +156,10 @@ def lazy_names(
 ) -> Callable[[str], Any]:
     """Return a function to be used as ``__getattr__`` of a package, which imports public names at their first use.
 
-    `places` maps each public name to its object, written ``module:name``. `before`, unless it is None, is called before
-    a module is imported; it raises an error if the import would fail for want of a library. For a name in `former` the
-    function returns the object of the present name, with a DeprecationWarning. For any other name it raises
-    AttributeError, which lists the names.
+    `places` maps each public name to its object, written ``module:name``.  `before`, unless it is None, is called
+    before a module is imported; it raises an error if the import would fail for want of a library.  For a name in
+    `former` the function returns the object of the present name, with a DeprecationWarning.  For any other name it
+    raises AttributeError, which lists the names.
     """
 
     def find(name: str) -> Any:

@@ -43,7 +43,7 @@ MPI_VARIABLES = ("OMPI_", "ORTE_", "PRTE_", "PMIX_", "PMI_", "PMI2_", "HYDI_", "
 def plugin_objects(group: str, reserved: frozenset[str]) -> dict[str, Any]:
     """Return the objects that installed packages offer in a group of entry points, by name.
 
-    `reserved` are the names that pmr itself uses. Raises InputError if an object can't be imported, or if its name is
+    `reserved` are the names that pmr itself uses.  Raises InputError if an object can't be imported, or if its name is
     reserved or used twice.
     """
     objects: dict[str, Any] = {}
@@ -122,7 +122,7 @@ def _content_digests(point: metadata.EntryPoint) -> Iterator[tuple[str, str]]:
 def _source_folders(module: str) -> list[Path]:
     """Return the folders of the outermost regular package that contains a module.
 
-    For a module in no package, the module's file is returned instead. The list is empty if the module can't be found.
+    For a module in no package, the module's file is returned instead.  The list is empty if the module can't be found.
     """
     parts = module.split(".")
     for depth in range(1, len(parts) + 1):

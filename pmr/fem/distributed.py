@@ -51,8 +51,8 @@ def view(local: Array, like: PETSc.Mat) -> PETSc.Mat:
 def _view(local: Array, sizes: tuple[int, int], comm: MPI.Comm) -> PETSc.Mat:
     """Dense PETSc matrix that shares its memory with `local` (n_local, k), the rows of this rank; collective.
 
-    `local` has to be stored by columns (Fortran's order). `sizes` are the numbers n_local of rows on this rank and n of
-    all rows.
+    `local` has to be stored by columns (Fortran's order).  `sizes` are the numbers n_local of rows on this rank and n
+    of all rows.
     """
     assert len(local) == sizes[0] and local.flags.f_contiguous
     matrix = PETSc.Mat().createDense((sizes, (PETSc.DECIDE, local.shape[1])), array=local, comm=comm)
@@ -63,7 +63,7 @@ def _view(local: Array, sizes: tuple[int, int], comm: MPI.Comm) -> PETSc.Mat:
 def sparse(rows: sp.csr_matrix, like: PETSc.Mat, columns: int | None = None) -> PETSc.Mat:
     """Sparse PETSc matrix from `rows`, this rank's rows with global column numbers; collective.
 
-    The rows are distributed as those of `like`. `columns` is the number of columns that this rank owns; if it is None,
+    The rows are distributed as those of `like`.  `columns` is the number of columns that this rank owns; if it is None,
     PETSc decides.
     """
     owned = PETSc.DECIDE if columns is None else columns
@@ -116,7 +116,7 @@ def subtract(X: Array, A: Array, B: Array) -> None:
 def fix_signs(local: Array, comm: MPI.Comm) -> Array:
     """Columns of a matrix, of which `local` (n_local, k) are this rank's rows, each times 1 or -1; collective.
 
-    The entry of largest magnitude of each column becomes positive. Of all entries within `SIGN_TOLERANCE` of the
+    The entry of largest magnitude of each column becomes positive.  Of all entries within `SIGN_TOLERANCE` of the
     largest one, the first in the model's order decides, so that round-off can't choose between the two ends of a
     symmetric mode.
     """

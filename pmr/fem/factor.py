@@ -104,7 +104,7 @@ class Factor(_PetscFactor):
     def _check_size(self, name: str, needed: int, free: int) -> None:
         """Warn that the factor is stored in files; raise an `InputError` if the memory is too small even so.
 
-        `name` is what messages call the matrix. `needed` is the memory of the factor, and `free` the free memory, both
+        `name` is what messages call the matrix.  `needed` is the memory of the factor, and `free` the free memory, both
         in MB on a rank.
         """
         least = self._factor.getMumpsInfog(26)
@@ -232,8 +232,8 @@ def refusal(name: str, code: int) -> InputError:
 def factorise(A: PETSc.Mat, free: int, in_files: bool = False) -> PETSc.Mat:
     """Factor of A by MUMPS in at most `free` MB of memory on a rank, 0 for no limit; collective.
 
-    The factor is stored in files if `in_files`. If MUMPS finds before the computation that the memory is too little, it
-    sets an error code in the factor, and computes nothing. The factor holds no reference to A.
+    The factor is stored in files if `in_files`.  If MUMPS finds before the computation that the memory is too little,
+    it sets an error code in the factor, and computes nothing.  The factor holds no reference to A.
     """
     pc = cholesky(A, "mumps")
     factor = pc.getFactorMatrix()
@@ -257,7 +257,7 @@ def ample(A: PETSc.Mat) -> int:
 def free_memory(comm: MPI.Comm) -> int:
     """Memory in MB that a factor may take on each rank; collective.
 
-    The result is the same on all ranks. It is 0, for no limit, if no machine says how much memory is free.
+    The result is the same on all ranks.  It is 0, for no limit, if no machine says how much memory is free.
     """
     node = comm.Split_type(MPI.COMM_TYPE_SHARED)
     available = available_memory()
@@ -332,7 +332,7 @@ def factor_for_columns(A: PETSc.Mat, name: str) -> MatrixFactor | ReplicatedFact
     """Factor of A for many right-hand sides at a time; collective.
 
     On several ranks the factor is complete on each rank if it fits into the memory; if not, a warning is logged.
-    Otherwise, and on one rank, `factor_of` computes it. Messages call the matrix `name`.
+    Otherwise, and on one rank, `factor_of` computes it.  Messages call the matrix `name`.
     """
     if A.comm.size > 1:
         try:

@@ -26,19 +26,19 @@ WITH_FILES = ("NODE", "ELEMENT", "NSET", "ELSET")
 
 @dataclass(frozen=True)
 class Place:
-    """A line of a file, by its number from 1."""
+    """Place of a line in a file: the file's name and the line's number, from 1."""
 
     source: str
     line: int
 
     def error(self, why: str) -> InputError:
-        """Return an error that names the file and the line; `why` says what is wrong."""
+        """Return an InputError with the file and the line; `why` says in words what is wrong."""
         return InputError(self.source, f"line {self.line}", None, why)
 
 
 @dataclass(frozen=True)
 class DataLine:
-    """A line of data: its place and its fields."""
+    """A line of data in a deck: its place, and its fields as texts."""
 
     place: Place
     fields: tuple[str, ...]
@@ -46,7 +46,7 @@ class DataLine:
 
 @dataclass(frozen=True)
 class Card:
-    """A card: its place, keyword and names of options in capital letters, and data lines."""
+    """A card of a deck: its place, its keyword and its options by name, both in capitals, and its lines of data."""
 
     place: Place
     keyword: str
@@ -54,7 +54,7 @@ class Card:
     lines: tuple[DataLine, ...]
 
     def allow_options(self, names: str) -> None:
-        """Raise InputError for the first option that is not among `names`, which spaces separate."""
+        """Raise InputError for the first option of this card that is not in `names`, names with blanks between them."""
         for name in self.options:
             if name and name not in names.split():
                 raise self.place.error(f"the option {name} of *{self.keyword} is not read")
@@ -84,15 +84,16 @@ def read_cards(path: Path) -> Iterator[Card]:
 
 @dataclass
 class _Files:
-    """The files of a deck, whose names are relative to the deck's folder or to that of the including file."""
+    """Files of a deck, which name each other relative to the deck's `folder` or to that of the including file."""
 
     folder: Path
     count: int = 0
 
     def lines(self, path: Path, within: Sequence[Path]) -> Iterator[tuple[Place, str]]:
-        """Yield place and text of each line of a file that is no comment, with included files in their place.
+        """Yield place and text of each line of a file but comments, with the lines of included files in their place.
 
-        A keyword line is yielded whole, with the lines in which it goes on.  `within` are the files that include this.
+        A keyword line is yielded as one text with the lines in which it goes on.  `within` are the files that include
+        this file, the deck first.
         """
         pending: tuple[Place, str] | None = None
         for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
@@ -110,9 +111,9 @@ class _Files:
             yield from self._expand(*pending, (*within, path))
 
     def _expand(self, place: Place, text: str, within: Sequence[Path]) -> Iterator[tuple[Place, str]]:
-        """Yield the line `text`, or the lines of the file that this line includes.
+        """Yield the line `text` with its place or, if the line includes a file, the lines of that file.
 
-        `place` is that of the line, and `within` are the files that led to it.
+        `place` is the place of the line, and `within` are the files that led to the line, the deck first.
         """
         if text[:1] == "*" and (card := _head(place, text)).keyword == "INCLUDE":
             yield from self.include(card, within)
@@ -120,10 +121,11 @@ class _Files:
             yield place, text
 
     def include(self, card: Card, within: Sequence[Path]) -> Iterator[tuple[Place, str]]:
-        """Return the lines of the file in the option INPUT of a card; `within` are the files that led to the card.
+        """Return place and text of each line of the file that the option INPUT of a card names.
 
-        The file is looked for in the folder of the deck, then in that of the file that names it.  Raises InputError,
-        with file and line, for a file that is missing or includes itself.
+        `within` are the files that led to the card, the deck first.  The file is looked for in the folder of the deck,
+        then in that of the file that names it.  Raises InputError, with file and line, for a file that is missing or
+        includes itself.
         """
         name = card.options.get("INPUT", "")
         files = [folder / name for folder in (self.folder, within[-1].parent)]
@@ -156,14 +158,14 @@ Point = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Axes:
-    """Origin (3,) in m of rectangular axes, and a matrix R (3, 3) whose columns are the axes."""
+    """Rectangular axes in a deck: their origin (3,) in m, and a matrix R (3, 3) whose columns are the axes."""
 
     origin: Array
     R: Array
 
 
 def read_axes(card: Card) -> Axes | None:
-    """Return the axes of a card `*SYSTEM`; None, for the axes of the whole, if the card has no data.
+    """Return the axes of a card `*SYSTEM`; None, for the axes of the whole model, if the card has no data.
 
     The first line has the origin a and a point b on the x axis, the second one a point c in the xy plane.  Without c
     the axes are turned about z; without b they are moved alone.  Raises InputError for points on a line.
@@ -188,7 +190,7 @@ def read_axes(card: Card) -> Axes | None:
 
 
 def rectangular(card: Card, axes: Axes | None, coordinates: Sequence[float]) -> Point:
-    """Return the place in the axes of the whole of a node with `coordinates` (3,) on a card `*NODE`.
+    """Return x, y, z, in the axes of the whole model, of a node with `coordinates` (3,) on a card `*NODE`.
 
     `axes` are those of the card `*SYSTEM`, None without such a card.  The coordinates are x, y, z, with ``SYSTEM=C``
     radius, angle from x in degrees and z, with ``SYSTEM=S`` radius, angle from x and latitude above the xy plane.
@@ -239,10 +241,10 @@ def turned_axes(card: Card, points: Array) -> Array:
 
 
 def move_instance(card: Card, points: Sequence[Point]) -> list[Point]:
-    """Return nodes (N,) of an instance in its place, from their places in its part; empty if there are no nodes.
+    """Return the points of the N nodes of an instance, from their `points` in the part; empty without nodes.
 
-    The first line of its card has a translation.  The second one has two points on an axis and an angle in degrees by
-    which the nodes are turned about it after they were moved.  Raises InputError for other lines.
+    The first line of the instance's `card` has a translation.  The second one has two points on an axis and an angle in
+    degrees by which the nodes are turned about it after they were moved.  Raises InputError for other lines.
     """
     if not points:
         return []
@@ -264,7 +266,7 @@ def move_instance(card: Card, points: Sequence[Point]) -> list[Point]:
 
 
 def read_numbers(line: DataLine, most: int, what: str = "") -> list[float]:
-    """Return the numbers of a line of data; an empty field in between is 0.
+    """Return the numbers of a line of data; an empty field between others is 0, empty fields at the end are left out.
 
     Raises InputError for a field that is no number, and for more than `most` numbers; `what` says what is allowed.
     """

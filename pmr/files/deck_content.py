@@ -49,7 +49,10 @@ _SOLID_FACES: Mapping[str, tuple[tuple[int, ...], ...]] = {
 
 @dataclass(frozen=True)
 class Elements:
-    """Elements of one card: their type, and for each element its number, its line and the numbers of its nodes."""
+    """Elements of one card, all of one type.
+
+    Each element has its number, its line and the numbers of its nodes.
+    """
 
     type: str
     numbers: list[int]
@@ -58,19 +61,23 @@ class Elements:
 
     @property
     def kind(self) -> str:
-        """Kind of the cells in meshio's words; empty for a type that is not known."""
+        """Kind of the elements' cells in meshio's words, such as ``hexahedron``; empty for a type that is not known."""
         return KINDS.get(self.type) or QUADRATIC.get(self.type, "")
 
     @property
     def node_count(self) -> int:
-        """Number of nodes of an element; for a type without a kind the number in its name, as of C3D15, or else 0."""
+        """Number of nodes of an element.
+
+        For a type that is not known it is the number in the type's name, as of C3D15, and 0 for a name without a
+        number.
+        """
         if not self.kind:
             named = COUNTED.fullmatch(self.type)
             return int(named[1]) if named else 0
         return CORNERS[self.kind] + (len(EDGES[self.kind]) if self.type in QUADRATIC else 0)
 
     def renumber(self, nodes: Mapping[int, int], elements: Mapping[int, int]) -> Elements:
-        """Return these elements with new numbers of their own, from `elements`, and of their nodes, from `nodes`.
+        """Return these elements with new numbers, from `elements`, and with new numbers of their nodes, from `nodes`.
 
         Both map old numbers to new ones.
         """
@@ -101,7 +108,7 @@ MOST_DIGITS = 18
 
 @dataclass
 class FurtherCards:
-    """Cards of a whole deck that couple or turn displacements, and the first card of each kind that is not read."""
+    """Cards of a whole deck that couple displacements or turn their axes, and cards that are not read."""
 
     constraints: list[tuple[Place, str]] = field(default_factory=list)  # place, keyword of cards in `CONSTRAINTS`
     turned: list[Card] = field(default_factory=list)  # cards that give nodes outside of parts axes of their own
@@ -131,7 +138,7 @@ class Deck:
     further: FurtherCards = field(default_factory=FurtherCards)
 
     def copy(self) -> Deck:
-        """Return a deck to which nodes, elements and sets can be added without a change of this one."""
+        """Return a copy of this deck, to which nodes, elements and sets can be added without a change of this deck."""
         sets = deepcopy({"node_sets": self.node_sets, "element_sets": self.element_sets})
         return Deck(**{name: copy(value) for name, value in vars(self).items()} | sets | {"axes": None})
 
@@ -145,18 +152,22 @@ class Numbers:
 
     @classmethod
     def of(cls, deck: Deck) -> Numbers:
-        """Return the numbers of a deck that is not joined with others."""
+        """Return the numbers of a `deck` that is not joined with others: each node and element keeps its number."""
         return cls({number: number for number in deck.nodes}, {number: number for number in deck.element_numbers})
 
     def of_kind(self, of_nodes: bool) -> Mapping[int, int]:
-        """Return numbers in the whole deck by numbers in the instance: of nodes if `of_nodes`, else of elements."""
+        """Return the numbers in the whole deck by the numbers in the instance.
+
+        They are those of nodes if `of_nodes`, else those of elements.
+        """
         return self.nodes if of_nodes else self.elements
 
 
 def read_sets(deck: Deck, instances: Mapping[str, Numbers]) -> None:
-    """Add the members of all cards of sets and surfaces to `deck`; `instances` has the numbers of instances, by name.
+    """Add the members of all sets and surfaces to `deck`, from the deck's cards.
 
-    The cards of sets are read in their order, and then those of surfaces.
+    `instances` has the numbers of nodes and elements of each instance, by the instance's name.  Sets are read in the
+    order of their cards, then surfaces.
     """
     for card in deck.sets:
         if card.keyword != "SURFACE":
@@ -171,7 +182,8 @@ def _read_set(deck: Deck, card: Card, instances: Mapping[str, Numbers]) -> None:
 
     The card lists them as numbers, as names of other sets, as a range (first, last, step), or as a set of elements
     whose nodes are the members.  ``instance.number``, or the option INSTANCE, names members of an instance; `instances`
-    has the numbers of all instances, by name.  Raises InputError for members that do not exist or can't be read.
+    has the numbers of nodes and elements of each instance, by the instance's name.  Raises InputError for members that
+    do not exist or can't be read.
     """
     of_nodes, instance = card.keyword == "NSET", card.options.get("INSTANCE", "").lower()
     card.allow_options("NSET ELSET GENERATE UNSORTED INTERNAL INSTANCE INPUT")
@@ -201,11 +213,11 @@ def _named_members(
     of_nodes: bool,
     instance: str = "",
 ) -> set[int]:
-    """Return the nodes or elements that a line of a card names by a number or by a set.
+    """Return the numbers of the nodes or elements that a line of a card names by a number or by a set.
 
-    `name` is the number or the name of the set, of an `instance` if this is not empty.  `deck` has the sets,
-    `instances` the numbers of instances, by name.  `of_nodes` selects nodes.  Raises InputError for a number that does
-    not exist and for a set that was not read before.
+    `name` is the number or the name of the set, of an `instance` if this is not empty.  `deck` has the sets, and
+    `instances` the numbers of nodes and elements of each instance by its name.  Nodes are meant if `of_nodes`, else
+    elements.  Raises InputError for a number that does not exist and for a set that was not read before.
     """
     sets = deck.node_sets if of_nodes else deck.element_sets
     within, _, text = name.lower().rpartition(".")
@@ -221,7 +233,7 @@ def _named_members(
 
 
 def _read_surface(deck: Deck, card: Card, instances: Mapping[str, Numbers]) -> None:
-    """Add the nodes on a card's surface to the deck: listed nodes (TYPE=NODE), or those on faces or edges.
+    """Add to the deck the nodes on the surface of a card: listed nodes (TYPE=NODE), or those on faces or edges.
 
     Left out are analytical surfaces, combined surfaces and surfaces of whole bodies.
     """
@@ -248,10 +260,11 @@ def _read_surface(deck: Deck, card: Card, instances: Mapping[str, Numbers]) -> N
 
 
 def _read_range(line: DataLine, card: Card, fields: list[str], numbers: Mapping[int, int], of_nodes: bool) -> list[int]:
-    """Return those of `numbers` that are in the range of a line of a set's card.
+    """Return the members of a set that a line of its card gives by a range, as numbers in the whole deck.
 
-    `fields` are its first, last and step; the step is 1 if it is missing.  `of_nodes` says whether messages name nodes
-    or elements.  Numbers between the ends that do not exist are left out.  Raises InputError for other fields, and for
+    `fields` are the range's first, last and step; the step is 1 if it is missing.  `numbers` are the numbers in the
+    whole deck of all nodes or elements, by those that the card uses.  `of_nodes` says whether messages name nodes or
+    elements.  Numbers between the ends that do not exist are left out.  Raises InputError for other fields, and for
     ends that do not exist.
     """
     bounds = [whole_number(line, field, "first, last and step") for field in fields]
@@ -264,9 +277,9 @@ def _read_range(line: DataLine, card: Card, fields: list[str], numbers: Mapping[
 
 
 def _element_set_nodes(deck: Deck, card: Card, instance: str) -> set[int]:
-    """Return the nodes of all elements in the element set that the card names, of an instance if one is named.
+    """Return the numbers of the nodes of all elements in the element set that the card's option ELSET names.
 
-    Raises InputError if no such set was read before.
+    The set belongs to the `instance` if this is not empty.  Raises InputError if no such set was read before.
     """
     name = f"{instance}." * bool(instance) + card.options["ELSET"].lower()
     if name not in deck.element_sets:
@@ -295,9 +308,9 @@ def _check_existing(
 
 
 def set_by_name(deck: Deck, sets: dict[str, set[int]], card: Card, option: str) -> set[int]:
-    """Return the members of the set whose name is the value of a card's `option`.
+    """Return the set of `sets` whose name is the value of a card's `option`; a new empty one is added if there is none.
 
-    `sets` has all sets so far; if it has none of this name, a new empty set is added and returned.
+    `sets` has the members of all sets so far by name.  The deck stores how the name is spelled.
     """
     name = card.options[option]
     deck.set_spellings.setdefault(name.lower(), name)
@@ -305,9 +318,9 @@ def set_by_name(deck: Deck, sets: dict[str, set[int]], card: Card, option: str) 
 
 
 def whole_number(line: DataLine, text: str, what: str) -> int:
-    """Return a text as a whole number.
+    """Return the whole number that the text of a field of a `line` states.
 
-    Raises InputError, with the place of the `line`, for another text; `what` is the description of what is allowed.
+    Raises InputError, with the place of the line, for another text; `what` says what is allowed.
     """
     if not is_label_number(text):
         raise line.place.error(f"{what} is allowed, not {text!r}")
@@ -320,10 +333,10 @@ def is_label_number(text: str) -> bool:
 
 
 def dependent_displacements(deck: Deck) -> dict[Place, set[tuple[int, int]]]:
-    """Return node and direction (from 1) of the displacements that depend on others by each card of ties or equations.
+    """Return the displacements that each card of ties or equations makes depend on others, by the card's place.
 
-    Such displacements are those of a tie's first surface, and the first one of each equation.  Cards that name sets of
-    nodes, or surfaces that are not read, are left out.
+    Each displacement is a pair of node and direction, from 1.  They are the displacements of a tie's first surface, and
+    the first one of each equation.  Cards that name sets of nodes, or surfaces that are not read, are left out.
     """
     dependent = dict[Place, set[tuple[int, int]]]()
     for card in deck.further.ties:

@@ -25,7 +25,7 @@ MOST_NODES = 500_000
 
 @dataclass
 class _Assembly:
-    """Parts and instances of a deck, what stands outside of them, and the whole that they are joined to."""
+    """Parts and instances of a deck that is being read, what stands outside of them, and the whole that they form."""
 
     source: str
     outside: Deck
@@ -36,16 +36,17 @@ class _Assembly:
     last: tuple[int, int] = (0, 0)  # largest numbers of nodes and elements of the whole
 
     def begin_part(self, card: Card) -> Deck:
-        """Return the empty deck of the part on `card`; raise an InputError for a second part of the same name."""
+        """Return the empty deck of the part that `card` begins; raise InputError for a second part of the same name."""
         name = card.options.get("NAME", "").lower()
         if name in self.parts:
             raise card.place.error(f"a second part {name} is not read; each name once is allowed")
         return self.parts.setdefault(name, Deck())
 
     def begin_instance(self, card: Card) -> Deck:
-        """Return the content of the instance on `card`: a copy of its part, for the instance's own cards to add to.
+        """Return the deck of the instance that `card` begins: a copy of its part.
 
-        Raises InputError for a missing or second name, for a part that was not read before, and for too many nodes.
+        The instance's own cards add to this deck.  Raises InputError for a missing or second name, for a part that was
+        not read before, and for too many nodes.
         """
         card.allow_options("NAME PART")
         name, part = (card.options.get(key, "").lower() for key in ("NAME", "PART"))
@@ -90,7 +91,7 @@ class _Assembly:
         return self.joined
 
     def _join(self, name: str, content: Deck, place: Place) -> None:
-        """Add nodes, elements and sets, the `content` of the instance `name`, to the whole.
+        """Add the `content` of the instance `name`, nodes, elements and sets, to the whole deck.
 
         Nodes and elements keep their numbers unless the whole has one of them already; `place` is that of the instance.
         """
@@ -158,7 +159,7 @@ def read_deck(path: Path) -> Deck:
 
 
 def _read_system(deck: Deck, card: Card) -> None:
-    """Set the axes of `deck` for the coordinates of all following nodes, from `card`."""
+    """Set the axes in which `deck` has the coordinates of all following nodes, from a card `*SYSTEM`."""
     card.allow_options("")
     deck.axes = read_axes(card)
 
@@ -186,7 +187,7 @@ def _read_nodes(deck: Deck, card: Card) -> None:
 
 
 def _read_elements(deck: Deck, card: Card) -> None:
-    """Add the elements on a card to the deck; InputError with file and line for an element that can't be read.
+    """Add the elements on a card to the deck; raise InputError, with file and line, for one that can't be read.
 
     An element may go on over several lines.  Elements of a type that pmr does not know are added too.
     """

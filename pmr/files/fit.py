@@ -47,9 +47,9 @@ UNCHECKED = (
 
 
 def misfit(M: sp.csr_matrix, body: Resistance) -> Reason | None:
-    """Check a mass and a stiffness matrix of given nodes and directions, and return the first misfit.
+    """Return the first reason why a mass matrix M or the stiffness in `body` does not belong to its nodes.
 
-    The misfit is (input, reason); the input is ``M``, ``K``, ``points`` or ``direction``.  None if all checks pass.
+    The reason names the wrong input: ``M``, ``K``, ``points`` or ``direction``.  None is returned if all checks pass.
     """
     checks: tuple[Callable[[sp.csr_matrix, Resistance], Iterator[Reason]], ...] = (
         _vanishing_entries,
@@ -69,15 +69,18 @@ def misfit(M: sp.csr_matrix, body: Resistance) -> Reason | None:
 
 
 def indefinite_superelement(M: sp.csr_matrix, K: sp.csr_matrix) -> Reason | None:
-    """Return (``M`` or ``K``, reason) if the whole matrix of nodes and modal amplitudes has negative eigenvalues.
+    """Return a reason about ``M`` or ``K`` if the matrix of a superelement has negative eigenvalues.
 
-    None is returned if both matrices have none.
+    The matrices have rows of nodes and of modal amplitudes.  None is returned if neither has negative eigenvalues.
     """
     return next(_indefinite(M, K), None)
 
 
 def negative_damping(D: sp.csr_matrix) -> Reason | None:
-    """Return (``D``, reason) if a damping matrix has negative eigenvalues, else None; some rows may be empty."""
+    """Return a reason about ``D`` if a damping matrix D (n, n) has negative eigenvalues, else None.
+
+    Rows of D may be empty.
+    """
     diagonal = D.diagonal()
     largest = float(np.abs(diagonal).max())
     least = _least_eigenvalue(D, np.maximum(diagonal, LEAST_DAMPING * largest)) if largest else -D.count_nonzero()
@@ -88,16 +91,13 @@ def negative_damping(D: sp.csr_matrix) -> Reason | None:
 
 
 def is_uncheckable(body: Resistance) -> bool:
-    """Whether all nodes are near supports that are included in K.
-
-    If they are, points and axes can't be checked against K.
-    """
+    """Whether all nodes are near supports that K includes, so that points and axes can't be checked against K."""
     used = np.unique(body.node)
     return bool(body.near(body.missing_displacements.any(axis=1))[used].all())
 
 
 def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
-    """Yield (``M`` or ``K``, reason) if the matrix's least diagonal entry is negligible compared with the median one.
+    """Yield a reason about ``M`` or ``K`` if a diagonal entry is negligible compared with the median diagonal entry.
 
     Logarithms are compared, as squares of such entries might not be representable numbers.
     """
@@ -115,12 +115,12 @@ def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
 
 
 def _negative_eigenvalues(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
-    """Yield (``M`` or ``K``, reason) if the matrix has negative eigenvalues."""
+    """Yield a reason about ``M`` or ``K`` for each of the two matrices that has negative eigenvalues."""
     return _indefinite(M, body.K)
 
 
 def _indefinite(M: sp.csr_matrix, K: sp.csr_matrix) -> Iterator[Reason]:
-    """Yield (``M`` or ``K``, reason) if the matrix has negative eigenvalues."""
+    """Yield a reason about ``M`` or ``K`` for each of the two matrices that has negative eigenvalues."""
     for name, A in (("M", M), ("K", K)):
         least = _least_eigenvalue(A, A.diagonal())
         if least < NEGATIVE:
@@ -154,7 +154,10 @@ def _least_eigenvalue(A: sp.csr_matrix, sizes: Array) -> float:
 
 
 def _unknown_motions(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
-    """Yield (``direction``, reason) for a rigid motion that moves no coordinate, or only as other rigid motions do."""
+    """Yield a reason about ``direction`` if the coordinates cannot tell the six rigid motions from each other.
+
+    This is so if a rigid motion moves no coordinate, or moves them only as other rigid motions do.
+    """
     R = rigid_motions((body.points - body.points.mean(axis=0))[body.node], body.direction)
     R /= np.maximum(np.linalg.norm(R, axis=0), 1e-9 * np.linalg.norm(R))
     independent = list[int]()
@@ -170,7 +173,7 @@ def _unknown_motions(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
 
 
 def _separate_parts(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
-    """Yield (``K``, reason) if some nodes are connected by stiffness neither to the other nodes nor to the ground."""
+    """Yield a reason about ``K`` if stiffness connects some nodes neither with the other nodes nor with the ground."""
     links = sp.coo_matrix(
         (np.ones(len(body.node)), (body.node, np.arange(len(body.node)))), (len(body.points), body.K.shape[0])
     )
@@ -190,7 +193,7 @@ def _separate_parts(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
 
 
 def _missing_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
-    """Yield (``M``, reason) if M equals K, or if the body moved as a whole has no mass along some axis."""
+    """Yield a reason about ``M`` if M equals K, or if the body as a whole has no mass along some axis."""
     if M.nnz == body.K.nnz > len(body.node) and abs(M - body.K).count_nonzero() == 0:
         yield Reason("M", "a mass is allowed: this is the same matrix as the stiffness")
     T = rigid_motions(body.points[body.node], body.direction)[:, :3]
@@ -205,7 +208,7 @@ def _missing_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
 
 
 def _misplaced_rows(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
-    """Yield (``points``, reason) if rows of K resist a rotation about their node but no translation.
+    """Yield a reason about ``points`` if rows of K resist a rotation about their node but no translation.
 
     Rows near supports, and near nodes without a rotation that other nodes have, are left out.
     """
@@ -226,7 +229,7 @@ def _misplaced_rows(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
 
 
 def _wrong_axes(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
-    """Yield (``direction``, reason) if rows of K far from supports resist a translation.
+    """Yield a reason about ``direction`` if rows of K far from supports resist a translation.
 
     In a dense K all rows may be near supports.  Then the sign is that more motions take no force than rigid motions are
     left free.
@@ -247,7 +250,7 @@ def _wrong_axes(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
 
 
 def _wrong_axes_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
-    """Yield (``direction``, reason) if M couples displacements of two nodes along different axes.
+    """Yield a reason about ``direction`` if M couples displacements of two nodes along different axes.
 
     Elements couple displacements of the nodes i and j by the same mass m_ij along each axis, near supports too.  The
     check is made if M has displacements alone and at least half of the nodes show no coupling between different axes.
@@ -271,7 +274,7 @@ def _wrong_axes_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
 
 
 def _free_mechanisms(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
-    """Yield (``K``, reason) if K leaves motions free that are not rigid, or has negative eigenvalues.
+    """Yield a reason about ``K`` if K leaves motions free that are not rigid, or has negative eigenvalues.
 
     Only matrices of up to `DENSE_ALWAYS` coordinates are checked.
     """
@@ -294,10 +297,9 @@ def _free_mechanisms(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
 
 
 def _wrong_centre_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
-    """Yield (``M``, reason) if M couples translations along different axes.
+    """Yield a reason about ``M`` if M couples translations along different axes, or has its centre outside of the body.
 
-    The same is yielded if the centre of mass is outside of the body.  The check is made only if no support or spring in
-    K holds the body.
+    The check is made only if no support or spring in K holds the body.
     """
     if len(body.held_motions()):
         return

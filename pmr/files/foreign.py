@@ -167,10 +167,11 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
 
 
 def _read_damping(files: ForeignFiles, pairs: Indices) -> sp.csr_matrix:
-    """Return the damping (n, n) on the coordinates `pairs` (n, 2); without labels of its rows, in the size of the file.
+    """Return the damping matrix (n, n) on the coordinates `pairs` (n, 2), node and direction of each.
 
-    If the entries in `files` state their node and direction, all other coordinates are not damped.  Raises InputError
-    if the damping is structural, or acts on other coordinates than the stiffness.
+    A file whose rows have no labels is returned in the size that it has.  If its entries state their node and
+    direction, all other coordinates are not damped.  Raises InputError if the damping is structural, or acts on other
+    coordinates than the stiffness.
     """
     path, name = files.damping, files.damping_name
     assert path is not None
@@ -195,7 +196,7 @@ def _read_damping(files: ForeignFiles, pairs: Indices) -> sp.csr_matrix:
 
 
 def _turned_coordinates(files: ForeignFiles, pairs: Indices, axes: Mapping[int, Array]) -> sp.csr_matrix:
-    """Return a matrix Q (n, n) with which coordinates along axes of nodes are Q u, for u along the axes of the whole.
+    """Return a matrix Q (n, n) that turns coordinates u along the model's axes into Q u along axes of nodes.
 
     `pairs` (n, 2) are the node and the direction (from 1) of each coordinate.  `axes` maps the number of a node with
     axes of its own to their rotation (3, 3).  Raises InputError, about `files`, for such a node that has some of three
@@ -261,7 +262,7 @@ def _read_coordinates(path: Path, between: str, head: int) -> Indices:
 
 
 def _refuse_unknown(source: str, key: str, numbers: Indices, place: dict[int, int], nodes: Path) -> None:
-    """Raise an InputError for the first of `numbers` (k,) that is not a node in the file `nodes`.
+    """Raise an InputError for the first of `numbers` (k,) that is not the number of a node in the file `nodes`.
 
     The error is about the key `key` of the file `source`.  `place` has the index of each node, by its number.
     """
@@ -300,8 +301,8 @@ def _read_market(path: Path) -> sp.csr_matrix:
 def _nastran_readers(letter: str, name: str, damped: bool = False) -> dict[str, Callable[[Path], object]]:
     """Return readers of a matrix in Nastran's files, by the suffix of the file.
 
-    The matrix has the `name`; if `name` is empty, its name begins with `letter`.  If `damped`, viscous damping is read
-    in addition to this matrix.
+    The matrix is that called `name`; if `name` is empty, one whose name begins with `letter`.  If `damped`, viscous
+    damping is read in addition to this matrix.
     """
 
     def choose(matrices: dict[str, sp.csr_matrix]) -> sp.csr_matrix:

@@ -34,7 +34,10 @@ class ForeignNodes:
     condensed: bool = False  # whether nodes without rows are condensed, not held
 
     def only(self, numbers: Indices) -> ForeignNodes:
-        """Return the nodes with one of the `numbers` (k,) alone, such as boundary nodes of a superelement."""
+        """Return only those nodes that have one of the `numbers` (k,), such as boundary nodes of a superelement.
+
+        Groups without any of these nodes are left out.
+        """
         at = np.isin(self.numbers, numbers)
         groups = {name: members[np.isin(members, numbers)] for name, members in self.groups.items()}
         groups = {name: members for name, members in groups.items() if len(members)}
@@ -60,7 +63,7 @@ class ForeignNodes:
 
 
 def check_constraints(nodes: ForeignNodes, pairs: Indices) -> None:
-    """Raise InputError for nodes with their own axes, and for cards that constrain coordinates.
+    """Raise InputError if nodes have axes of their own, or if cards constrain coordinates.
 
     Such cards are refused only if some displacements have no row in the matrices.  `pairs` (n, 2) are the node and the
     direction (from 1) of each row.

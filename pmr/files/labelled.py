@@ -36,7 +36,7 @@ DAMAGED = (*_OF_VALUES, OSError, BadZipFile, zlib.error)
 
 @dataclass(frozen=True)
 class Entries:
-    """E entries `values` (E,) of a matrix; `rows` (E, 2) and `columns` (E, 2) are node and direction of each entry."""
+    """Entries of a matrix, E of them, each with node and direction of its row and of its column."""
 
     rows: Indices
     columns: Indices
@@ -61,7 +61,10 @@ class Entries:
 
 
 class UnreadableError(ValueError):
-    """A file does not have the form `allowed`; `line` is the line that differs, or 0 for the whole file."""
+    """A file does not have the form that is `allowed`.
+
+    `line` is the number of the line that differs, or 0 for the whole file.
+    """
 
     def __init__(self, allowed: str, line: int = 0) -> None:
         super().__init__(allowed)
@@ -107,7 +110,7 @@ def read_entries(path: Path) -> Entries:
 def read_number_table(
     path: Path, kinds: Sequence[type], form: str, delimiter: str | None = None, comment: str = "#", head: int = 0
 ) -> Array:
-    """Return the numbers (e, c) in the e lines after the first `head` ones.
+    """Return the numbers (e, c) in the e lines of a text file after its first `head` lines.
 
     Each line has c numbers of the given `kinds`, separated by the `delimiter`, or by blanks if it is None.  What
     follows the sign `comment` is ignored.  `form` describes a line in messages.  Raises UnreadableError if the file is
@@ -294,8 +297,8 @@ NAMES = ("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ")
 def read_harwell_boeing(path: Path) -> sp.csr_matrix:
     """Read a matrix in the format of Harwell and Boeing, of one triangle (RSA) or of all entries (RUA).
 
-    The entries are those of the file.  Right-hand sides, which HBMAT adds to a stiffness, are left out.  Raises
-    UnreadableError for other types.
+    The entries are those of the file: a triangle is not completed.  Right-hand sides, which HBMAT adds to a stiffness,
+    are left out.  Raises UnreadableError for other types.
     """
     title, sizes, kind, formats, *lines = path.read_text(encoding="ascii").splitlines()
     if kind[:3].upper() not in ("RSA", "RUA"):

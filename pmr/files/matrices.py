@@ -120,7 +120,11 @@ class GivenMatrices:
         return (self.node == MODAL) & (self.direction == MODAL)
 
     def rigid_motions(self) -> Array:
-        """Coordinates (n, 6) under unit translations along and rotations about x, y, z through the origin."""
+        """Coordinates (n, 6) under the six rigid motions of the nodes.
+
+        They are unit translations along x, y, z, and unit rotations about axes through the origin along x, y, z.  Modal
+        amplitudes are zero.
+        """
         return np.where(self.modal[:, None], 0.0, rigid_motions(self.points[self.node], self.direction))
 
     @property
@@ -136,7 +140,7 @@ class GivenMatrices:
 
     @property
     def lacks(self) -> bool:
-        """Whether a node's displacement along some axis has no coordinate.
+        """Whether some node has no coordinate for its displacement along some axis.
 
         Supports remove coordinates, and so do nodes that belong to no element.
         """
@@ -216,7 +220,7 @@ class GivenMatrices:
             raise self._refusal(name, float(diagonal[at]), allowed)
 
     def _refusal(self, key: str, value: Any, allowed: str) -> InputError:
-        """Return an error with the key of an entry in the matrices' file, its value, and what is allowed."""
+        """Return an InputError about the entry `key` of the matrices' file, with its value and what is allowed."""
         return InputError(self.source, key, value, allowed)
 
 
@@ -231,7 +235,8 @@ def from_matrices(
 ) -> GivenMatrices:
     """Check mass, stiffness and damping from another program and return these matrices as a body.
 
-    The method `save` of the body writes a file that scenes can name.
+    The method `save` of the body writes a file that scenes can name.  Nodes without coordinates are left out, with a
+    warning, if K leaves all rigid motions free (`GivenMatrices.without_condensed_nodes`).
 
     Parameters
     ----------

@@ -141,7 +141,7 @@ def _read_bulk(path: Path, lines: Lines) -> Bulk:
 
 
 def _read_lines(path: Path, within: Sequence[Path] = ()) -> Lines:
-    """Return the numbered lines of a file, with the lines of included files in place of their INCLUDE.
+    """Return the lines of a file with their numbers; lines of included files stand in place of their INCLUDE.
 
     Lines of an included file have the number of the line with INCLUDE.  `within` are the files that include this one.
     Raises UnreadableError for a file that is missing or includes itself.
@@ -171,7 +171,7 @@ def _line_of(lines: Lines, grid: int) -> int:
 
 
 def _unreadable_bulk(lines: Lines, reason: str) -> UnreadableError:
-    """Return the error of bulk data that pyNastran can't read, with the one of `lines` that its `reason` quotes."""
+    """Return the error for bulk data that pyNastran can't read: with that one of `lines` which its `reason` quotes."""
     quoted = NOT_IN_WORDS.sub("", reason)
     line = next((k for k, text in lines if len(words := NOT_IN_WORDS.sub("", text)[:20]) > 7 and words in quoted), 0)
     allowed = "bulk data of GRID, SET1 and DMIG entries are allowed"
@@ -181,9 +181,9 @@ def _unreadable_bulk(lines: Lines, reason: str) -> UnreadableError:
 def _displacement_axes(kind: str, beta: Array, place: Array) -> Array:
     """Return the axes (3, 3) of a grid point's displacements, as rows; NaN at a pole of spherical ones.
 
-    `kind` is that of their coordinate system, R, C or S, and `beta` (3, 3) has the system's axes as rows.  `place` (3,)
-    are the coordinates of the grid point in the system.  Angles are in degrees: from x in a cylindrical system, from z
-    and from x in a spherical one.
+    `kind` is that of their coordinate system: R (rectangular), C (cylindrical) or S (spherical), and `beta` (3, 3) has
+    the system's axes as rows.  `place` (3,) are the coordinates of the grid point in the system.  Angles are in
+    degrees: from x in a cylindrical system, from z and from x in a spherical one.
     """
     turned, sine = np.eye(3), 1.0
     if kind != "R":
@@ -226,8 +226,8 @@ def _group_sets(lines: Lines, grids: Indices) -> dict[str, Indices]:
 def _dependent(name: str, fields: Sequence[str]) -> set[tuple[int, int]]:
     """Return grid point and component of the displacements that the rigid element `name` makes depend on others.
 
-    `fields` are those after its name.  The result is (0, 0) for entries that are not of the plain forms of RBE2 (one
-    independent point), RBE3 (without UM), RBAR (its first point independent in all components) and MPC.
+    `fields` are those after its name.  The result has only the pair (0, 0) for entries that are not of the plain forms
+    of RBE2 (one independent point), RBE3 (without UM), RBAR (its first point independent in all components) and MPC.
     """
     _, first, second, third, *further = [*fields, *[""] * 7]
     points, components = list[str](), ""
@@ -245,7 +245,7 @@ def _dependent(name: str, fields: Sequence[str]) -> set[tuple[int, int]]:
 
 
 def _external_pairs(lines: Lines) -> Indices:
-    """Return grid point and component (n, 2) of the rows of a superelement's matrices, from the entries EXTRN.
+    """Return grid point and component (n, 2) of the n rows of a superelement's matrices, from entries EXTRN.
 
     Raises UnreadableError for an entry of another form.
     """

@@ -117,7 +117,7 @@ def read(
 def write(
     file: Path, arrays: Mapping[str, ArrayLike], header: Mapping[str, Any] | None = None, compressed: bool = False
 ) -> None:
-    """Write arrays by name to an npz file, completely or not at all; equal arrays give equal bytes.
+    """Write arrays by name to an npz file, completely or not at all; equal arrays give files with equal bytes.
 
     The arrays may have any shape.  The `header`, unless it is None, is stored as JSON with the arrays.  If
     `compressed`, arrays of which compression saves at least the share `WORTH` are compressed; compression would only
@@ -157,7 +157,7 @@ def read_stored(file: Path) -> dict[str, NDArray[Any]] | None:
 
 
 def store(file: Path, arrays: Mapping[str, ArrayLike]) -> None:
-    """Write computed arrays (any shape) by name to an npz file, for later runs and `read_stored`.
+    """Write computed arrays (any shape) by name to an npz file, from which `read_stored` reads them in later runs.
 
     Raises NotWrittenError if there is no room for the file.
     """
@@ -190,7 +190,7 @@ def _is_worth_compressing(array: NDArray[Any]) -> bool:
 
 
 def pop_header(arrays: dict[str, NDArray[Any]]) -> Any:
-    """Remove the header from the mapping `arrays`, which is changed, and return the header.
+    """Remove the header from `arrays`, those of an npz file by name, and return its content as read from JSON.
 
     Raises DamagedError if there is no header.
     """
@@ -339,7 +339,7 @@ def _expand_alias(hint: Any) -> Any:
 
 @cache
 def _field_types(cls: Any) -> dict[str, Any]:
-    """Return the types of a dataclass's fields, by the fields' names; None is removed from optional types."""
+    """Return the types of a dataclass's fields, by the fields' names; of an optional type, the type without None."""
     hints = get_type_hints(cls)
     return {field.name: _without_none(hints[field.name]) for field in fields(cls)}
 

@@ -63,7 +63,7 @@ _EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 
 
 def check_speed(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
-    """Yield (``points``, reason) if the speed of sound shows that units of mass, stiffness and length do not fit."""
+    """Yield a reason about ``points`` if the speed of sound shows that units of mass, stiffness and length disagree."""
     least, most = speeds_of_sound(M, body)
     if most < SLOWEST or least > FASTEST:
         speed, guess = (
@@ -79,7 +79,7 @@ def check_speed(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
 
 
 def check_density(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
-    """Yield (``M``, reason) if the body is lighter than air in its convex hull, or than foam where it is stiff.
+    """Yield a reason about ``M`` if the body is lighter than air in its convex hull, or than foam where it is stiff.
 
     Nodes without coordinates, as at supports, are in the hull too if they are as near to others as coupled nodes are.
     Of a tetrahedron of which k corners have coordinates, these carry at least (k/4)^2 of the mass, as the mean square
@@ -118,7 +118,7 @@ def check_density(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
 
 
 def speeds_of_sound(M: sp.csr_matrix, body: Resistance) -> list[float]:
-    """Return rough bounds, the least and the largest, of the speed of sound in a body in m/s.
+    """Return two rough bounds in m/s, the least and the largest, of the speed of sound in a body.
 
     The bounds are 0 and infinity if the speed is not known.  Both bounds follow from stretching the body: the least
     with its whole mass, the largest without payloads.  The least one is at most the median over nodes of the distance
@@ -140,7 +140,7 @@ def speeds_of_sound(M: sp.csr_matrix, body: Resistance) -> list[float]:
 
 
 def _stretch_speeds(M: sp.csr_matrix, body: Resistance) -> Array:
-    """Return speeds of sound (a, 2) in m/s by stretching a body with the mass matrix M along each of a axes.
+    """Return speeds of sound (a, 2) in m/s, estimated by stretching a body with the mass matrix M along a axes.
 
     The first column is for the whole mass, the second one for the mass without payloads.  The speed c is given by c^2 =
     u^T (K - S) u / m, with the displacements u of a stretch, the mass m, and springs to ground S in the stiffness K.

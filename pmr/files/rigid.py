@@ -43,7 +43,7 @@ SPREAD = 100.0
 
 
 def rigid_motions(at: Array, component: Indices) -> Array:
-    """Return n coordinates under six rigid motions, (n, 6): unit translations along, then rotations about, x, y and z.
+    """Return n coordinates (n, 6) under six rigid motions: unit translations along x, y, z, then rotations about them.
 
     The axes of the rotations go through the origin.  Coordinate i is the displacement or rotation `component[i]`, an
     index of `DIRECTIONS`, of the point `at[i]` (3,) in m.
@@ -67,7 +67,11 @@ def elastic_energies(K: sp.csr_matrix, R: Array, q: Array) -> Array:
 
 
 class RoundedSums(NamedTuple):
-    """Sums (n, 3) over the entries of n rows for three motions, and the rounding or size (n,) of each row's sums."""
+    """Sums over the entries of n rows of a matrix for three motions, with a number for each row.
+
+    The number is the rounding of the row's sums, or the sum of the magnitudes of their terms, as the function says that
+    returns it.
+    """
 
     sums: Array
     rounding: Array
@@ -250,7 +254,7 @@ class Resistance:
 
     @cached_property
     def least_energy(self) -> float:
-        """Least energy of a motion of unit size for which its forces are not rounding.
+        """Energy of a motion of unit size above which the motion takes energy beyond the rounding of K.
 
         K is scaled to a diagonal of ones.  The limit follows from the digits to which K is written.  If no motion is
         free to these digits, the limit is at least `CONDENSED`, that of a condensed matrix.
@@ -261,18 +265,19 @@ class Resistance:
         return energy if self.scaled_eigenvalues[0] < energy else max(energy, CONDENSED)
 
     def _held_by_energy(self, motions: Array) -> Array:
-        """Return a matrix (h, 6) of h rows that is zero for those of six rigid `motions` (n, 6) that take no energy."""
+        """Return a matrix (h, 6) that is zero for all combinations of rigid `motions` (n, 6) that take no energy."""
         scale = 1.0 / np.sqrt(self.K.diagonal())
         Q, T = np.linalg.qr(motions / scale[:, None])
         energies, V = np.linalg.eigh(Q.T @ (scale[:, None] * (self.K @ (scale[:, None] * Q))))
         return np.asarray(V[:, energies > self.least_energy].T @ T)
 
     def held_motions(self) -> Array:
-        """Return a matrix (h, 6) on rigid motions about the origin, which is zero for motions that K leaves free.
+        """Return a matrix (h, 6) that is zero for all combinations of the six rigid motions that K leaves free.
 
-        h is the number of rigid motions that supports and springs in K hold.  The rows are singular vectors of F and G,
-        where each row of F and G is divided by its rounding, and singular values within rounding count as zero.  In a
-        dense K supports act on all rows; there the energies of rigid motions decide.
+        The rotations are about axes through the origin. h is the number of rigid motions that supports and springs in K
+        hold.  The rows are singular vectors of F and G, where each row of F and G is divided by its rounding, and
+        singular values within rounding count as zero.  In a dense K supports act on all rows; there the energies of
+        rigid motions decide.
         """
         (F, of_forces), (G, of_moments) = self._translations, self._rotations
         middle = self.points.mean(axis=0)
@@ -296,7 +301,7 @@ class Resistance:
         return np.asarray(Vt[:rank] @ about_origin)
 
     def _levers(self, about: Array) -> Array:
-        """Return the displacements (n, 3, 3) of each row's node under three unit rotations.
+        """Return the displacements (n, 3, 3) in m/rad of the node of each row under three unit rotations.
 
         The axes of the rotations go through `about` (3,) in m.  The last axis of the array is the rotation.
         """

@@ -89,7 +89,7 @@ def write_text(path: Path, text: str) -> None:
 
 @contextmanager
 def report_full_disk(path: Path) -> Iterator[None]:
-    """Context that raises NotWrittenError with `path` in place of the system's error for no room or no access."""
+    """Context that raises NotWrittenError about `path` in place of the system's error for a full disk or no access."""
     try:
         yield
     except OSError as error:
@@ -165,7 +165,7 @@ def replacement_folder(folder: Path, ours: Sequence[str]) -> Iterator[Path]:
 
 
 def finish_swap(folder: Path) -> None:
-    """Complete the moves in a folder that a killed process had begun, and remove its incomplete new files."""
+    """Complete the moves that a killed process had begun in a folder, and remove its incomplete new files."""
     new_folders = [path for path in folder.glob(f"{_NEW}*") if path.is_dir()]
     if new_folders or (folder / _COMPLETE).exists():
         with report_full_disk(folder), hold_lock(folder):
@@ -203,7 +203,7 @@ def _finish_moves(folder: Path) -> None:
 
 
 def _listed_moves(file: Path, folder: Path) -> dict[str, list[str]]:
-    """Return lists of files by ``names``, to be moved into the folder, and ``gone``, to be removed.
+    """Return two lists of files: ``names`` are to be moved into the `folder`, ``gone`` are to be removed from it.
 
     The lists are read from a `file` of unknown origin.  Raises InputError if the file has no such lists, or names
     anything outside of the folder; no file is touched in that case.
@@ -263,10 +263,11 @@ def complete_folder(folder: Path, is_whole: Callable[[Path], bool], make: Callab
 
 
 def _make_locked(folder: Path, is_whole: Callable[[Path], bool], make: Callable[[Path], Made], comm: Any) -> Made:
-    """Return the result of `make`, called with a new folder, while rank 0 holds the lock of `folder`; collective.
+    """Return the result of `make`, called with a new folder that becomes `folder`; collective.
 
-    `is_whole` says whether a folder is complete.  If another process has completed the folder before the lock is held,
-    `make` loads its result from this folder.
+    Rank 0 holds a lock meanwhile, so that only one process makes the folder.  `is_whole` says whether a folder is
+    complete.  If another process has completed the folder before the lock is held, `make` loads its result from this
+    folder.
     """
     if comm.rank > 0:
         result = make(comm.bcast(None))
@@ -317,11 +318,10 @@ MOST_KEPT = 100
 
 
 def user_cache_folder() -> Path | None:
-    """Return the folder in which measured structures are cached for a user.
+    """Return the folder in which computed results are cached for a user; None if it can't be created.
 
     The folder is ``$PMR_CACHE``, else ``pmr`` in ``$XDG_CACHE_HOME``, else ``~/.cache/pmr``.  The folder is created if
-    it does not exist; None is returned if it can't be created.  If it has more than `MOST_KEPT` files, the oldest ones
-    are removed.
+    it does not exist.  If it has more than `MOST_KEPT` files, the oldest ones are removed.
     """
     caches = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     folder = Path(os.environ.get("PMR_CACHE") or Path(caches, "pmr"))

@@ -85,7 +85,7 @@ class Part:
 class Block:
     """Tables over one path: rows and flexibility of the q contact sides on one body that travel along this path.
 
-    All tables have common breaks. They also have the flexibility between these sides and the w sides on this body that
+    All tables have common breaks.  They also have the flexibility between these sides and the w sides on this body that
     do not travel.
     """
 
@@ -233,7 +233,7 @@ def _block_on_path(
 ) -> Block:
     """Block of the `sides` of contacts that travel along the path number `path`, on the body in `part`.
 
-    The block's tables reach over `domain`, the lowest and the highest path coordinate in m. Sides on this body that
+    The block's tables reach over `domain`, the lowest and the highest path coordinate in m.  Sides on this body that
     don't travel have the row numbers `stays` (w,), and `weights` (w, K) on the body's K carriers.
     """
     rows = [_row_on_path(system, side) for side in sides]

@@ -49,8 +49,8 @@ def system_data(
 ) -> SystemData:
     """Arrays of a system for the kernel, from the modal forms of its bodies by name.
 
-    `frame` is the system's moving frame, None for a system without one. `reduced` is the system in modes in which
-    contacts of a ring are combined, None to convert `system` here. If it is given, the reactions of rigid supports are
+    `frame` is the system's moving frame, None for a system without one.  `reduced` is the system in modes in which
+    contacts of a ring are combined, None to convert `system` here.  If it is given, the reactions of rigid supports are
     not among the outputs.
     """
     supports = [supports_of(system, name, form, reduced is None) for name, form in forms.items()]
@@ -117,7 +117,7 @@ class Outputs:
     def split(self, array: Array) -> list[Array]:
         """Split the columns of an array (k, all outputs) into those of outputs proper and those of reactions.
 
-        Both results have k rows. Their columns are padded with zeros to whole registers, and by one more register.
+        Both results have k rows.  Their columns are padded with zeros to whole registers, and by one more register.
         """
         parts = (array[:, numbers] for numbers in (self.outputs, self.reactions))
         return [np.pad(_fill_rows(columns, columns.shape[1]), ((0, 0), (0, LANES))) for columns in parts]
@@ -145,7 +145,7 @@ def system_in_modes(system: System, forms: Mapping[str, Modal], supports: Sequen
 def _size_arrays(system: System, modal: System, rows: Arrangement, motions: int, outputs: int) -> Arrays:
     """Array ``sizes`` (k,) of counts of the system, in the order in which `read_arrays` in src/system.c reads them.
 
-    `modal` is the system in modes, `rows` are its contact rows. `motions` is the number of motions of its frame, and
+    `modal` is the system in modes, `rows` are its contact rows.  `motions` is the number of motions of its frame, and
     `outputs` the number of its outputs without reactions.
     """
     m, pads = len(modal.contacts), len(rows.F) - len(modal.contacts)
@@ -239,7 +239,7 @@ def _contact_arrays(system: System, rows: Arrangement, split: Outputs) -> Arrays
     """Constant arrays of the contacts by their names in the kernel's block.
 
     They hold the constant parts of the rows, the clearances, which contacts only push, and which are ropes that
-    lengthen. `split` says which outputs are reactions of supports.
+    lengthen.  `split` says which outputs are reactions of supports.
     """
     m, moments = len(system.contacts), len(rows.F) - len(system.contacts)
     clearance = np.pad(system.clearance, (0, moments), constant_values=np.nan)
@@ -266,7 +266,7 @@ def _contact_arrays(system: System, rows: Arrangement, split: Outputs) -> Arrays
 def _block_arrays(rows: Arrangement, split: Outputs) -> Arrays:
     """Arrays of the blocks of rows, and of pairs of blocks, by their names in the kernel's block.
 
-    The tables of all blocks are stored one after the other. `split` says which outputs are reactions of supports.
+    The tables of all blocks are stored one after the other.  `split` says which outputs are reactions of supports.
     """
     parts: dict[str, list[NDArray[Any]]] = {
         name: [np.zeros(0, np.int64 if name in ("block_rows", "touched") else np.float64)]
@@ -328,7 +328,7 @@ def _carrier_weights(row: Row, width: int, carriers: NDArray[np.int64]) -> dict[
     """Arrays ``touched`` and ``weights``: which carriers a row touches in each interval, and by which polynomials.
 
     ``touched`` (intervals, width) has positions in `carriers` (k,), and ``weights`` (intervals, powers, width)
-    coefficients. If a row touches fewer than `width` carriers, the last one is repeated with zero coefficients.
+    coefficients.  If a row touches fewer than `width` carriers, the last one is repeated with zero coefficients.
     """
     missing = width - row.touched.shape[1]
     touched = np.searchsorted(carriers, np.pad(row.touched, ((0, 0), (0, missing)), "edge"))

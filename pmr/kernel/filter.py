@@ -73,7 +73,7 @@ class StepMatrices:
 class FilterSteps:
     """Linear models of T steps, and how their q outputs change with unknown parameters of the machine.
 
-    The outputs change by `sensitivity` per unit of a parameter. The sensitivity grows by `per_kilogram` for each kg of
+    The outputs change by `sensitivity` per unit of a parameter.  The sensitivity grows by `per_kilogram` for each kg of
     an estimated payload.
     """
 
@@ -87,7 +87,7 @@ class KalmanFilter:
     """A Kalman filter and its state: the estimates x of N quantities with their covariance P.
 
     `x` (N,), `P` (N, N) and `level` (p,), running mean squares of the p sensors' normalised innovations, are views of
-    the filter's memory. So is `lasting`: all numbers that an update begins with.
+    the filter's memory.  So is `lasting`: all numbers that an update begins with.
     """
 
     def __init__(self, data: FilterData, steps: FilterSteps) -> None:
@@ -118,10 +118,10 @@ class KalmanFilter:
     def update(self, k: int, measured: Array, use: NDArray[np.int64]) -> Array:
         """Correct the state at step k by `measured` (p,); return innovations (p,) divided by their standard deviations.
 
-        Measurements that are not finite are missing. `use` (p,) has a constant of the kernel for each sensor:
+        Measurements that are not finite are missing.  `use` (p,) has a constant of the kernel for each sensor:
         ``PMR_NOT_USED``, ``PMR_IF_POSSIBLE``, ``PMR_IF_NEAR`` (only if the measurement is near the estimate), or
-        ``PMR_AS_EXPECTED`` (as if the estimate had been measured). The innovation of a missing measurement is NaN,
-        except for the last of these. Raises a SimulationError if the covariance of the measurements is not positive
+        ``PMR_AS_EXPECTED`` (as if the estimate had been measured).  The innovation of a missing measurement is NaN,
+        except for the last of these.  Raises a SimulationError if the covariance of the measurements is not positive
         definite.
         """
         measured, innovations = np.ascontiguousarray(measured, float), np.zeros(len(measured))
@@ -188,7 +188,7 @@ class LinearSteps:
     def follow_rates(self, h: float) -> None:
         """Turn outputs that are rates into derivatives with respect to time, from the models of neighbouring steps.
 
-        The matrices and the reference of all steps, which are h s apart, are changed in place. Call it after all steps
+        The matrices and the reference of all steps, which are h s apart, are changed in place.  Call it after all steps
         are taken.
         """
         if self._chosen.orders.any():

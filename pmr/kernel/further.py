@@ -72,7 +72,7 @@ class Modal(Protocol):
 class Supports:
     """Reactions of a body's h rigid supports, as linear functions of its modes, rates of modes and i inputs.
 
-    The body has n coordinates and r modes. The number h is 0 if the body does not store how its supports carry its
+    The body has n coordinates and r modes.  The number h is 0 if the body does not store how its supports carry its
     contact forces.
     """
 
@@ -110,8 +110,8 @@ def supports_of(system: System, name: str, form: Modal, output: bool = True) -> 
 def with_reactions(system: System, name: str, form: Modal, modal: ReducedModel, supports: Supports) -> ReducedModel:
     """Return `modal`, the body `name` in its modes, with the reactions of its `supports` as further outputs.
 
-    They come after the body's own outputs. `form` says which rows of the original body `modal` has. `modal` is returned
-    unchanged if `supports` has no reactions or if the body is a full model.
+    They come after the body's own outputs.  `form` says which rows of the original body `modal` has.  `modal` is
+    returned unchanged if `supports` has no reactions or if the body is a full model.
     """
     body = system.bodies[name]
     if not supports.names or not isinstance(body, ReducedModel):
@@ -156,13 +156,13 @@ def support_arrays(
 ) -> Arrays:
     """Arrays from which the kernel computes those parts of support reactions that rates of modes and terms cause.
 
-    ``reaction_rates`` (r, width) holds the reaction per rate of each of r modes. For each term of the system,
-    ``support_first`` holds the number of its first entry. ``support_entries`` (e, 2) holds the number of the reaction
+    ``reaction_rates`` (r, width) holds the reaction per rate of each of r modes.  For each term of the system,
+    ``support_first`` holds the number of its first entry.  ``support_entries`` (e, 2) holds the number of the reaction
     and of the mode of each entry; r is added to the mode's number if the entry is multiplied by the mode's rate.
     ``support_values`` (e,) holds the entries; negligible ones are left out.
 
     `supports`, the modal `forms` and `modes` have an item for each body; `modes` are the slices of the bodies' modes,
-    padding included. `width` is the number of reactions, padding included.
+    padding included.  `width` is the number of reactions, padding included.
     """
     r = modes[-1].stop
     rates, first = np.zeros((r, width)), np.cumsum([0, *(len(of.names) for of in supports)])
@@ -239,8 +239,8 @@ def frame_output_arrays(
     """Arrays of the tip and the luffing cylinder by their names in the kernel's block, and the counts ``further``.
 
     ``further`` (3,) has the number of `reactions`, 1 if there is a tip, and the number of forces that make the
-    cylinder's moment. `paths` are the names of the system's paths. `motions` is the number of motions that drive the
-    frame. There is neither a tip nor a cylinder if `motions` is 0 or if `scene` is None or has no frame.
+    cylinder's moment.  `paths` are the names of the system's paths.  `motions` is the number of motions that drive the
+    frame.  There is neither a tip nor a cylinder if `motions` is 0 or if `scene` is None or has no frame.
     """
     arrays, sources = Arrays(), 0
     if scene is not None and scene.frame is not None and motions:
@@ -346,8 +346,8 @@ class Frame(Protocol):
 def frame_arrays(frame: Frame | None, paths: Sequence[str]) -> Arrays:
     """Arrays of a frame for a system with these `paths`, by their names in the kernel's block.
 
-    `paths` are the names of the system's paths. The result is empty if `frame` is None. Raises InputError if the frame
-    has no motion for one of the paths.
+    `paths` are the names of the system's paths.  The result is empty if `frame` is None.  Raises InputError if the
+    frame has no motion for one of the paths.
     """
     if frame is None:
         return {}
@@ -374,9 +374,9 @@ def frame_arrays(frame: Frame | None, paths: Sequence[str]) -> Arrays:
 def _quantity(quantity: tuple[str | int, ...], numbers: dict[str, int]) -> list[int]:
     """Return three numbers by which the kernel reads a quantity: that of its kind in `KINDS`, and two arguments.
 
-    An argument that the kind does not need is 0. `numbers` has the numbers of the motions that drive the frame, by
-    name. Gravity, a load and a motion of the base have the kind ``motion``, with the driver's number as the first
-    argument. If the scene has no gravity or no such motion of the base, its value is 0: it is the kind ``reach`` of
+    An argument that the kind does not need is 0.  `numbers` has the numbers of the motions that drive the frame, by
+    name.  Gravity, a load and a motion of the base have the kind ``motion``, with the driver's number as the first
+    argument.  If the scene has no gravity or no such motion of the base, its value is 0: it is the kind ``reach`` of
     section 0.
     """
     kind, *of = quantity
@@ -396,7 +396,7 @@ def ground_outputs(scene: Scene) -> dict[str, str]:
     """Units of those outputs that are quantities on a scene's ground, by the quantity's name.
 
     They are, in the order of the outputs, force and moment on the ground, forces of outriggers, margins against
-    tipping, and the use of the support polygon. The result is empty if the scene has no ground.
+    tipping, and the use of the support polygon.  The result is empty if the scene has no ground.
     """
     ground = None if scene.frame is None else scene.frame.ground
     if ground is None:

@@ -89,7 +89,7 @@ class Kernel:
         """Kernel of a system whose bodies have these modal forms, by name (`pmr.simulation.modal.modal_form`).
 
         If there is a moving `frame` (`pmr.simulation.moving.MovingFrame`), the motions of the frame drive the system.
-        Without a frame, paths, loads and amplitudes of terms do. `reduced` is the system in modes with combined rings
+        Without a frame, paths, loads and amplitudes of terms do.  `reduced` is the system in modes with combined rings
         if the caller has it; see `pmr.kernel.data.system_data`.
         """
         data = system_data(system, forms, frame, reduced)
@@ -254,10 +254,10 @@ def advance_bank(
 ) -> BankRecord:
     """Advance a bank by T steps with measurements y (T,), beginning with equally likely places.
 
-    NaN in y stands for no measurement. `activity` (T,), 0 to 1, says how much is in motion: speeds change by this share
-    of `active` and the remaining share of `rest`. The level of the innovations, a running mean of their squares divided
-    by their variance, scales all variances; it never falls below `least_level` (T,) and the floor of `bank`.
-    `of_speeds` (T, D) are logarithms of the likelihoods of the speeds. The probabilities of a step also use
+    NaN in y stands for no measurement.  `activity` (T,), 0 to 1, says how much is in motion: speeds change by this
+    share of `active` and the remaining share of `rest`.  The level of the innovations, a running mean of their squares
+    divided by their variance, scales all variances; it never falls below `least_level` (T,) and the floor of `bank`.
+    `of_speeds` (T, D) are logarithms of the likelihoods of the speeds.  The probabilities of a step also use
     measurements of up to `delay` further steps.
     """
     S, n = bank.H.shape

@@ -86,7 +86,7 @@ class ContactSearch:
         """Return the mask (m,) of the contacts that are to be closed in the caller's next solve.
 
         The mask `closed` (m,) has the contacts that were closed in the last solve, the mask `wrong` (m,) those that its
-        result contradicts. A contact is wrong if it is closed and pulls, or if it is open and overlaps.
+        result contradicts.  A contact is wrong if it is closed and pulls, or if it is open and overlaps.
         """
         changes = np.array(wrong, np.int32)
         lib.pmr_choose_changes(len(changes), pointer(changes), self._state)
@@ -287,7 +287,7 @@ class Stand:
 def masses_wrench(masses: Sequence[MachineMass], angles: Array, falling: Array) -> Array:
     """Force and moment about the pivot (T, 6) in N and N m by weight and inertia of masses, along the machine's axes.
 
-    `angles` (T, 3, 4) in rad are slewing, roll, pitch and yaw, with rates and second rates. `falling` (T, 3) in m/s^2
+    `angles` (T, 3, 4) in rad are slewing, roll, pitch and yaw, with rates and second rates.  `falling` (T, 3) in m/s^2
     is the sum of the acceleration of the pivot and an upward gravity, along axes of the ground.
     """
     numbers = mass_numbers(masses)

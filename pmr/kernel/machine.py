@@ -59,15 +59,15 @@ def cylinder_numbers(cylinder: Fields) -> Array:
 class MachineSimulation:
     """Simulation of a machine with its boom over T steps, with arrays of the recorded results.
 
-    `state` is the state of the boom. An InputError is raised for a boom on a frame without a moving base, for contacts
+    `state` is the state of the boom.  An InputError is raised for a boom on a frame without a moving base, for contacts
     that only push, and for settings of several substeps or of energy.
     """
 
     def __init__(self, state: State, machine: Fields, reasons: Mapping[int, str] = REASONS) -> None:
         """Open a run of a machine on a `state` of its boom, with arrays of zeros for the results of all steps.
 
-        `machine` has the values of the kernel's ``pmr_machine`` by field name. `reasons` are messages by the kernel's
-        error codes. Raises an `InputError` if the kernel refuses the machine.
+        `machine` has the values of the kernel's ``pmr_machine`` by field name.  `reasons` are messages by the kernel's
+        error codes.  Raises an `InputError` if the kernel refuses the machine.
         """
         self.state, self._reasons = state, reasons
         steps, inertial = len(machine["motions"]), len(machine["inertial"])
@@ -108,7 +108,7 @@ class MachineSimulation:
 
         `place` (6,) in m and rad are the machine's six displacements, z (modes,) the coordinates of the boom's modes.
         The oil on the rod's side gets the back pressure; if the piston's side then needed a negative pressure, it gets
-        the back pressure instead. Raises the errors of `holding_forces`.
+        the back pressure instead.  Raises the errors of `holding_forces`.
         """
         arrays = [np.ascontiguousarray(array, float) for array in (place, z)]
         self._raise_unless_done(lib.pmr_machine_run_load_cylinder(self._run, *map(pointer, arrays)), 0)

@@ -35,8 +35,8 @@ class Settings:
     """Time step, damping and substeps with which a system is simulated.
 
     With several numbers in `parts`, each step is divided into equal substeps; of these numbers, the smallest is taken
-    that keeps the error of the forces of contacts that only push within the tolerance. `energy` says whether the energy
-    balance, stored energy and work, is computed.
+    that keeps the error of the forces of contacts that only push within the tolerance.  `energy` says whether the
+    energy balance, stored energy and work, is computed.
     """
 
     step: float  # s
@@ -50,8 +50,8 @@ class Settings:
 class Record:
     """Recorded arrays of T steps, one row for each step; quantities that are not in `names` are not recorded.
 
-    The array `ends` is about the substeps of the last step alone, of which there are up to `parts`. It has a row (3 +
-    N,) for each substep: a free extension with its first and second rate, and the N drivers, at the substep's end. It
+    The array `ends` is about the substeps of the last step alone, of which there are up to `parts`.  It has a row (3 +
+    N,) for each substep: a free extension with its first and second rate, and the N drivers, at the substep's end.  It
     is empty without a free extension.
     """
 
@@ -191,8 +191,8 @@ class State:
     ) -> None:
         """Begin at t = 0 with the n motions that drive the frame, (3, n): values, rates and second rates.
 
-        Only the first rows[k] of the three numbers of motion k are prescribed; None stands for all three. `kind`, z and
-        v are as for `start`.
+        Only the first rows[k] of the three numbers of motion k are prescribed; None stands for all three.  `kind`, z
+        and v are as for `start`.
         """
         at = self._check_array("motions", np.ravel(motions), 3 * self.kernel.motions)
         arrays = (at, _ensure_integers("rows", rows, self.kernel.motions), *self._initial_modes(kind, z, v))
@@ -202,7 +202,7 @@ class State:
     def step_in_frame(self, motions: ArrayLike, rows: Integers | None = None) -> None:
         """Take one step, at the end of which the n motions of the frame are (3, n): values, rates and second rates.
 
-        Only the first rows[k] of the three numbers of motion k are prescribed; None stands for all three. A StepError
+        Only the first rows[k] of the three numbers of motion k are prescribed; None stands for all three.  A StepError
         is raised if the step fails.
         """
         count = self.kernel.motions
@@ -222,8 +222,8 @@ class State:
         """Take `steps` steps with drivers from signals; record each `every`-th step, from row `first` of the record on.
 
         `parts` (steps,), int32, are the numbers of substeps of each step, each one of `parts` of the settings; if it is
-        None, the kernel chooses. A StepError is raised if a step fails. The state is then at the end of the last whole
-        step, and previous steps have been recorded; after PMR_NOT_FINITE the state has to be started or restored.
+        None, the kernel chooses.  A StepError is raised if a step fails.  The state is then at the end of the last
+        whole step, and previous steps have been recorded; after PMR_NOT_FINITE the state has to be started or restored.
         """
         _check_room(record, first, steps // every, self.settings.parts[-1])
         taken, schedule = ffi.new("int64_t *"), pointer(_ensure_integers("parts", parts, steps))
@@ -235,9 +235,9 @@ class State:
     ) -> SampledAdvance:
         """Take steps whose drivers are given by samples at equal distances, `per` of them in each step.
 
-        The first row of the samples u (steps * per + 1, N) is at the end of the previous step. The state stops before a
-        step whose number of substeps does not divide `per`. `record`, `first`, `every`, `parts` and errors are those of
-        `advance`; an InputError is raised for samples of another shape.
+        The first row of the samples u (steps * per + 1, N) is at the end of the previous step.  The state stops before
+        a step whose number of substeps does not divide `per`.  `record`, `first`, `every`, `parts` and errors are those
+        of `advance`; an InputError is raised for samples of another shape.
         """
         u = np.ascontiguousarray(u, float)
         steps = (len(u) - 1) // per
@@ -386,12 +386,12 @@ def _ensure_integers(name: str, numbers: Integers | None, count: int) -> Integer
 class BoundStep:
     """Steps of a state for fast loops in Python: pointers are made once, and methods return error codes.
 
-    An error code is 0 if the step was done. With a frame, `step` takes a step to `motions` (3, n) of the frame; only
-    the first rows[k] numbers of motion k are prescribed, with `rows` (n,). Without a frame, `step` takes a step to the
-    drivers u (N,) in the first row of `motions` (3, N). `step_by_rates` takes a step along cubics, with the `rates` (2,
-    N) of the drivers at both ends of the step.
+    An error code is 0 if the step was done.  With a frame, `step` takes a step to `motions` (3, n) of the frame; only
+    the first rows[k] numbers of motion k are prescribed, with `rows` (n,).  Without a frame, `step` takes a step to the
+    drivers u (N,) in the first row of `motions` (3, N).  `step_by_rates` takes a step along cubics, with the `rates`
+    (2, N) of the drivers at both ends of the step.
 
-    `observe` writes to `values` the quantities with the chosen `numbers`. The numbers count through the outputs, then
+    `observe` writes to `values` the quantities with the chosen `numbers`.  The numbers count through the outputs, then
     the forces of contacts, and then the outputs of a hoist, of a free luffing angle and of outriggers.
     """
 

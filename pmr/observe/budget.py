@@ -16,7 +16,7 @@ PARTS: Mapping[str, tuple[str, ...]] = {
 
 
 def output_errors(summary: Summary, motion: LinearMotion, run_step: float | None = None) -> dict[str, dict[str, float]]:
-    """Errors of a linear model's outputs, as fractions of their RMS, by part of the budget, then by output.
+    """Errors of a linear model's outputs, as fractions of their RMS: by part of the error budget, then by output.
 
     The parts are the keys of `PARTS`.  `summary` is the content of a run's ``summary.json``, and `run_step` the run's
     time step in s.  If the model `motion` has another step, the error of the step is scaled by the square of the ratio
@@ -38,10 +38,11 @@ def output_errors(summary: Summary, motion: LinearMotion, run_step: float | None
 
 
 def _error_of(table: Summary, name: str, kind: str) -> float | None:
-    """Error of the output `name` of a `kind`, a fraction, in the `table` of a part of the budget; None if it lacks one.
+    """Error, as a fraction, of the output `name` in the `table` of a part of the error budget; None if there is none.
 
-    The error of a probe of this name comes first, then that of a quantity of this kind.  A velocity or acceleration has
-    the error of velocities, or that of the beam's displacements if no velocities are covered.
+    `kind` is the kind of the output.  The error of a probe of this name is taken first, then that of a quantity of this
+    kind.  A velocity or acceleration has the error of velocities, or that of the beam's displacements if no velocities
+    are covered.
     """
     keys = [key for key, quantity in QUANTITIES.items() if quantity.kinds == (kind,)]
     if name.startswith((VELOCITY, ACCELERATION, SPECIFIC_FORCE)):

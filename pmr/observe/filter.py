@@ -33,7 +33,7 @@ SILENT, INTERVALS = 0.5, 3.0
 
 
 def find_stuck(values: Array, step: float) -> NDArray[np.bool_]:
-    """Mask (T, p): where a sensor repeats one value: its measurement equals all those of the `STUCK` s before.
+    """Mask (T, p) of the measurements at which a sensor is stuck: equal to all of the sensor's in the `STUCK` s before.
 
     `values` (T, p) are the measurements of p sensors at T steps of `step` s; NaN stands for none.  A measurement is
     marked if at least two equal ones come before it.  Steps without a measurement are passed over, and never marked.
@@ -48,7 +48,7 @@ def find_stuck(values: Array, step: float) -> NDArray[np.bool_]:
 
 
 def find_silent(values: Array, step: float) -> NDArray[np.bool_]:
-    """Mask (T, p): where a sensor has had no measurement for too long.
+    """Mask (T, p) of the steps at which a sensor has had no measurement for too long.
 
     `values` (T, p) are the measurements of p sensors at T steps of `step` s, not finite where nothing was measured.
     Too long is longer than `SILENT` s and than `INTERVALS` times the median interval of the sensor's measurements.  The
@@ -67,7 +67,7 @@ def find_silent(values: Array, step: float) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True)
 class Watched:
-    """Filter's results at T steps: outputs (T, q), all of its states (T, N), innovations and alarms of p sensors."""
+    """Results of a watched Kalman filter at T steps: q outputs, N states, and innovations and alarms of p sensors."""
 
     mean: Array  # (T, q)
     variance: Array  # (T, q)
@@ -117,13 +117,13 @@ def watch(kalman: KalmanFilter, values: Array, step: float) -> Watched:
 
 
 def find_drift(mean: Array, deviation: Array, step: float, growth: float = 0.0) -> NDArray[np.bool_]:
-    """Mask (T,): where a payload's estimate has changed over `CHANGED` s by more than its variance explains.
+    """Mask (T,) of the steps at which a payload's estimate has changed over `CHANGED` s by more than chance explains.
 
     `mean` (T,) in kg are estimates of a constant payload at steps of `step` s, and `deviation` (T,) in kg their
-    standard deviations.  Explained is a change with the variance P_0 - P_1, the fall of the estimate's variance in this
-    time, plus that of a random walk of `growth` in kg^2/s.  More than `DRIFT` times the root of this variance is a
-    drift, as by a force sensor whose error grows slowly.  Innovations do not show such an error, because the estimate
-    of the payload follows it.
+    standard deviations.  The change that chance explains has the variance P_0 - P_1, by which the estimate's variance
+    has fallen in this time, plus that of a random walk of `growth` in kg^2/s.  A change of more than `DRIFT` times the
+    root of this variance is a drift, as by a force sensor whose error grows slowly.  Innovations do not show such an
+    error, because the estimate of the payload follows it.
     """
     lag, drifts = max(1, round(CHANGED / step)), np.zeros(len(mean), bool)
     variance = deviation[:-lag] ** 2 - deviation[lag:] ** 2 + growth * lag * step

@@ -40,7 +40,7 @@ AT_BOUND = 1e-3
 
 @dataclass(frozen=True)
 class MeasuredFrequencies:
-    """Frequencies (m,) in Hz, lowest first, measured with a path at a place; NaN where a mode was not measured.
+    """Frequencies (m,) in Hz, lowest first, measured at one place of a path; NaN where a mode was not measured.
 
     Raises InputError for frequencies that do not grow, and for damping ratios that are not between 0 and 1.
     """
@@ -77,7 +77,7 @@ class Identification:
     bounded: tuple[str, ...] = ()  # names of parameters whose fit ended at one of the `SHARES` of their start
 
     def overrides(self) -> list[str]:
-        """Fitted values as texts ``key=value``, which ``--set`` and `pmr.load_scene` take to change a scene."""
+        """Fitted parameters as texts ``key=value``, with which ``--set`` and `pmr.load_scene` change a scene."""
         return [f"{name}={float(value)!r}" for name, value in zip(self.names, self.values, strict=True)]
 
 
@@ -167,7 +167,7 @@ class NumberTable(NamedTuple):
     def check_units(self, file: Path, allowed: Mapping[str, str]) -> None:
         """Raise an InputError that names `file` if a column has another unit than `allowed` states for its name.
 
-        Columns without a unit pass, and columns whose name `allowed` lacks.
+        Columns without a unit are accepted, and columns whose name is not in `allowed`.
         """
         for name, unit in zip(self.names, self.units, strict=True):
             expected = allowed.get(name, unit)
@@ -189,10 +189,10 @@ UNITS = tuple(sorted(_UNITS | {unit_text(unit) for unit in _UNITS if unit_text(u
 
 
 def read_table(file: Path) -> NumberTable:
-    """Read a CSV table of numbers; units in brackets after the names are left out.
+    """Read a CSV table of numbers, whose first line has the names of columns with their units in brackets.
 
-    Empty lines are left out; an empty cell is NaN.  Raises InputError for a unit that is not in `UNITS`, for a cell
-    that is no number and for a line of another length; the error has the line.
+    Empty lines are left out; an empty cell is NaN. Raises InputError, with the number of the line, for a unit that is
+    not in `UNITS`, for a cell that is no number and for a line of another length.
     """
     try:
         with file.open(newline="", encoding="utf-8-sig") as stream:
@@ -221,7 +221,7 @@ def read_table(file: Path) -> NumberTable:
 
 @dataclass(frozen=True)
 class FrequencyTable:
-    """Measured frequencies at k places of P paths."""
+    """Measured frequencies at k places, each given by the coordinates of the P paths of a system."""
 
     paths: tuple[str, ...]  # (P,), or ``s`` for the only path of a system
     places: Array  # (k, P) m
@@ -229,7 +229,7 @@ class FrequencyTable:
 
     @classmethod
     def read(cls, file: Path) -> FrequencyTable:
-        """Read a CSV table with columns by paths, or ``s``, then ``f1``, ``f2`` ... in Hz, lowest first.
+        """Read a CSV table: columns named by paths, or ``s``, in m, then ``f1``, ``f2`` ... in Hz, lowest first.
 
         Each row is a place.  Damping ratios of the lowest modes may follow in columns ``d1``, ``d2`` ...  A column
         ``held_out`` may have 1 for places that serve to judge the fit and are not used for it, and a column
@@ -266,9 +266,9 @@ class FrequencyTable:
     def identify(self, reduced: Callable[[Sequence[str]], System], start: Mapping[str, float]) -> Identification:
         """Fit keys of a scene to the frequencies of this table; `start` maps the keys to their values at the start.
 
-        `reduced` returns the reduced system of the scene, changed by texts ``key=value`` as ``--set`` takes them.  All
-        contacts count as closed.  Raises an InputError where the function `identify` does, for a system with a hoist,
-        and if the system's paths are not those of the table.
+        `reduced` takes texts ``key=value``, as the option ``--set`` does, and returns the reduced system of the scene
+        with these changes.  All contacts count as closed.  Raises an InputError where the function `identify` does, for
+        a system with a hoist, and if the system's paths are not those of the table.
         """
         count, damped = (len(self.measured[0].frequencies), len(self.measured[0].damping)) if self.measured else (0, 0)
 

@@ -62,27 +62,27 @@ class LinearMotion:
 
     @cached_property
     def A(self) -> Array:
-        """Matrices A (T, n, n): the next state by each state."""
+        """Matrices A (T, n, n) of the T steps, which multiply the state of a step to give that of the next one."""
         return self.matrices.transitions()[0]
 
     @cached_property
     def B(self) -> Array:
-        """Matrices B (T, n, i): the next state by the load of each step."""
+        """Matrices B (T, n, i): contributions to the next state per unit of each load."""
         return self.matrices.transitions()[1]
 
     @cached_property
     def C(self) -> Array:
-        """Matrices C (T, q, n): the outputs by the state of each step."""
+        """Matrices C (T, q, n), which multiply the state of a step to give its outputs."""
         return np.pad(self.matrices.C, [(0, 0), (0, 0), (0, self.matrices.modes)])
 
     @property
     def D(self) -> Array:
-        """Matrices D (T, q, i): the outputs by the load of each step."""
+        """Matrices D (T, q, i): contributions to the outputs of a step per unit of each load."""
         return self.matrices.D
 
     @cached_property
     def start(self) -> Array:
-        """Deviation (n, i) of the first state in equilibrium with constant loads: a column for a unit of each load."""
+        """Deviation (n, i) of the first state in equilibrium with constant loads, a column for a unit of each load."""
         A, B = (each[0] for each in self.matrices.transitions(slice(1)))
         return np.linalg.lstsq(np.eye(len(A)) - A, B, rcond=None)[0] if B.shape[1] else np.zeros(B.shape)
 
@@ -116,23 +116,26 @@ class LinearMotion:
         return self.input_units[number] if self.input_units else "N"
 
     def output_number(self, name: str) -> int:
-        """Index of the output called `name`; an InputError is raised for a name that the model does not have."""
+        """Number, from 0, of the output called `name`; raises InputError for a name that the model does not have."""
         return _number(name, self.outputs, "outputs")
 
     def input_number(self, name: str) -> int:
-        """Index of the load called `name`; an InputError is raised for a name that the model does not have."""
+        """Number, from 0, of the load called `name`; raises InputError for a name that the model does not have."""
         return _number(name, self.inputs, "inputs")
 
 
 def _number(name: str, names: Sequence[str], key: str) -> int:
-    """Index of `name` among `names`; if it is not among them, an InputError about the key `key` is raised."""
+    """Number, from 0, of `name` among `names`; raises an InputError about the key `key` if it is not among them."""
     if name not in names:
         raise InputError("observe", key, name, f"one of these is allowed: {', '.join(names)}")
     return names.index(name)
 
 
 class Selection(NamedTuple):
-    """Outputs that were chosen, by name, and how each follows from the columns of a kernel."""
+    """Chosen outputs of a system, with the numbers by which a kernel computes them.
+
+    The fields have an entry for each output.
+    """
 
     names: tuple[str, ...]
     columns: list[int]  # numbers among outputs of the bodies, then forces of the contacts
@@ -228,7 +231,7 @@ def linearize(
 
 
 def gravity_of(scene: Scene, chosen: Selection) -> Array:
-    """Acceleration (q,) in m/s^2 that each of q outputs shows at rest: that of gravity along an accelerometer's axis.
+    """Acceleration (q,) in m/s^2 that each of the q chosen outputs shows at rest, as gravity acts on an accelerometer.
 
     It is zero for outputs that are no specific force.
     """
@@ -240,7 +243,10 @@ def gravity_of(scene: Scene, chosen: Selection) -> Array:
 
 
 def _differentiate(form: SystemForm, excitation: Excitation, chosen: Selection, loads: list[int]) -> LinearSteps:
-    """Compute the linear model of each step of an excitation, of the `chosen` outputs by the loads numbered `loads`."""
+    """Compute the linear model of each step of an excitation: of the `chosen` outputs, by some of the loads.
+
+    `loads` are the numbers of these loads among the drivers of the system in `form`.
+    """
     march = March(form, excitation)
     u = march.sample_drivers(0, excitation.stepping.steps, 1)
     numbers = (np.array(part, np.int32) for part in (chosen.columns, chosen.orders, loads, form.mode_columns))
@@ -252,7 +258,7 @@ def _differentiate(form: SystemForm, excitation: Excitation, chosen: Selection, 
 
 
 def output_sensitivity(reference: LinearMotion, changed: LinearMotion) -> Array:
-    """Differences (T, q) by which a changed parameter changes the q outputs of the reference motion at T steps.
+    """Change (T, q) of the q outputs of a reference motion at T steps by a change of one parameter.
 
     `changed` is the same motion of a system in which one parameter (a stiffness, Young's modulus, a mass) is changed.
     Raises InputError if the two motions have other steps or outputs.

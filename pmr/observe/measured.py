@@ -58,9 +58,10 @@ class ObserverFile:
             raise InputError(str(file), ".".join(map(str, first["loc"])), value, first["msg"].lower()) from None
 
     def observer(self, scene: Scene, system: System, summary: Summary) -> Observer:
-        """Return the observer that this file describes, of a reduced `system` that moves along the paths of `scene`.
+        """Return the observer that this file describes, for a reduced `system` that moves along the paths of `scene`.
 
-        `summary` is the content of the run's ``summary.json``; its errors of outputs count as errors of the model.
+        `summary` is the content of the run's ``summary.json``; the errors that it states for outputs count as errors of
+        the observer's model.
         """
         if self.payload is not None and self.payload.gravity and scene.gravity is not None:
             across = -scene.gravity.acceleration * scene.gravity.direction[2]
@@ -100,7 +101,7 @@ class Observation:
         truth: Mapping[str, tuple[Array, Array]] | None = None,
         title: str = "",
     ) -> Observation:
-        """Estimate from the measurements `measured`; if `leave_out` is true, estimate again without each sensor.
+        """Estimate from measurements; if `leave_out` is true, also compute the bands without each sensor in turn.
 
         `measured` has times (n,) in s and values (n,) by sensor.  The entry of a sensor in `without` of the result has
         the mean standard deviation of each estimate without this sensor, divided by that with all sensors.  There is no
@@ -138,14 +139,14 @@ class Observation:
         return cls(observer, estimates, sampled, observability, without, true, title, beyond)
 
     def summary(self) -> dict[str, Any]:
-        """Summary for ``observe.json``: last estimates, observability, whiteness, alarms, budget, sensors left out.
+        """Content of ``observe.json``: last estimates, observability, whiteness, alarms, budget, sensors left out.
 
         ``first_alarm`` has the time in s of each sensor's first alarm; sensors without an alarm are left out.
-        ``excluded`` has, for each sensor that was excluded, the intervals [from, to] in s in which it was; to is null
-        if it is excluded at the end.  ``payload_drift`` is the first time in s at which the payload's estimate drifts,
-        or null.  ``beyond`` has, for each sensor, how many measured values are not used because the scene's motion does
-        not cover their times.  ``faults`` has sentences on these four.  ``coverage`` and ``rms_error`` have, for each
-        estimate with true values, the share of these within the band of 90 %, and the RMS error.
+        ``excluded`` has, for each sensor that was excluded, the intervals [from, to] in s of its exclusion; to is null
+        if the sensor is excluded at the end.  ``payload_drift`` is the first time in s at which the payload's estimate
+        drifts, or null.  ``beyond`` has, for each sensor, how many measured values are not used because the scene's
+        motion does not cover their times.  ``faults`` has sentences on these four.  ``coverage`` and ``rms_error``
+        have, for each estimate with true values, the share of these values within the band of 90 %, and the RMS error.
         """
         estimates, t = self.estimates, self.estimates.t
         names = (*estimates.unknowns, *estimates.outputs)
@@ -215,7 +216,10 @@ class Observation:
 
 
 def _spans(t: Array, mask: NDArray[np.bool_]) -> list[list[float | None]]:
-    """Intervals [from, to] in s, of the times t (T,), in which a mask (T,) is true; to is None if it stays true."""
+    """Intervals [from, to] in s in which a mask (T,) is true, at the times t (T,) in s.
+
+    If the mask is true at the end, the last interval has None for its end.
+    """
     changes = np.nonzero(np.diff(mask, prepend=False, append=False))[0]
     return [
         [float(t[begin]), float(t[end]) if end < len(t) else None]

@@ -82,7 +82,10 @@ class Payload:
 
 @dataclass(frozen=True)
 class Parameter:
-    """Constant parameter of the model, such as a stiffness, whose unknown value is a multiple of a given change."""
+    """Constant parameter of the model, such as a stiffness, whose effect was computed for a certain change of it.
+
+    Its value is counted in units of this change.
+    """
 
     name: str
     sensitivity: Array  # (T, q): what the change makes of the outputs (`output_sensitivity`)
@@ -135,7 +138,7 @@ class Estimates:
         return self.deviations[:, len(self.outputs) :]
 
     def of(self, name: str) -> Estimate:
-        """Estimate of an output or unknown over time; an InputError is raised for another name."""
+        """Estimate of the output or unknown called `name` at all steps; raises InputError for another name."""
         names = (*self.outputs, *self.unknowns)
         if name not in names:
             allowed = f"one of these is allowed: {', '.join((*self.unknowns, *self.outputs))}"
@@ -154,7 +157,7 @@ class Estimates:
         return float(np.mean((np.abs(truth - mean) <= width * deviation)[comparable]))
 
     def whiteness(self, lags: int = 10) -> dict[str, float]:
-        """p-value of the Ljung-Box test of each sensor's innovations, by the sensor.
+        """p-value of the Ljung-Box test for white innovations, by sensor.
 
         `lags` is the number of lags.  The value is small if the innovations are not white, and NaN for a sensor with no
         more innovations than `lags`.
@@ -282,7 +285,7 @@ class Observer:
         )
 
     def grid(self, measured: Mapping[str, tuple[Array, Array]]) -> Array:
-        """Measurements (T, p) at the model's steps, NaN where there is none.
+        """Measurements (T, p) of the p sensors at the model's T steps, NaN where nothing was measured.
 
         `measured` has times (n,) in s and values (n,) by the sensors' outputs; each value counts at the nearest step.
         Raises InputError for a name that no sensor has, for times and values of different lengths, and if there is no
@@ -302,7 +305,10 @@ class Observer:
         return values
 
     def run(self, measured: Mapping[str, tuple[Array, Array]]) -> Estimates:
-        """Estimate outputs and unknowns from `measured`, the argument of `grid`; raises InputError as `grid`."""
+        """Estimate outputs and unknowns from measurements, at the steps of the model.
+
+        `measured` has times (n,) in s and values (n,) by the sensors' outputs; InputErrors are those of `grid`.
+        """
         watched = watch(self.kalman_filter(), self.grid(measured), self.model.step)
         unknown = slice(self._first_unknown, self._first_unknown + len(self.unknowns))
         means, deviations = watched.states[:, unknown], np.sqrt(np.maximum(watched.state_variances[:, unknown], 0.0))
@@ -325,7 +331,7 @@ class Observer:
         )
 
     def observability(self) -> dict[str, float]:
-        """Standard deviation of each unknown at the end of the motion, divided by that before, by the unknown's name.
+        """Standard deviation of each unknown after the motion, over that before it, by the unknown's name.
 
         The ratio follows from covariances alone, with all sensors at all steps, and not from measurements.  If it is
         near 1, the sensors can't tell the unknown.
@@ -339,7 +345,7 @@ class Observer:
         return dict(zip(self.unknowns, ratios.tolist(), strict=True))
 
     def kalman_filter(self) -> KalmanFilter:
-        """Return the Kalman filter of all steps, in its state at the start of the motion."""
+        """Return the kernel's Kalman filter for all steps of the model, in its state at the start of the motion."""
         model, shape = self.model, (*self.model.reference.shape, len(self.parameters))
         sensitivity, growth = np.zeros(shape), np.zeros(shape)
         for j, parameter in enumerate(self.parameters):
@@ -422,6 +428,9 @@ class Observer:
 
 
 def _follows(events: NDArray[np.bool_], steps: float) -> NDArray[np.bool_]:
-    """Mask (T,): where one of the `events`, the true entries of a mask (T,), was at most `steps` steps before."""
+    """Mask (T,) of the steps that follow an event by at most `steps` steps, the event's step included.
+
+    `events` (T,) is the mask of the steps with an event.
+    """
     at = np.where(events, np.arange(len(events)), -np.inf)
     return np.arange(len(events)) - np.maximum.accumulate(at) <= steps

@@ -70,7 +70,7 @@ class ParameterObserver:
             raise InputError("observe", "values", len(self.values), allowed)
 
     def _check_numbers(self) -> None:
-        """Refuse arrays of other shapes than (p,) and (k, p), and numbers that are no values of parameters."""
+        """Raise InputError for wrong names, shapes of arrays, numbers or `temper`, as the class says."""
         p, numbers = len(self.names), {"mean": self.mean, "deviation": self.deviation, "values": self.values}
         if not p or len(set(self.names)) < p:
             raise InputError("observe", "names", tuple(self.names), "a different name of each parameter is allowed")
@@ -96,7 +96,10 @@ class ParameterObserver:
         return np.concatenate([np.ones((*u.shape[:-1], 1)), u, u[..., i] * u[..., j]], axis=-1)
 
     def run(self, measured: Mapping[str, tuple[Array, Array]]) -> Estimates:
-        """Estimate outputs, unknowns and then the parameters; `measured` is that of `Observer.grid`."""
+        """Estimate outputs, unknowns and then the p parameters, at the steps of the models.
+
+        `measured` has times (n,) in s and values (n,) by the sensors' outputs, as for `Observer.run`.
+        """
         every, p = [observer.run(measured) for observer in self.observers], len(self.names)
         first, models = every[0], (self.values - self.mean) / self.deviation
         fit = np.linalg.pinv(self._terms(models))

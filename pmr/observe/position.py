@@ -48,7 +48,7 @@ class PlaceModels:
 
 
 class SensorModes(NamedTuple):
-    """Modes of a body with a sensor at S places of a path.
+    """Modes of a body with a sensor mounted at each of S places of a path.
 
     The frequencies of each place ascend.  The mass includes that of the sensor.
     """
@@ -84,7 +84,7 @@ def place_models(
     rows: Sequence[ArrayLike] = (),
     fixed: Mapping[float, float] | None = None,
 ) -> PlaceModels:
-    """Return the models at all places of a state space with one path, for an accelerometer where a load acts.
+    """Return the models at all places of a state space with one path, for an accelerometer at the point of a load.
 
     Parameters
     ----------
@@ -152,9 +152,10 @@ def place_models(
 
 
 class SlidingNoise(NamedTuple):
-    """Power of the vibration that a slider excites, the `activity`, which grows with the third power of its speed v.
+    """Relation of the speed v of a slider to the power P of the vibration that its motion excites.
 
-    The power P has the likelihood ``exp(-trust / 2 ln^2((P + rest) / (rest + moving |v|^3)))``.
+    P, the `activity` of a `PositionObserver`, grows with the third power of v.  It has the likelihood ``exp(-trust / 2
+    ln^2((P + rest) / (rest + moving |v|^3)))``.
     """
 
     moving: float = 1.0  # power at 1 m/s
@@ -162,7 +163,7 @@ class SlidingNoise(NamedTuple):
     trust: float = 0.0  # 0: the power tells nothing of the speed
 
     def likelihood(self, power: Array, speeds: Array) -> Array:
-        """Logarithms (T, D) of the likelihoods of D `speeds` (D,) in m/s, at T steps with the powers `power` (T,)."""
+        """Logarithms (T, D) of the likelihoods of D speeds (D,) in m/s, at T steps with the vibration's power (T,)."""
         expected = self.rest + self.moving * np.abs(speeds) ** 3
         return np.asarray(-0.5 * self.trust * np.log((power[:, None] + self.rest) / expected) ** 2)
 
@@ -187,7 +188,7 @@ class PositionSettings:
 
 
 class Band(NamedTuple):
-    """Lower and upper end (T,) in m of a band of positions."""
+    """Lower and upper end (T,) in m of a band of positions at T steps."""
 
     low: Array
     high: Array
@@ -195,7 +196,7 @@ class Band(NamedTuple):
 
 @dataclass(frozen=True)
 class Positions:
-    """Position at T steps with its band, mean states, and further outputs of the most likely place."""
+    """Estimated position at T steps as probabilities of S places, mean states, and outputs of the likeliest place."""
 
     places: Array  # (S,) m
     probability: Array  # (T, S)
@@ -297,8 +298,8 @@ class PositionObserver:
     def _changes(self, count: int, start: float) -> Array:
         """Transition matrix (D, D) of a step between D = `count` speeds, in ascending order with rest in the middle.
 
-        Entry (d, e) is the chance to change from speed d to speed e; each row adds up to 1.  Rest is left with the
-        chance `start`, any other speed with the setting `turn`, for each of its neighbours alike.
+        Entry (d, e) is the chance to change from speed d to speed e; each row adds up to 1.  The chance to change from
+        rest is `start`, from any other speed the setting `turn`; neighbouring speeds share it equally.
         """
         W = np.zeros((count, count))
         for d in range(count):

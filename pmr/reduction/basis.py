@@ -64,9 +64,9 @@ class Basis:
 
     @property
     def accuracy(self) -> float:
-        """Relative round-off to expect in the last vector, eps sigma_1 / sigma_r.
+        """Relative round-off to expect in the last basis vector: eps sigma_1 / sigma_r, with the machine precision eps.
 
-        Equations that all snapshots satisfy exactly, such as zeros at a support, V satisfies up to about this value.
+        V satisfies equations that all snapshots satisfy exactly, such as zeros at a support, up to about this value.
         """
         return float(np.finfo(float).eps * self.sigma[0] / self.sigma[self.size - 1])
 
@@ -76,7 +76,7 @@ class Basis:
 
 
 def kappa(sigma: Array, r: int) -> float:
-    """Share of the sum of k values sigma^2 (k,) that is in the first r singular values.
+    """Share of the sum of the squares of k singular values `sigma` (k,), descending, that is in the first r of them.
 
     The complement is summed, so that 1 - kappa keeps its digits.  Benner, Gugercin, Willcox 2015, section 3.1.
     """
@@ -92,7 +92,7 @@ def pod(
     solver: str = "auto",
     rigid_count: int = 0,
 ) -> Basis:
-    """POD of a pool, truncated to `size` vectors; collective.
+    """Basis by proper orthogonal decomposition of a pool of snapshots, truncated to `size` vectors; collective.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def pod(
 
 
 def modal_basis(modes: Snapshots) -> Basis:
-    """Basis of the M-orthonormal eigenmodes `modes`; all singular values in the mass product are set to 1."""
+    """Basis of the M-orthonormal eigenmodes in `modes`, unchanged; all singular values are set to 1."""
     return Basis(modes.S, np.ones(modes.S.getSize()[1]), "mass")
 
 
@@ -183,16 +183,16 @@ def with_rigid_modes(
 
 
 class _SingularVectors(NamedTuple):
-    """Vectors (n_local, k) and singular values (k,)."""
+    """Left singular vectors (n_local, k), this rank's part, and singular values (k,)."""
 
     vectors: Array
     values: Array
 
 
 def _dense_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> _SingularVectors:
-    """Vectors (n_local, k) and singular values (k,), descending, of S by LAPACK on rank 0, in the product of M.
+    """Left singular vectors (n_local, k) and values (k,) of S (n, k), in the product of M, by LAPACK on rank 0.
 
-    There are k vectors.  M is None for the Euclidean product.
+    The values are descending.  M is None for the Euclidean product.  Collective.
     """
     comm = S.comm.tompi4py()
     shares = comm.gather(np.array(S.getDenseArray()), root=0)
@@ -212,10 +212,10 @@ def _dense_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> _SingularVectors:
 
 
 def _distributed_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> _SingularVectors:
-    """Vectors (n_local, k) and singular values (k,), descending, of S by Gram-Schmidt, in the product of M.
+    """Left singular vectors (n_local, k) and values (k,) of S (n, k), in the product of M, by Gram-Schmidt.
 
-    S = Q R is computed by orthogonalising twice; then R = U Sigma W^T gives V = Q U.  M is None for the Euclidean
-    product.
+    S = Q R is computed by orthogonalising twice; then R = U Sigma W^T gives V = Q U. The values are descending.  M is
+    None for the Euclidean product.  Collective.
     """
     Q, comm = np.array(S.getDenseArray(), order="F"), S.comm.tompi4py()
     k = Q.shape[1]
@@ -239,7 +239,7 @@ INDEPENDENT, NEARLY_DEPENDENT = 1e-9, 1e-4
 
 
 def reduced_model(model: FullModel, basis: Basis, provenance: dict[str, object]) -> ReducedModel:
-    """Galerkin projection of a model on the basis V, without the supports that V satisfies; same on every rank.
+    """Galerkin projection of a model on a basis V, without rows of supports that V satisfies; the same on every rank.
 
     The result consists of V^T A V for A = M, D, K and the model's `matrices`, and of V^T B, O V and C(s) V. Fixed rows
     that every basis vector satisfies (supports, for eigenmodes) are left out and named in the result.  The result keeps
@@ -290,9 +290,9 @@ def galerkin(model: FullModel, basis: Basis, provenance: dict[str, object]) -> R
 
 
 def _rigid_work(model: FullModel) -> Array | None:
-    """Work R^T B (k, i) of the inputs on the k rigid motions R; None for a model with clamps or unknown R.
+    """Work R^T B (k, i) of unit inputs on the k rigid motions R of the model; collective.
 
-    Collective.
+    None is returned for a model with clamps, or if its rigid motions are not known.
     """
     if model.rigid is None or not model.rigid.complete:
         return None
@@ -300,7 +300,7 @@ def _rigid_work(model: FullModel) -> Array | None:
 
 
 def without_rows(model: ReducedModel, numbers: Sequence[int]) -> ReducedModel:
-    """Return the model without the rows of these `numbers`; their names are added to `left_out`."""
+    """Return the model without the rows with these `numbers`; the names of the rows are added to its `left_out`."""
     numbers_left = [i for i in range(len(model.row_names)) if i not in numbers]
     left_out = (*model.left_out, *(model.row_names[i] for i in numbers))
     return replace(model.with_rows(numbers_left), left_out=left_out)
@@ -327,10 +327,10 @@ def with_held_coordinates(model: ReducedModel) -> ReducedModel:
 
 
 def _check_rank(model: ReducedModel) -> None:
-    """Raise an InputError if rigid rows depend on each other at a path coordinate; log a warning if they nearly depend.
+    """Raise an InputError if rigid rows depend on each other at a path coordinate; warn if they nearly do.
 
-    The ends of the path are not checked: there a slider may be on a support.  Rows of pads with a stiffness may depend
-    on each other: these pads share the force according to their stiffness.
+    The warning is logged.  The ends of the path are not checked: there a slider may be on a support.  Rows of pads with
+    a stiffness may depend on each other: these pads share the force according to their stiffness.
     """
     rigid = np.flatnonzero(model.row_compliance == 0.0)
     names, (low, high) = [model.row_names[i] for i in rigid], model.domain

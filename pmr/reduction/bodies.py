@@ -135,7 +135,8 @@ class Reduction:
 
         .. math:: p = (V^T X V)^{-1} V^T X q, \qquad X = M \text{ or } I
 
-        `q` has all n coordinates, the same on every rank.  For a boom, `body` is the name of a section.
+        `q` has all n coordinates, the same on every rank.  The result has the further axes of q.  `body` is the name of
+        a section of a boom; without it, the scene's single body is meant.
         """
         V, model = self._recovery(body).V, self.built[body].model
         XV = times(model.M, V) if self.bodies[body].basis.product == "mass" else V
@@ -147,9 +148,9 @@ class Reduction:
         return Recovery(self.built[body].model, self.bodies[body].V, self.bodies[body].model)
 
     def _gather_rows(self, body: str, local: Array) -> Array:
-        """Whole array (n, ...) on every rank, of which each rank has the part `local` (n_local, ...).
+        """Gather an array (n, ...) on every rank from the part `local` (n_local, ...) of its rows that each rank has.
 
-        `body` is the name of the body whose ranks take part.
+        The ranks are those of the full model of the body called `body`.
         """
         return np.concatenate(self.built[body].model.comm.allgather(local))
 
@@ -166,16 +167,18 @@ class Reduction:
 
 
 def with_stress_flags(scene: Scene, bodies: Mapping[str, ReducedBody]) -> dict[str, ReducedBody]:
-    """Bodies by name, with `stressed` true if terms of second order of the scene's frame act on the scene's bodies."""
+    """Bodies by name, each with `stressed` set to whether terms of second order of the scene's frame act."""
     stressed = any(frame_terms(scene))  # a body that is not changed keeps its simulated model
     return {n: body if body.stressed == stressed else replace(body, stressed=stressed) for n, body in bodies.items()}
 
 
 def join_bodies(scene: Scene, bodies: Mapping[str, ReducedBody]) -> System:
-    """System of a scene's bodies as simulations need it; its `on_modes` has the bodies without cylinder modes.
+    """System of a scene's reduced bodies as simulations need it.
 
-    Its provenance is the scene's.  For a single body without terms, the body's own provenance is taken, so that the
-    kernel moves the body with a frame, both in the run and after saving and loading.
+    Its `on_modes` has the models of those bodies that simulations extend by cylinder modes or by modes without inertia,
+    as they are before, if errors can be estimated with them.  Its provenance is the scene's.  For a single body without
+    terms, the body's own provenance is taken, so that the kernel moves the body with a frame, both in the run and after
+    saving and loading.
     """
     bodies = with_stress_flags(scene, bodies)
     joined_system = system_of(scene, {name: body.model for name, body in bodies.items()})
@@ -220,7 +223,7 @@ def reduce_bodies(
 
 
 def cached_body(scene: Scene, model: FullModel, cache: Cache | None, clock: Clock | None = None) -> ReducedBody:
-    """Reduced single body, from the cache or, if it is not stored there, made by `reduce_body` and stored; collective.
+    """Reduced single body of a scene from the cache; if it is not there, made by `reduce_body` and stored; collective.
 
     A stored body gets the provenance of this scene.  If `cache` is None, the body is made and not stored.  `clock`
     measures the time of each stage.
@@ -240,9 +243,11 @@ def cached_body(scene: Scene, model: FullModel, cache: Cache | None, clock: Cloc
 def reduce_body(
     scene: Scene, model: FullModel, clock: Clock | None = None, vectors: Vectors | None = None
 ) -> ReducedBody:
-    """Reduce the full model of a single body as the scene asks, or on a basis of `vectors`, if given; collective.
+    """Reduce the full model of a scene's single body; collective.
 
-    `clock` measures the time of each stage.
+    The basis is the one that the scene chooses, or made from the user's `vectors` if these are not None.  `clock`
+    measures the time of each stage.  The result has the attachment modes of the scene's ports, and reactions of rigid
+    supports.
     """
     clock = clock or Clock()
     with clock.stage("snapshots"):
@@ -259,7 +264,7 @@ def reduce_body(
 
 
 def _reduce_section(scene: Scene, member: Member, model: FullModel, cache: Cache | None) -> ReducedBody:
-    """Reduced section on free modes and carriers, from the cache or, if it is not stored there, made and stored.
+    """Reduced section on free modes and carriers, from the cache; if it is not there, made and stored; collective.
 
     If `cache` is None, nothing is read or stored.  Enrichment modes are added in two cases: an error is estimated, or
     terms that vary in time may act.  Inertia on carriers is added if an error is estimated.  A section is stored with
@@ -285,7 +290,7 @@ def _reduce_section(scene: Scene, member: Member, model: FullModel, cache: Cache
 
 
 def _without_flexibility(model: ReducedModel) -> ReducedModel:
-    """Return the model without residual flexibility."""
+    """Return the model of a section without residual flexibility, of its rows and on its carriers."""
     assert model.carriers is not None  # section models have carriers
     return replace(model, flexibility=None, carriers=replace(model.carriers, flexibility=None, answers=None))
 

@@ -53,7 +53,7 @@ class ReducedBody:
 
     @property
     def has_error_estimate(self) -> bool:
-        """Whether errors can be estimated with `modal`, which takes the inertia of the residual part."""
+        """Whether errors can be estimated with `modal`, that is, whether its carriers have residual inertia."""
         return self.modal.carriers is not None and self.modal.carriers.inertia is not None
 
     @cached_property
@@ -103,7 +103,10 @@ def structure_text(scene: Scene) -> str:
 
 
 class SystemFiles(NamedTuple):
-    """Paths of two files of a scene: one shows that its system is stored, the other holds the refusal to reduce it."""
+    """Paths of two files about the system of a scene.
+
+    The first file exists if the system is stored, the second if it is stored that the scene can't be reduced, and why.
+    """
 
     stored: Path
     refusal: Path
@@ -111,7 +114,7 @@ class SystemFiles(NamedTuple):
 
 @dataclass(frozen=True)
 class SystemCache:
-    """Folder in which the reduced systems of scenes are stored that are compared with one scene."""
+    """Folder that stores the reduced systems of scenes that have the full model of one scene, and arrays about them."""
 
     folder: Path
     content: str  # digest of the scene's full model, see `model_digest`
@@ -137,10 +140,10 @@ class SystemCache:
         return system
 
     def arrays(self, kind: str, request: Mapping[str, object], make: Callable[[], Array]) -> Array:
-        """Return the array (any shape) of this kind for this request, from the cache or made by `make`; collective.
+        """Return the array (any shape) of a `kind` for a `request`, from the cache or made by `make`; collective.
 
-        If the array is not stored, `make` is called on all ranks, and the result is stored.  All ranks get the same
-        array.
+        `request` holds all that the array depends on beside the full model.  If the array is not stored, `make` is
+        called on all ranks, and the result is stored.  All ranks get the same array.
         """
         file = self._file(kind, request)
         stored = self._read(file)
@@ -161,14 +164,17 @@ class SystemCache:
         return SystemFiles(self._file("system", request), self._file("unheld", request | {"end": scene.time.end}))
 
     def _file(self, kind: str, request: Mapping[str, object]) -> Path:
-        """Path of the file for this kind of content and this request."""
+        """Path of the file that stores the content of a `kind` for a `request`.
+
+        The request holds all that the content depends on beside the full model.
+        """
         text = repr((self.content, sorted(request.items())))
         return self.folder / f"{kind}-{hashlib.blake2b(text.encode(), digest_size=12).hexdigest()}.npz"
 
     def _load(self, load: Callable[[Path], Content], file: Path) -> Content | None:
-        """Model or system, on every rank, that `load` reads from the file that belongs to `file`.
+        """Model or system, on every rank, that `load` reads from the file beside `file` (`_model_file`); collective.
 
-        If it is not sound, a warning is logged and None is returned.  Collective.
+        If that file can't be read, a warning is logged and None is returned.
         """
         loaded = None
         if self.comm.rank == 0:
@@ -204,7 +210,7 @@ class SystemCache:
 
 @dataclass(frozen=True)
 class Cache(SystemCache):
-    """Folder in which the results for one full model are stored."""
+    """Folder in which results are stored that follow from one full model."""
 
     model: FullModel
 
@@ -232,9 +238,10 @@ class Cache(SystemCache):
         return body
 
     def _load_body(self, file: Path, arrays: Mapping[str, NDArray[Any]]) -> ReducedBody | None:
-        """Body from its model's file and stored `arrays` (S, V, omega, ...); None if the model's file can't be used.
+        """Body from the file of its model and from the arrays that are stored beside it; collective.
 
-        Collective.
+        `arrays` has its snapshots (``S``, ``omega``, ``s``, ``residuals``) and its basis (``V``, ``sigma``).  None is
+        returned if the model's file can't be used.
         """
         model = self._load(ReducedModel.load, file)
         if model is None:
@@ -245,7 +252,7 @@ class Cache(SystemCache):
         return ReducedBody(snapshots, Basis(V, arrays["sigma"], str(arrays["product"])), model)
 
     def _gather_rows(self, tall_matrix: PETSc.Mat) -> Array:
-        """The whole of a distributed matrix, `tall_matrix` (n, k), as an array on rank 0; collective.
+        """Whole matrix (n, k) on rank 0, as an array, of the distributed `tall_matrix`; collective.
 
         On other ranks the result is an array without entries.
         """

@@ -81,7 +81,7 @@ class FreeBody:
         return np.asarray(far <= RIGID**2 * size)
 
     def solve(self, g: Array) -> Array:
-        """Product K^+ g (n_local, k), this rank's part, for k self-equilibrated loads g (n_local, k); collective.
+        """Solutions K^+ g (n_local, k), this rank's part, for k self-equilibrated loads g (n_local, k); collective.
 
         The array g may be overwritten.
         """
@@ -91,9 +91,9 @@ class FreeBody:
         return self._solver.solve(g)
 
     def elastic_modes(self, count: int) -> Eigenpairs:
-        """Values 1/omega^2 and vectors of the `count` lowest elastic modes, or of all if there are fewer.
+        """Eigenpairs, with values 1/omega^2, of the `count` lowest elastic modes, or of all if there are fewer.
 
-        A ConvergenceError is raised if some of these do not converge.
+        A ConvergenceError is raised if some of these modes do not converge.
         """
         loads = np.random.default_rng(7).uniform(-1.0, 1.0, (self.model.size, BLOCK))[self.model.share]
         dimension = self.model.size - len(fixed_rows(self.model)) - self.Z.shape[1]
@@ -140,7 +140,7 @@ RIGID = 1e-6
 
 
 def fixed_rows(model: FullModel) -> tuple[Row, ...]:
-    """Rows that are rigid, hold both ways and don't depend on s: they still hold with sliders and pads released."""
+    """Rows of supports that hold with sliders and pads released: rigid, holding both ways, the same at every s."""
     return tuple(row for row in model.rows.rows if row.is_fixed)
 
 
@@ -164,7 +164,10 @@ def rigid_modes(model: FullModel) -> Array:
 
 
 def _motion_measures(model: FullModel, R: Array) -> Array:
-    """Values (h, k) of h fixed rows for k motions R (n_local, k), of which each rank has its part; collective."""
+    """Values (h, k) of the h fixed rows of a model for k motions R (n_local, k); collective.
+
+    R is this rank's part of the motions.
+    """
     first = model.M.getOwnershipRange()[0]
     rows = [row.project(R, first).c[-1, 0] for row in fixed_rows(model)]
     return np.asarray(model.comm.allreduce(np.reshape(rows, (len(rows), R.shape[1]))))
@@ -182,17 +185,18 @@ def _null_space(rows: Array) -> Array:
 
 
 def support_motions(body: FreeBody) -> Array | None:
-    r"""Unit motions Phi (n_local, h) of h rigid supports, this rank's part; None without rigid supports; collective.
+    r"""Unit motions Phi (n_local, h) of the h rigid supports of a body, this rank's part; collective.
 
-    C_f are the rows of the supports and Z the rigid-body modes.  The motions satisfy C_f Phi = I and Z^T M Phi = 0, and
-    Phi^T K q = 0 for all q with C_f q = 0:
+    In motion j, support j moves by 1 and all others by 0.  None is returned if there are no rigid supports, or if the
+    model's rigid motions are not known.  C_f are the rows of the supports and Z the rigid-body modes.  The motions
+    satisfy C_f Phi = I and Z^T M Phi = 0, and Phi^T K q = 0 for all q with C_f q = 0:
 
     .. math::
         \Phi = P (\Phi_0 - K^+ K \Phi_0), \qquad \Phi_0 = R N + C_f^T (C_f C_f^T)^{-1} (I - C_f R N), \qquad
         N = (C_f R)^+
 
-    R are the rigid motions, and P removes the share of Z.  If rigid motions are enough, as on statically determinate
-    supports, no solve is needed.  None is also returned if the model's rigid motions are not known.
+    R are the rigid motions, and P removes the share of Z. If rigid motions are enough, as on statically determinate
+    supports, no solve is needed.
     """
     model = body.model
     held = fixed_rows(model)

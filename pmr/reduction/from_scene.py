@@ -37,7 +37,7 @@ DEPENDENT = 1e-10
 
 
 def vectors_from_file(model: FullModel, file: Path) -> Snapshots:
-    """Snapshots from a file: the array ``V`` (n, k) of an npz file on the full model's n coordinates.
+    """Snapshots from a file of the user: the array ``V`` (n, k) in an npz file, for the model's n coordinates.
 
     Every rank reads the file.  An InputError is raised if it has no such array, or one with another number of rows,
     without columns or with entries that are not finite.
@@ -94,25 +94,26 @@ def vectors_from_package(model: FullModel, choice: Reduction) -> Snapshots:
 
 
 def _are_vectors(model: FullModel, V: Array, rows: int) -> bool:
-    """Whether V is an array (`rows`, any) of finite columns, at least one, on every rank; collective."""
+    """Whether V is, on every rank, an array (`rows`, k) of finite numbers with one column or more; collective."""
     fits = V.ndim == 2 and V.shape[0] == rows and V.shape[1] > 0 and bool(np.isfinite(V).all())
     return all(model.comm.allgather(fits))
 
 
 def _snapshots(model: FullModel, local: Array, source: str) -> Snapshots:
-    """Snapshots, with the given `source`, from k vectors `local` (n_local, k), this rank's part.
+    """Snapshots from k vectors of a user, `local` (n_local, k), this rank's part; `source` says where they come from.
 
-    Their frequencies, positions and residuals are not known: NaN.
+    Their frequencies, positions and residuals are not known, and set to NaN.
     """
     unknown = np.full(local.shape[1], np.nan)
     return Snapshots(tall(np.ascontiguousarray(local), model.M), unknown, unknown, unknown, source)
 
 
 def basis_of_vectors(model: FullModel, vectors: Snapshots, choice: Reduction, size: int | None) -> Basis:
-    """Basis of the first `size` independent vectors (None: all), each made orthonormal to those before; collective.
+    """Basis of the first `size` independent vectors, each made orthonormal to those before; collective.
 
-    If `choice` adds flexibility, rigid-body modes come first, because flexibility can't replace them.  All singular
-    values are 1: the vectors have no known weight.  An InputError is raised if there are fewer independent vectors.
+    If `size` is None, all independent vectors are taken.  If `choice` adds flexibility, rigid-body modes come first,
+    because flexibility can't replace them.  All singular values are 1: the vectors have no known weight.  An InputError
+    is raised if there are fewer independent vectors.
     """
     V = np.array(vectors.S.getDenseArray())
     largest = np.max(model.comm.allgather(np.abs(V).max(axis=0, initial=0.0)), axis=0)
@@ -196,7 +197,7 @@ def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
 
 
 def provenance(scene: Scene, basis: Basis, number: int = 0) -> dict[str, Any]:
-    """Return how the reduced model of the scene's body with the given `number` was made.
+    """Return from what the reduced model of the body with the `number`, from 0, in the scene was made.
 
     The keys are those of `Scene.provenance`, and ``basis``, ``versions`` and ``kappa``, the share of the snapshots'
     squared norm that is in the basis.  The recorded scene of a section is that of a single body with the pads of its
@@ -260,7 +261,7 @@ def project(scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, ob
 
 
 def enrichment_of(scene: Scene, choice: Reduction, model: FullModel) -> int:
-    """Number of modes to compute beyond the coordinates, for the estimate of the error or as modes without inertia.
+    """Number of enrichment modes: modes beyond the coordinates, for estimates of errors or as modes without inertia.
 
     - If errors are estimated for a tolerance or a budget: `SEARCHED_MODES`, or `SEARCHED_OF_SECTIONS` for a section
       of a boom.  A coarse mesh has fewer, so that a quarter of its modes stays unused, but never fewer than
@@ -291,12 +292,12 @@ def with_array_basis(scene: Scene) -> Scene:
 
 
 def may_be_stressed(scene: Scene) -> bool:
-    """Whether terms of second order may act on the bodies of a scene."""
+    """Whether terms of second order, as of axial forces in a moving frame, may act on the bodies of a scene."""
     return scene.frame is not None and bool(scene.frame.second_order)
 
 
 def description(choice: Reduction, basis: Basis) -> str:
-    """The basis that `choice` names described in words, with the unit of the reduced coordinates."""
+    """Description in words of the basis that `choice` names, with the unit of the reduced coordinates."""
     if choice.is_external:
         rigid = "rigid-body modes and " if choice.flexibility else ""
         of = {"file": "from a file", ARRAY: "given as an array"}.get(choice.basis, f"of {choice.basis}")

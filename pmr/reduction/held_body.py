@@ -41,7 +41,7 @@ from pmr.system.soundness import symmetric_part
 
 
 def held_body(scene: Scene, s: float, count: int) -> NodalBody:
-    """Body of a scene on nodes, with its sliders held at s (m), and its `count` lowest modes; on one rank.
+    """Body of a scene in coordinates of nodes, its sliders held at s (m), with its `count` lowest modes; on one rank.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def held_body(scene: Scene, s: float, count: int) -> NodalBody:
 
 
 def build_at(scene: Scene, s: float) -> AssembledBody:
-    """Full model of a scene on one rank, for holding its sliders at s (m), which is checked to be possible.
+    """Full model of a scene on one rank, after a check that its sliders can be held at the path coordinate s (m).
 
     Raises
     ------
@@ -119,9 +119,10 @@ def nodes_of(model: StructuralModel) -> Indices:
 
 
 def _springs(structure: Structure, s: float) -> sp.csr_matrix:
-    """Sum of c^T c / compliance over the rows c of all supports and pads with a stiffness at s; sparse.
+    """Stiffness in N/m of the springs that hold a structure with its sliders at s (m): supports and pads that give way.
 
-    The matrix (n, n) is on the coordinates of the structural model.
+    The sparse matrix (n, n), on the coordinates of the structural model, is the sum of c^T c / compliance over their
+    rows c.
     """
     size = structure.model.size
     restraints = restrain(structure.pads, structure.model, sp.eye(size, format="csr"))
@@ -164,14 +165,17 @@ FREE = 1e-8
 
 @dataclass(frozen=True)
 class _HeldModel:
-    """Full model with its sliders at s: K contains the stiffness of its springs, and its rigid rows are constant."""
+    """Full model with sliders held at one place.
+
+    K of the full model contains the stiffness of the springs that hold it; `rows` are the rigid rows at this place.
+    """
 
     full: FullModel
     rows: tuple[Row, ...]
 
 
 def framed_body(scene: Scene, s: float, count: int) -> FramedBody:
-    """Body of a scene with its sliders at s (m), with frames at loads and at the tip, and `count` modes; on one rank.
+    """Body of a scene with its sliders at s (m), with frames at loads and the tip and `count` modes; on one rank.
 
     Raises
     ------
@@ -233,7 +237,7 @@ def _hold_body(built: AssembledBody, s: float) -> _HeldModel:
 
 
 def _static_response(model: _HeldModel, G: sp.csr_matrix, solver: str) -> Array:
-    r"""Static displacements Psi (n, 6 F) of a held body if one frame motion is 1 and the others are 0.
+    r"""Static displacements Psi (n, 6 F) of a held body by unit motions of F frames, one at a time.
 
     The rows of G (6 F, n) are the motions of F frames in terms of the body's coordinates:
 
@@ -257,7 +261,7 @@ def _static_response(model: _HeldModel, G: sp.csr_matrix, solver: str) -> Array:
 
 
 def _not_held_error() -> InputError:
-    """Error that supports and pads do not hold the body."""
+    """InputError which says that supports and pads do not hold the body."""
     allowed = "pads and supports that hold the body at s in all directions are allowed: they join it to the first frame"
     return InputError("scene", "supports", None, allowed)
 

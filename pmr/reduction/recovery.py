@@ -94,10 +94,10 @@ class Recovery:
                 self._residual = ResidualFlexibility(body, self.V)
 
     def _cylinder_vectors(self, modal: ResidualFlexibility) -> Array:
-        """Vectors (n_local, a) of the a cylinder modes, this rank's part.
+        """Vectors (n_local, a), this rank's part, of the a cylinder modes of the reduced model.
 
-        The vectors are combinations of responses to a force at the body's tail; `modal` is the flexibility that the
-        modes leave out.
+        A cylinder mode is a combination of responses to the force of a cylinder at the body's tail.  `modal` is the
+        flexibility that the body's other modes leave out.
         """
         carriers, model = self.reduced.carriers, self._model
         assert carriers is not None and carriers.answers is not None
@@ -219,7 +219,7 @@ class Stresses:
 
     @property
     def along_beam(self) -> Array:
-        """P section forces followed by p axial stresses at S times, (S, P + p); only for a beam."""
+        """P section forces, followed by p axial stresses, at S times, as columns (S, P + p); only for a beam."""
         assert self.forces is not None
         return self.forces if self.values is None else np.hstack([self.forces, self.values[:, :, 0]])
 
@@ -309,9 +309,9 @@ def in_blocks(q: Array) -> Iterator[Array]:
 
 @dataclass(frozen=True)
 class RecoveredBody:
-    """Recorded results of a body by model: ``reduced`` and, if its states are known, ``full``.
+    """Fields and stresses of a body by the model that they are of: ``reduced`` and, if its states are known, ``full``.
 
-    For a beam they are kept with what they were recorded by.
+    For a beam, the objects that computed its section forces and full coordinates are stored too.
     """
 
     records: Mapping[str, FieldRecord]
@@ -320,16 +320,16 @@ class RecoveredBody:
 
     @property
     def reduced(self) -> FieldRecord:
-        """Recorded results of the reduced model."""
+        """Fields and stresses of the reduced model."""
         return self.records["reduced"]
 
     @property
     def _stresses(self) -> dict[str, StressHistory]:
-        """Stresses by model; empty for a body without stresses."""
+        """Histories of stresses by model; empty for a body without stresses."""
         return {name: record.stress for name, record in self.records.items() if record.stress is not None}
 
     def summary(self) -> dict[str, Any]:
-        """``max_von_mises`` in Pa, ``stress_peak``, ``stress_by_region`` and ``section_forces``, each a dict by model.
+        """Entries ``max_von_mises`` (Pa), ``stress_peak``, ``stress_by_region`` and ``section_forces``, each by model.
 
         Keys that do not apply to the body are left out: a beam without a profile has no stresses, a shell no section
         forces.
@@ -353,7 +353,7 @@ class RecoveredBody:
         return {name: stress.largest for name, stress in self._stresses.items()}
 
     def envelopes(self) -> dict[str, Envelope]:
-        """Envelopes along a beam, by model."""
+        """Envelopes of section forces and axial stresses along a beam, by model; empty for a body that is no beam."""
         return {name: record.envelope for name, record in self.records.items() if record.envelope is not None}
 
 

@@ -50,7 +50,7 @@ SPANNED = 1e-13
 
 
 def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, object]) -> ReducedModel:
-    """Galerkin projection on `basis` with tables of the flexibility that the basis leaves out; the same on every rank.
+    """Galerkin projection on `basis`, with tables of the flexibility that it leaves out; the same on every rank.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def section_model(
     motions: Array | None = None,
     estimable: bool = True,
 ) -> ReducedModel:
-    """Model of a section on free modes, with its rows on carriers; collective.
+    """Reduced model of a section on free modes, with its rows on carriers (`pmr.system.carriers`); collective.
 
     The result keeps `provenance`, which says how it was made.  The first `coordinates` modes of the basis are the
     model's coordinates, the others are its enrichment modes.  If there are enrichment modes and the model is to be
@@ -133,7 +133,10 @@ def _carrier_measures(model: FullModel, shared_carriers: SharedCarriers, basis: 
 
 
 def _tail_weights(shared_carriers: SharedCarriers) -> Array | None:
-    """Weights (K,) on the carriers of the row that a section's cylinder holds; None if the section has no cylinder."""
+    """Weights (K,), on the K carriers, of the row that a section's cylinder holds.
+
+    None is returned if the section has no cylinder.
+    """
     tail = next((row for row in shared_carriers.rows if row.name == TAIL), None)
     return None if tail is None else np.asarray(tail.weights(tail.breaks[0]).toarray()[0])
 
@@ -141,10 +144,10 @@ def _tail_weights(shared_carriers: SharedCarriers) -> Array | None:
 def _cylinder_responses(
     residual: ResidualFlexibility, shared_carriers: SharedCarriers, flexibility: CarrierFlexibility
 ) -> Array | None:
-    """Responses (n_local, n) to a cylinder's force, this rank's part; None if no cylinder acts on the section.
+    """Responses (n_local, n), this rank's part, to a unit force of a section's cylinder; None without a cylinder.
 
-    The number n of responses is `RICHER` + 1.  The responses are zero if supports hold the body where the cylinder
-    acts.
+    The n = `RICHER` + 1 responses are R c, R M R c and so on, with the row c of the cylinder.  The responses are zero
+    if supports hold the body where the cylinder acts.
     """
     load = _tail_weights(shared_carriers)
     if load is None:
@@ -154,7 +157,10 @@ def _cylinder_responses(
 
 
 class _Span(NamedTuple):
-    """Vectors (n_local, p), and coefficients (p, L) by which they give each of L responses; no vectors if p is 0."""
+    """Vectors (n_local, p) that span L responses, and coefficients (p, L): each response is a sum of the vectors.
+
+    If the vectors are None, p is 0.
+    """
 
     vectors: Array | None
     coefficients: Array
@@ -185,11 +191,11 @@ def _spanning_vectors(residual: ResidualFlexibility, loads: sp.csc_matrix) -> _S
 def _with_matrices(
     carriers: CarrierRows, model: FullModel, vectors: list[Array | None], motions: Array | None
 ) -> CarrierRows:
-    """Rows on carriers with matrices between all `vectors`, ports on these, and work of the matrices on motions.
+    """Return `carriers` with the model's `matrices` between all `vectors`, and with values of ports on these vectors.
 
     `vectors` are blocks of columns (n_local, any), or None for an empty block.  `motions` (n_local, h) belong to h
-    rigid supports; None if there are none.  The work has the shape (h, number of vectors).  Nothing is added for a
-    model without matrices.  Collective.
+    rigid supports, None if there are none; the work of the matrices on them, (h, number of vectors), is added too.
+    Nothing is added for a model without matrices.  Collective.
     """
     if not model.matrices:
         return carriers
@@ -223,7 +229,7 @@ def _cylinder_values(
 
 
 def _with_coordinates(model: ReducedModel, coordinates: int) -> ReducedModel:
-    """Return the model with its first `coordinates` modes as coordinates and the others as enrichment modes.
+    """Return the model with its first `coordinates` modes as coordinates, and its other modes as enrichment modes.
 
     A ValueError is raised unless the basis consists of eigenmodes.
     """
@@ -252,16 +258,16 @@ def _project(residual: ResidualFlexibility, basis: Basis, provenance: dict[str, 
 
 
 def _with_flexibility(reduced: ReducedModel, flexibility: Flexibility) -> ReducedModel:
-    """Return the model `reduced` with this flexibility.
+    """Return the model `reduced` with the residual flexibility `flexibility`.
 
-    Unless the basis consists of eigenmodes, the flexibility is changed by `_with_floor`.
+    Unless the basis consists of eigenmodes, `_with_floor` raises the flexibility where it is too small.
     """
     flexible = replace(reduced, flexibility=flexibility)
     return flexible if is_modal(flexible) else _with_floor(flexible)
 
 
 def _yielding_rows(model: ReducedModel) -> list[int]:
-    """Numbers of the rows at which the body can move or give way; all others are held by its supports everywhere.
+    """Numbers of the rows at which the body can move or give way; its supports hold all other rows everywhere.
 
     A row that the supports hold may have no flexibility on this body, because the contact gives way on its other body.
     """
@@ -274,7 +280,7 @@ def _yielding_rows(model: ReducedModel) -> list[int]:
 
 
 def _rows_on_path(model: FullModel) -> SharedCarriers:
-    """Rows of sliders and pads, on common carriers and common breaks."""
+    """Rows of a model's sliders and pads, on common carriers and with common breaks over the path."""
     return released_rows(model).shared_carriers.align_breaks(model.rows.domain)
 
 
@@ -306,12 +312,12 @@ def _without_round_off(reduced: ReducedModel, residual: ResidualFlexibility, V: 
 
 
 def _with_floor(model: ReducedModel) -> ReducedModel:
-    """Return the model with a least residual flexibility: `FLOOR` times C K^+ C^T, the flexibility of its coordinates.
+    """Return the model with a least residual flexibility: `FLOOR` times C K^+ C^T, which is that of its coordinates.
 
-    It is added to the residual flexibility G of those rows C for which G + 1/k, with the row's stiffness k, is smaller
-    than it anywhere on the path.  If there is no such row, the model is returned unchanged.  Not to be called for free
-    modes: these leave something out everywhere, and on soft supports C K^+ C^T is the flexibility of the supports, far
-    more than that of bending.
+    This least flexibility is added to the residual flexibility G of those rows C for which G + 1/k, with the row's
+    stiffness k, is less anywhere on the path.  If there is no such row, the model is returned unchanged.  Not to be
+    called for free modes: these leave something out everywhere, and on soft supports C K^+ C^T is the flexibility of
+    the supports, far more than that of bending.
 
     A basis of modes with the slider held responds by itself to a force at the held positions, and leaves nothing out
     there.  The stiffness C^T G^-1 C of such a row would drown the body's own stiffness in round-off.  With the floor,
@@ -332,9 +338,9 @@ def _with_floor(model: ReducedModel) -> ReducedModel:
 def check_independence(model: ReducedModel, numbers: list[int] | None = None) -> None:
     """Raise an InputError if the forces on some rows are not determined at one of `RANK_CHECKS` path coordinates.
 
-    They are not if the rows' flexibility G + 1/k, with the residual flexibility G and the stiffnesses k of the pads, is
-    not positive definite.  The rows have the given `numbers`; None stands for all rows.  The ends of the path are not
-    checked: there a slider may be on a support.
+    The forces are not determined if the rows' flexibility G + 1/k, with the residual flexibility G and the stiffnesses
+    k of the pads, is not positive definite.  The rows have the given `numbers`; None stands for all rows.  The ends of
+    the path are not checked: there a slider may be on a support.
     """
     assert model.flexibility is not None
     numbers = list(range(len(model.row_names))) if numbers is None else numbers

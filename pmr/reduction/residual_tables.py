@@ -50,9 +50,10 @@ ROUND_OFF = 100.0
 
 
 class ResidualFlexibility:
-    """Residual flexibility R of a model on its fixed rows, for a basis V (n_local, r), this rank's part; collective.
+    """Residual flexibility R, an operator in m/N, that a basis V (n_local, r) of a model leaves out; collective.
 
-    V has to contain the rigid-body modes that loads or rows excite.
+    V is this rank's part of the basis.  It has to contain the rigid-body modes that loads or rows excite.  The model is
+    held by its fixed rows alone.
     """
 
     def __init__(self, body: FreeBody, V: Array) -> None:
@@ -79,7 +80,7 @@ class ResidualFlexibility:
         return x
 
     def powers(self, c: Array, count: int) -> Array:
-        """The `count` vectors R c, R M R c, ... (n_local, count), this rank's part, of one load c (n_local,).
+        """Vectors R c, R M R c, ... (n_local, `count`), this rank's part, for one load c (n_local,).
 
         Collective.
         """
@@ -101,7 +102,7 @@ def terms(A: PETSc.Mat, X: Array) -> Array:
 
 
 def _diagonalise(model: FullModel, W: Array) -> Array:
-    """Combinations U of the columns W, and K U divided by the diagonal of U^T K U, as one array (2, n_local, k).
+    """Combinations U of the columns W, and K U over the diagonal of U^T K U, as one array (2, n_local, k); collective.
 
     The combinations satisfy U^T M U = I, and U^T K U is diagonal.  For a column that is an eigenvector up to round-off,
     the second result is M U, which is more accurate.  Collective.
@@ -125,7 +126,7 @@ NOTICED = 2**30
 
 
 class SparseProduct:
-    """Products of sparse rows (m, n_local), which touch a few coordinates only, with dense columns."""
+    """Sparse rows (m, n_local) that touch few coordinates, prepared for fast products with dense columns."""
 
     def __init__(self, rows: sp.spmatrix) -> None:
         rows = sp.csr_matrix(rows)
@@ -140,7 +141,7 @@ class SparseProduct:
 class LoadValues:
     """Values on K carriers, i inputs and o outputs of the responses to unit loads on the carriers, then on the inputs.
 
-    `loads` (n_local, K + i) are this rank's part of the loads, `carriers` is K.
+    `loads` (n_local, K + i) are this rank's part of the loads, `carriers` is the number K.
     """
 
     def __init__(self, model: FullModel, loads: sp.csc_matrix, carriers: int) -> None:
@@ -157,7 +158,10 @@ class LoadValues:
         self._on_outputs[:, numbers] = self._outputs.multiply(answers)
 
     def result(self) -> CarrierFlexibility:
-        """Flexibility between all loads, made symmetric, after the responses to all have been stored; collective."""
+        """Flexibility between carriers, inputs and outputs, made symmetric; collective.
+
+        The responses to all loads have to be stored before.
+        """
         pairs, K = self._on_loads, self._carriers
         self._comm.Allreduce(MPI.IN_PLACE, pairs)
         pairs += pairs.T.copy()
@@ -212,11 +216,11 @@ def load_powers(residual: ResidualFlexibility, carriers: sp.csr_matrix, count: i
 def tables(
     flexibility: CarrierFlexibility, shared_carriers: SharedCarriers, domain: tuple[float, float]
 ) -> Flexibility:
-    """Residual flexibility of the rows of `shared_carriers`, with common breaks, as tables in s on `domain` in m."""
+    """Residual flexibility of the rows of `shared_carriers` as piecewise polynomials in s, over `domain` in m."""
     breaks = shared_carriers.rows[0].breaks if shared_carriers.rows else np.array(domain)
     return flexibility.tables(RowPolynomials.from_rows(shared_carriers.rows, breaks))
 
 
 def carrier_loads(model: FullModel, carriers: sp.csr_matrix) -> sp.csc_matrix:
-    """Unit loads (n_local, L) on the carriers, then on the inputs, L together, this rank's part."""
+    """Unit loads (n_local, L), this rank's part: on each carrier (K, n), then on each input; L is their number."""
     return sp.hstack([carriers[:, model.share].T, local_csr(model.inputs)], format="csc")

@@ -63,7 +63,11 @@ class SectionForces:
     """
 
     def __init__(self, built: AssembledBody, cut: Cut) -> None:
-        """Assemble the pieces, between the places of `cut`, of the full model `built`; collective."""
+        """Prepare the whole beam, its pieces between the places of `cut`, and stresses by its section forces.
+
+        `built` is the full model and `cut` its beam, cut into pieces.  For the whole beam the mass matrix is
+        factorised, for the pieces the stiffness of their cuts between nodes.  Collective.
+        """
         self._whole = _WholeBeam(built.model)
         self._pieces = _BeamPieces(built.structure, cut)
         strained = cut.beam.section_forces()
@@ -92,9 +96,10 @@ class SectionForces:
         return np.asarray(displaced @ self._strained.T - on_pieces @ self._ends.T) - self._friction_forces(acting)
 
     def _friction_forces(self, acting: BodyStates | None) -> Array | float:
-        """Normal forces (S, P) in N by friction, between a pad and the tail, where the equations let the friction act.
+        """Normal forces (S, P) in N that the friction of pads causes at the P places of section forces.
 
-        The result is 0 if `acting` is None or has no friction.
+        The friction of a pad acts between the pad and the tail, as the equations of motion let it act at the tail.  The
+        result is 0 if `acting` is None or has no friction.
         """
         if acting is None or acting.friction_forces is None:
             return 0.0
@@ -103,14 +108,14 @@ class SectionForces:
 
 
 class _BeamMotion(NamedTuple):
-    """Acceleration (S, n) in m/s^2 and rad/s^2, and forces (S,) in N or N m of rigid supports by name."""
+    """Acceleration (S, n) in m/s^2 and rad/s^2 of a beam, and forces (S,) in N or N m of its rigid supports by name."""
 
     acceleration: Array
     supports: dict[str, Array]
 
 
 class _WholeBeam:
-    """The whole beam: its acceleration, and the forces of its rigid supports."""
+    """The whole beam, for its acceleration and the forces of its rigid supports under any loads."""
 
     def __init__(self, model: FullModel) -> None:
         """Gather the matrices and rows of the full `model` on every rank; collective."""
@@ -165,7 +170,7 @@ class _BeamPieces:
         self._displacement = sp.csr_matrix(cut.coordinates @ couple(structure).T)
 
     def displacement(self, q: Array) -> Array:
-        """Displacements (S, c) of the c coordinates of the pieces, without delta, for coordinates q (S, n)."""
+        """Displacements (S, c) of the pieces' c coordinates, interpolated from the beam's coordinates q (S, n)."""
         return (self._displacement @ q.T).T
 
     def loads(self, displaced: Array, a: Array, supports: dict[str, Array], acting: BodyStates | None) -> Array:
@@ -183,8 +188,9 @@ class _BeamPieces:
 
 
 def _state_loads(B: sp.csr_matrix, rows: Iterable[Row], acting: BodyStates | None, count: int) -> Array:
-    """Loads B f - C(s)^T lambda (S, n) in S = `count` states, with moments of friction; zeros if `acting` is None.
+    """Loads B f - C(s)^T lambda (S, n) on a beam in S = `count` states, with moments of friction.
 
+    B (n, i) has the inputs; `acting` has the loads and contact forces of the states; the result is zero if it is None.
     Multipliers of rows that are not among `rows` are left out.
     """
     if acting is None:

@@ -64,9 +64,9 @@ def node_set(nodes: int, snapshots: int) -> Indices:
 def positions(scene: Scene, model: FullModel) -> Array:
     """Path coordinates (snapshots,) in m at which the scene asks for snapshots.
 
-    The scene lists them, or names a rule.  ``nodes`` is the node set of the paper (`node_set`), among the nodes at
-    which the first slider may be while all sliders are on the beam.  ``path`` spaces them evenly over the travelled
-    part of the path.  An InputError is raised if two snapshots are at the same node.
+    The scene lists the positions, or names a rule.  ``nodes`` is the node set of the paper (`node_set`), among the
+    nodes at which the first slider may be while all sliders are on the beam.  ``path`` spaces the positions evenly over
+    the travelled part of the path.  An InputError is raised if two snapshots are at the same node.
     """
     choice, count = scene.reduction.positions, scene.reduction.snapshots
     if choice == "nodes":
@@ -178,7 +178,7 @@ def free_modes(
 
 @dataclass(frozen=True)
 class _LowestModes:
-    """The lowest modes that loads and rows can excite; the first `rigid` of them are rigid-body modes."""
+    """Lowest modes of a model that loads and rows can excite; the first `rigid` of them are rigid-body modes."""
 
     modes: Modes
     rigid: int
@@ -214,7 +214,7 @@ def _lowest_modes(body: FreeBody, count: int) -> _LowestModes:
 
 
 def _elastic_modes(fixed_model: FullModel, body: FreeBody, pairs: int) -> Modes:
-    """The elastic modes among the `pairs` lowest modes of `fixed_model`, of which some are rigid-body modes."""
+    """Elastic modes among the `pairs` lowest modes of `fixed_model`, which are counted with the rigid-body modes."""
     if is_dense(fixed_model, body.choice):
         return _remove_rigid_modes(
             fixed_model, body.Z, DenseEigenSolver(fixed_model).lowest(_any_position(fixed_model), pairs)
@@ -229,7 +229,7 @@ def _any_position(fixed_model: FullModel) -> float:
 
 
 def _remove_rigid_modes(fixed_model: FullModel, Z: Array, modes: Modes) -> Modes:
-    """Modes of `fixed_model` that remain of `modes` without the rigid-body modes Z (n_local, c), M-orthogonal to Z.
+    """Modes M-orthogonal to the rigid-body modes Z (n_local, c), from computed `modes` of `fixed_model` that contain Z.
 
     Computed rigid-body modes are rigid to a few digits only, and mix with low elastic ones.  Therefore the M-orthogonal
     complement of Z in the span of all modes is computed, and its modes follow from the frequencies of all modes.  A
@@ -269,7 +269,7 @@ def _bent_modes(model: FullModel, stress: Sequence[PETSc.Mat], modes: Modes, num
 
 
 def _relative_work(model: FullModel, phi: Array) -> Array:
-    """Work (a, k) of loads and released rows on k modes phi (n_local, k), each over its largest work on any mode.
+    """Work (a, k) of loads and released rows on k modes phi (n_local, k), each row over its largest entry.
 
     Collective.  Each of the a rows belongs to a load or to a power of a released row; a row that works on none of the
     modes is zero.
