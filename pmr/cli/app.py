@@ -108,7 +108,7 @@ app.command("compile")(compile_)
 
 
 def _version(is_given: bool) -> None:
-    """Print pmr's version and exit if the option is given; otherwise do nothing."""
+    """Print pmr's version and exit if the option ``--version`` is given; otherwise do nothing."""
     if is_given:
         out.text(f"pmr {environment.package_versions()['pmr']}")
         raise typer.Exit
@@ -119,7 +119,7 @@ def _before_any_command(
     version: Annotated[bool, Option("--version", callback=_version, is_eager=True, help="Print the version.")] = False,
     quiet: Annotated[bool, Option("--quiet", help="Print errors only.")] = False,
 ) -> None:
-    """Set whether only errors are printed."""
+    """Set whether only errors are printed; called before any command."""
     out.quiet = quiet
 
 

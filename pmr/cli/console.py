@@ -115,7 +115,7 @@ def report_failure_message(error: Exception, folder: Path) -> str:
 
 
 def prepare_folder(folder: Path, ours: Sequence[str] = ()) -> None:
-    """Create a folder that does not exist, and check that results can be written to the folder.
+    """Create `folder` if it does not exist, and check that results can be written into it.
 
     Raises InputError in three cases:
 
@@ -162,7 +162,7 @@ def check_output_file(file: Path, *read: Path) -> None:
 
 
 def scene_file(path: Path) -> Path:
-    """Return a scene file: `path` itself, `scene.toml` in that folder, or a workflow of that name.
+    """Return the scene file that `path` names: itself, `scene.toml` in this folder, or a workflow of this name.
 
     Raises InputError if it is a study.
     """
@@ -178,10 +178,10 @@ def is_study(path: Path) -> bool:
 
 
 def study_file(path: Path) -> Path:
-    """Return a study file: `path` itself, `study.toml` in that folder, or a workflow of that name.
+    """Return the study file that `path` names: itself, `study.toml` in this folder, or a workflow of this name.
 
-    For an experiment of the paper by Weyrer et al. (docs/paper.md), the path of its script is returned.  Raises
-    InputError if the file is a scene.
+    For the name of an experiment of the paper by Weyrer et al.  (docs/paper.md), the path of its script is returned.
+    Raises InputError if the file is a scene.
     """
     from pmr.scene.tomlfiles import experiments
 

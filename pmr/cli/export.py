@@ -73,10 +73,10 @@ def export(
 
 
 def read_unit_observer(file: Path, model: Path) -> UnitObserver:
-    """Observer for an FMU, from a file that describes it and the saved system `model`, with the scene stored there.
+    """Observer for an FMU, from a `file` that describes it and the saved system `model`, with its stored scene.
 
     The errors of the model are those in ``summary.json`` in the folder of the model, if it is there.  Raises InputError
-    for a model without its scene, and as `ObserverFile.observer`.
+    for a model without its scene, and for all that `ObserverFile.observer` refuses.
     """
     import numpy as np
 
@@ -174,10 +174,10 @@ def matrices(
         Path | None,
         Option(metavar="FILE", help="Nodes and groups: .inp, .bdf, .csv.  [default: .inp beside it; of .bdf itself]"),
     ] = None,
-    stiffness_name: Annotated[str, Option(metavar="NAME", help="Of several matrices in a file of Nastran.")] = "",
-    mass_name: Annotated[str, Option(metavar="NAME", help="The same, of the mass.")] = "",
+    stiffness_name: Annotated[str, Option(metavar="NAME", help="Stiffness in a file of several matrices.")] = "",
+    mass_name: Annotated[str, Option(metavar="NAME", help="Mass in a file of several matrices.")] = "",
     damping: Annotated[Path | None, Option(metavar="FILE", help="Viscous damping.  [default: none]")] = None,
-    damping_name: Annotated[str, Option(metavar="NAME", help="The same, of the damping.  [of STIFFNESS itself]")] = "",
+    damping_name: Annotated[str, Option(metavar="NAME", help="Name of the damping.  [of STIFFNESS itself]")] = "",
     out_file: Annotated[Path | None, Option("--out", metavar="FILE", help="[default: STIFFNESS-matrices.npz]")] = None,
 ) -> None:
     """Read matrices that another program assembled, and check them.

@@ -31,7 +31,7 @@ _TABLES = ("versions", "scene")  # of a model's provenance
 
 
 def describe_file(file: Path) -> dict[str, str]:
-    """Return lines, by name, about a file with a reduced model or with a system of bodies."""
+    """Return lines, by name, about the content of a file that has a reduced model or a system of bodies."""
     from pmr import ReducedModel
     from pmr.system.saved import read
     from pmr.system.system import System
@@ -130,7 +130,7 @@ def describe_study(file: Path) -> dict[str, str]:
 
 
 def describe_model(model: ReducedModel) -> dict[str, str]:
-    """Return lines, by name, about a reduced model."""
+    """Return lines, by name, about a reduced model: its body, coordinates, paths, inputs and outputs."""
     import numpy as np
 
     low, high = model.domain
@@ -267,7 +267,7 @@ def describe_key(schema: Schema, key: str) -> list[tuple[str, str]]:
 
 
 def _tables_of(value: Schema, definitions: dict[str, Schema]) -> Iterator[Schema]:
-    """Yield the tables that a value may be; of a list, those that a member may be.
+    """Yield the tables of keys that a value may be, by the schema; for a list, those that its members may be.
 
     `definitions` are the schema's definitions, to which values refer by name.
     """
@@ -281,7 +281,7 @@ def _tables_of(value: Schema, definitions: dict[str, Schema]) -> Iterator[Schema
 
 
 def _is_list(value: Schema) -> bool:
-    """Whether a value may be a list."""
+    """Whether a value may be a list, by its schema."""
     return value.get("type") == "array" or any(_is_list(part) for word in CHOICES for part in value.get(word, ()))
 
 
@@ -302,13 +302,13 @@ def _description(value: Schema) -> str:
 
 
 def _value_words(value: Schema) -> str:
-    """Return what a value may be, with its unit."""
+    """Return what a value may be, by its schema, in words with the unit."""
     words = allowed(value).replace("`", "").replace("*", "")
     return words + "".join(f", in {unit}" for unit in units(value))
 
 
 def allowed(value: Schema) -> str:
-    """Return what a value may be, in words: constants in backquotes, names of tables in asterisks."""
+    """Return what a value may be, by its schema, in words: constants in backquotes, names of tables in asterisks."""
     if "$ref" in value:
         return "*" + value["$ref"].rpartition("/")[2] + "*"
     for word in CHOICES:

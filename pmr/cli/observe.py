@@ -172,7 +172,7 @@ def _starts(fit: Sequence[str]) -> dict[str, float]:
 
 
 def _toml_line(change: str) -> str:
-    """Line of a TOML file for a change as ``--set`` takes it, in which a bare word stands for a string."""
+    """Line of a TOML file for a change ``key=value`` of ``--set``, in which a bare word stands for a string."""
     key, _, value = change.partition("=")
     try:
         tomllib.loads(f"value = {value}")

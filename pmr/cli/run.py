@@ -200,7 +200,7 @@ def _save_results(folder: Path, of_all: Path, outcome: Outcome) -> None:
 
 
 def _tolerance_overrides(tolerance: str, file: Path) -> list[str]:
-    """Return the overrides for ``--tolerance 1%``: the tolerance, and a reduction sized by the tolerance.
+    """Return the changes of the scene in `file` for ``--tolerance``: the `tolerance`, and a reduction sized by it.
 
     Sections of a boom have such a reduction anyway.  Raises InputError unless the tolerance is between 0 and 1.
     """
@@ -262,7 +262,7 @@ def _print_errors(error_rows: Sequence[Row]) -> None:
 
 
 class _StageLines:
-    """Progress of a run without a terminal: a line on standard error at the begin of each stage, after `QUIET` s."""
+    """Progress of a run without a terminal: a line on standard error for each stage, once `QUIET` s have passed."""
 
     def __init__(self, title: str) -> None:
         """Start the timer of the first line; lines begin with `title`, the name of the run's scene."""

@@ -75,7 +75,7 @@ class Choice:
 
 
 def prepare_scene(scene: Scene) -> Scene:
-    """The scene whose reduction contains all models that the search can choose.
+    """Scene whose reductions contain all models that the search can choose.
 
     The scene itself is returned if it has no tolerance or budget, and for booms of several sections: these have their
     own coordinates and more enrichment modes (`pmr.reduction.from_scene`).
@@ -86,7 +86,7 @@ def prepare_scene(scene: Scene) -> Scene:
 
 
 def trials_of(scene: Scene, models: Mapping[str, ReducedModel]) -> Trials:
-    """Trials of all models that the reductions `models` of a scene's bodies contain, with any step."""
+    """Trials of all smaller models that the reductions `models` of a scene's bodies contain, with any steps."""
     kinds = ("beam", "tip") if scene.goal is None else scene.goal.outputs
     return Trials(models, partial(_join_models, scene), Excitation.from_scene(scene), kinds)
 
@@ -98,7 +98,7 @@ def _join_models(scene: Scene, models: Mapping[str, ReducedModel]) -> System:
 
 
 class Search:
-    """Search for the model and the step of a scene with a tolerance or a budget; `trial` is the best one so far.
+    """Search for the model and the step of a scene with a tolerance or a budget; `trial` is the best trial so far.
 
     `models` are the reductions, on free modes, of the bodies by name; the scene is the result of `prepare_scene`.
     Raises InputError if errors of these models, or of the scene's chosen outputs, can't be estimated, or if every model
@@ -133,9 +133,10 @@ class Search:
 
     @property
     def _allowed_errors(self) -> dict[str, float]:
-        """Errors by kind that reduction and step may have together: the tolerance minus the error of the mesh.
+        """Errors, by kind of output, that reduction and step may have together: the tolerance less the mesh's error.
 
-        If the error of the mesh is more than `MOST_OF_MESH` of the tolerance, it is not subtracted.
+        The error of the mesh is not subtracted if it is unknown, or if it is more than `MOST_OF_MESH` of the tolerance,
+        since no reduction or step could make up for it.
         """
         assert self.scene.accuracy is not None
         tolerance, taken = self.scene.accuracy.tolerance, self.mesh or {}
@@ -144,7 +145,7 @@ class Search:
         return {kind: tolerance - taken.get(kind, 0.0) for kind in self.trials.wanted}
 
     def compare_meshes(self, other: mesh_part.OtherMesh, on_other: Mapping[str, ReducedModel]) -> Search:
-        """Compute the error of the mesh, and return this search, which takes that error into account from then on.
+        """Compute the error of the mesh, and return this search, which subtracts it from the tolerance from then on.
 
         `on_other` are models, by name of the body, of the scene that `scene_on_other_mesh` returns.  Raises InputError
         or SimulationError as for `pmr.simulation.SystemSimulator`.
@@ -155,7 +156,7 @@ class Search:
         return self
 
     def choose(self, mesh_reason: str | None) -> Choice:
-        """Leave out superfluous coordinates and steps, and return the choice.
+        """Return the choice: the best trial, without coordinates and steps that its errors do not need.
 
         `mesh_reason` says why the error of the mesh is unknown; None if it is known.  Raises InputError or
         SimulationError as for `pmr.simulation.SystemSimulator`.
@@ -182,7 +183,7 @@ class Search:
 
 
 def scene_on_other_mesh(scene: Scene, trial: Trial) -> mesh_part.OtherMesh:
-    """The scene with a trial's step, on the mesh by which the error of the scene's own mesh is estimated.
+    """Scene with a trial's step on another mesh, for an estimate of the error of the scene's own mesh.
 
     A single body has `COORDINATES` coordinates, doubled until it has no fewer than the trial, so that most choices
     share one scene.  Raises an `InputError` with the reason if there is no other mesh.
@@ -198,7 +199,7 @@ def scene_on_other_mesh(scene: Scene, trial: Trial) -> mesh_part.OtherMesh:
 
 
 def accuracy_summary(choice: Choice) -> dict[str, Any]:
-    """``accuracy`` and ``budget`` of summary.json.
+    """Entries ``accuracy`` and ``budget`` of summary.json.
 
     ``accuracy`` has ``tolerance``, ``outputs``, ``holds`` (whether the sum of errors is within the tolerance),
     ``chosen.{coordinates,step}``, for booms also ``chosen.sections``, ``reasons``, and ``seconds`` of the search.
@@ -263,7 +264,7 @@ def accuracy_warnings(choice: Choice) -> list[str]:
 
 
 def _goal_key(scene: Scene) -> str:
-    """Key of the scene that asks for the search: ``accuracy`` or ``budget``."""
+    """Key of the scene's table that asks for the search: ``accuracy`` or ``budget``."""
     return "budget" if scene.accuracy is None else "accuracy"
 
 
@@ -273,12 +274,12 @@ def _outputs_error(scene: Scene, allowed: str) -> InputError:
 
 
 def _with_step(scene: Scene, steps: int) -> Scene:
-    """The scene with this number of equal `steps`."""
+    """Scene with `steps` equal steps up to its end."""
     return scene.with_keys(time={"step": scene.time.end / steps})
 
 
 def _list_errors(tolerance: float, sizes: Mapping[str, float]) -> str:
-    """Errors by kind, `sizes`, in words; an error above the tolerance is never rounded down to the tolerance."""
+    """Errors by kind of output, `sizes`, as words; an error above the `tolerance` is never rounded down to it."""
     listed, limit = list[str](), percent(tolerance, "their size")
     for kind, size in sizes.items():
         words = percent(size, "their size")

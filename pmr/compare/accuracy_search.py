@@ -26,7 +26,7 @@ SECOND_ORDER = 4.0
 
 
 def worst_ratio(errors: Mapping[str, float], allowed: Allowed) -> float:
-    """Largest ratio of the error to the allowed error in `errors`, over all kinds of outputs in `allowed`."""
+    """Largest ratio of an error in `errors` to the allowed error, over all kinds of outputs in `allowed`."""
     return max(errors[kind] / size for kind, size in allowed.items())
 
 
@@ -36,7 +36,7 @@ def is_within(trial: Trial, allowed: Allowed) -> bool:
 
 
 def find_sufficient_trial(trials: Trials, sizes: Sizes, steps: int, allowed: Allowed) -> Trial:
-    """First of `trials` whose errors are allowed, with ever shorter steps and more coordinates; if none is, the best.
+    """Trial whose errors are allowed, found by ever shorter steps and more coordinates; the best one if there is none.
 
     The search begins with these `sizes` and `steps`.  Whether there are too few coordinates is decided only by runs
     whose steps resolve the motion; other runs show nothing about it.
@@ -171,7 +171,7 @@ def _fewest_modes(trials: Trials, trial: Trial, allowed: Allowed) -> Sizes:
 def _longest_steps(
     trials: Trials, trial: Trial, coarsest: int, suits: Callable[[Mapping[str, float], Mapping[str, float]], bool]
 ) -> Trial:
-    """Trial with the fewest steps with which its errors are allowed; the number of steps is halved repeatedly.
+    """Trial with the fewest steps with which its errors are allowed, found by halving the number of steps.
 
     `suits` says whether errors of reduction and step, by kind, are allowed; `coarsest` is the smallest number of steps.
     """
@@ -188,7 +188,7 @@ def _longest_steps(
 
 
 def _balance_errors(trials: Trials, sizes: Sizes, coarsest: int) -> Trial:
-    """Trial with the longest step whose error does not exceed that of the reduction.
+    """Trial with the longest step whose error does not exceed the error of the reduction.
 
     The models have the given `sizes`.  If no step is that accurate, the trial has the shortest step.  The run has at
     least `coarsest` steps.

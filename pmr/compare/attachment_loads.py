@@ -21,7 +21,7 @@ Models = Mapping[str, ReducedModel]
 
 
 def reason_without_estimate(models: Models) -> str | None:
-    """Reason, in words, for which errors of bodies with these models can't be estimated; None if they can.
+    """Reason, in words, why errors of bodies with these models can't be estimated; None if they can.
 
     `models` maps names of bodies to models.
     """
@@ -32,7 +32,7 @@ def reason_without_estimate(models: Models) -> str | None:
 
 
 def _reason_without_estimate_of(model: ReducedModel) -> str | None:
-    """Reason, in words, for which the error of one model can't be estimated; None if it can be."""
+    """Reason, in words, why the error of one model can't be estimated; None if it can be."""
     if model.flexibility is None:
         return (
             "without residual flexibility the static deformation of the modes that are left out is missing, and the "
@@ -56,9 +56,9 @@ ANSWERED_STEPS = 20_000
 
 
 def carried_loads(system: System, run: SystemTrajectory) -> dict[str, sp.csr_matrix]:
-    """Contact forces on the carriers of each body in a run, and loads on its inputs: (S, K + i) in N, by body.
+    """Forces in a run on the K carriers of each body and loads on its i inputs: sparse (S, K + i) in N, by body.
 
-    S is the number of steps, at most `ANSWERED_STEPS`, evenly spaced; the body has K carriers and i inputs.
+    The forces are those of the contacts at S steps of the run, at most `ANSWERED_STEPS`, evenly spaced.
     """
     forces, steps = {}, np.linspace(0, len(run.t) - 1, min(len(run.t), ANSWERED_STEPS)).astype(int)
     for name, body in system.reduced.items():
@@ -72,7 +72,7 @@ def carried_loads(system: System, run: SystemTrajectory) -> dict[str, sp.csr_mat
 def carrier_forces(
     carriers: CarrierRows, rows: Sequence[Row], x: Array, multipliers: Array, loads: Array
 ) -> sp.csr_matrix:
-    r"""Forces of m rows on K carriers and, in further columns, the loads: a sparse matrix (T, K + i) in N.
+    r"""Forces of m rows on the K carriers of a body and, in i further columns, its loads: sparse (T, K + i) in N.
 
     A row with the multiplier :math:`\lambda` acts on its few carriers with :math:`-b(x) \lambda`, where b are its
     weights on these carriers.  The rows are at the path coordinates x (T, m) in m; their `multipliers` are (T, m) in N,

@@ -40,14 +40,14 @@ PIECES = 40
 
 
 class AxialForce(NamedTuple):
-    """Axial force in a body under one unit of an input: `at` returns it in N at places (k,) in m."""
+    """Axial force in a body under one unit of the input called `load`: `at` returns it in N at places (k,) in m."""
 
     load: str
     at: Callable[[Array], Array]
 
 
 def axial_part(scene: Scene, system: System, excitation: Excitation, masses: Mapping[str, float]) -> SummaryPart:
-    """A warning if axial forces matter that second order leaves out; a grave one beyond the buckling load.
+    """Part with a warning if axial forces matter that second order leaves out; a grave one beyond the buckling load.
 
     Without a frame these are all axial forces.  With a frame they are those of loads that do not act at a tip.  Of a
     boom of several sections, only the section that a load acts on is looked at, not those whose cylinders hold it.
@@ -84,7 +84,7 @@ def axial_part(scene: Scene, system: System, excitation: Excitation, masses: Map
 
 
 def axial_forces(member: Member, body: SlidingBody, mass: float) -> Iterator[AxialForce]:
-    """Yield the axial force by each load along the axis of a body, and by its weight.
+    """Yield the axial force that each load along the axis of a body causes, and that of the body's weight.
 
     In a frame, loads at the tip are left out.  `mass` in kg is that of the body without what is attached to it.
     """

@@ -39,15 +39,15 @@ EXTENSION_CYLINDER = "extension cylinder"
 
 
 def luffing_part(scene: Scene, response: Response) -> SummaryPart:
-    r"""``luffing_cylinder`` of summary.json: extremes of ``force`` N, ``length`` m, ``speed`` m/s and ``power`` W.
+    r"""Entry ``luffing_cylinder`` of summary.json: extremes of ``force`` N, ``length`` m, ``speed`` m/s, ``power`` W.
 
     .. math::
         L(\varphi) = |R(\varphi)\, r_1 - r_0|, \qquad F = \mathfrak M / \tfrac{dL}{d\varphi}, \qquad P = F\, \dot L
 
-    In it, L is the length at the luffing angle :math:`\varphi`, R the rotation, r_1 the lug on the boom, r_0 the foot
-    on the machine, F the force and P the power.  :math:`\mathfrak M` is the moment about the pivot of all forces with
-    which the boom presses on its machine (`pmr.simulation.reactions`).  The pivot turns freely, and the cylinder alone
-    keeps the angle, whatever holds the base in the scene.
+    Here L is the length at the luffing angle :math:`\varphi`, R the rotation, r_1 the lug on the boom, r_0 the foot on
+    the machine, F the force and P the power. :math:`\mathfrak M` is the moment about the pivot of all forces with which
+    the boom presses on its machine (`pmr.simulation.reactions`).  The pivot turns freely, and the cylinder alone keeps
+    the angle, whatever holds the base in the scene.
 
     If a cylinder's force drives the angle, all columns are taken from the response, pressures, flows and volumes of oil
     among them; ``stops`` and warnings are as those of `extension_part`.  If the scene has the largest force of the
@@ -77,9 +77,10 @@ def luffing_part(scene: Scene, response: Response) -> SummaryPart:
 
 
 def _use_of_cylinder(cylinder: LuffingCylinder, force: Array, length: Array) -> dict[str, Array]:
-    """Return ``use``: the share (T,) of the allowed push or pull that a force (T,) in N uses at lengths (T,) in m.
+    """Return the entry ``use``: the share (T,) that a force (T,) in N is of what is allowed at lengths (T,) in m.
 
-    The result is empty if the `cylinder` may carry any force.
+    The force allowed is that of the `cylinder` for pushing if the force pushes, else that for pulling.  The result is
+    empty if the `cylinder` may carry any force.
     """
     if not cylinder.has_allowed_forces:
         return {}
@@ -88,7 +89,7 @@ def _use_of_cylinder(cylinder: LuffingCylinder, force: Array, length: Array) -> 
 
 
 def extension_part(scene: Scene, response: Response) -> SummaryPart:
-    """``extension_cylinder`` of summary.json: extremes of what drives a computed extension, and its ``stops``.
+    """Entry ``extension_cylinder`` of summary.json: extremes of the drive of a computed extension, and its ``stops``.
 
     Lengths are extensions in m.  ``stops`` lists the spans in which a stop is pressed in, with ``start`` and ``end`` in
     s, the number of ``steps``, the ``length`` in m where the stop gives way most, by how much in m (``give``), and the
@@ -109,10 +110,10 @@ def extension_part(scene: Scene, response: Response) -> SummaryPart:
 
 @dataclass(frozen=True)
 class _Drive:
-    """Drive of a computed motion.
+    """Drive, with a cylinder, of a computed luffing angle or extension.
 
-    `cylinder` is its name, and `moved` the name of what meets the stops.  `measure` is what the stroke limits,
-    ``length`` or ``extension``.
+    `cylinder` is the cylinder's name, and `moved` the name of the part that meets the stops.  `measure` is the quantity
+    that the stroke limits, ``length`` or ``extension``.
     """
 
     cylinder: str
@@ -124,10 +125,11 @@ class _Drive:
 def _driven_part(
     drive: _Drive, histories: Mapping[str, Array], stop: Array, response: Response, along: Array, warnings: list[str]
 ) -> SummaryPart:
-    """Part of a computed motion's drive, as `extension_part` describes it; `warnings` come before the part's own.
+    """Part of the summary on the drive of a computed motion, as `extension_part` describes it.
 
     `histories` (T,) are the drive's quantities by name.  `stop` (T,) in m is how far a stop gives way: above 0 at the
-    greatest length, below 0 at the smallest.  `along` (T, P) in m are the coordinates of P paths.
+    greatest length, below 0 at the smallest.  `along` (T, P) in m are the coordinates of P paths.  `warnings` come
+    before the part's own.
     """
     stop = np.where(np.abs(stop) > ROUND_OFF, stop, 0.0)
     spans = _stop_spans(response.t, stop, histories)
@@ -141,12 +143,15 @@ def _driven_part(
 
 
 def _more_times(count: int) -> str:
-    """Clause that something happens `count` more times; empty if `count` is 0."""
+    """Clause which says that something happens `count` more times; empty if `count` is 0."""
     return f", and {count} more time{'s' * (count > 1)}" if count else ""
 
 
 def _stop_warnings(name: str, end: str, spans: list[dict[str, float]]) -> list[str]:
-    """A warning that `name` meets the stop at one `end`, such as ``greatest extension``; empty without `spans`."""
+    """List a warning that `name` meets the stop at its `end`, such as ``greatest extension``.
+
+    The list is empty without `spans` in which the stop is pressed in.
+    """
     if not spans:
         return []
     worst = max(spans, key=lambda of: abs(of["speed"]))
@@ -177,7 +182,7 @@ def _stop_spans(t: Array, stop: Array, histories: Mapping[str, Array]) -> list[d
 
 
 def _spans(holds: Mask) -> list[tuple[int, int]]:
-    """First step of each span in which a condition holds, and the first step after the span.
+    """Spans in which a condition holds, each as its first step and the first step after it.
 
     `holds` (T,) says at which steps the condition holds.
     """
@@ -188,7 +193,7 @@ def _spans(holds: Mask) -> list[tuple[int, int]]:
 def _cylinder_part(
     cylinder: str, histories: Mapping[str, Array], response: Response, along: Array, warnings: list[str]
 ) -> SummaryPart:
-    """Part with the extremes of `histories` (T,) of a `cylinder`, and a warning if its oil would boil.
+    """Part of the summary with the extremes of a cylinder's `histories` (T,), and a warning if its oil would boil.
 
     `along` (T, P) in m are the coordinates of P paths at the times of the response; `warnings` are added to the part's
     own.
@@ -199,7 +204,7 @@ def _cylinder_part(
 
 
 def turning_warnings(scene: Scene, angles: Array) -> list[str]:
-    """Warnings about supports that stand in for a luffing cylinder that turns, leans or acts elsewhere.
+    """Warnings about supports that stand in for a luffing cylinder but differ from it as the boom luffs.
 
     A support with a stiffness does not turn as a cylinder whose stiffness about the pivot varies by more than a factor
     of `TURNED` over the luffing `angles` (T,) in rad.  Every support across the boom lacks a force along the boom that
@@ -245,7 +250,7 @@ def turning_warnings(scene: Scene, angles: Array) -> list[str]:
 
 
 def _pin_warnings(scene: Scene, held: PinAndCylinder | None) -> list[str]:
-    """Warning that the supports of the base do not act as a pin at the pivot, or that their pin is away from the pivot.
+    """List a warning if the base's supports are no pin at the pivot, or if their pin is away from the pivot.
 
     `held` is the pin and the cylinder's support among the base's supports; None if the supports are others.  The list
     is empty if the pin is at the pivot, or if a cylinder of the model, and no support, holds the boom.
@@ -282,7 +287,7 @@ def slack_spans(t: Array, force: Array) -> list[dict[str, float]]:
 
 
 def hoist_part(scene: Scene, response: Response) -> SummaryPart:
-    r"""``hoist`` of summary.json: extremes of `KEYS`, ``weight_force`` and ``factor`` of the rope's force, ``slack``.
+    r"""Entry ``hoist`` of summary.json: extremes of `KEYS`, ``weight_force`` and ``factor`` of the rope, and ``slack``.
 
     ``weight_force`` is the rope's force if the payload is at rest, :math:`m g / n` with the mass m, gravity g and n
     falls.  ``factor`` is the largest force over this one, a hoist or stop factor of the motion.  ``slack`` lists the
@@ -352,7 +357,7 @@ ABOVE = 0.005
 
 
 def boiling_warnings(cylinder: str, extremes: Mapping[str, Extremes], response: Response) -> list[str]:
-    """A warning for each chamber of a `cylinder` whose oil would boil.
+    """List a warning for each chamber of the cylinder called `cylinder` whose oil would boil.
 
     `extremes` are the extremes of the cylinder's quantities, ``pressure bore`` and ``pressure rod`` among them.
     """
@@ -367,7 +372,7 @@ def boiling_warnings(cylinder: str, extremes: Mapping[str, Extremes], response: 
 def supply_warnings(
     cylinder: str, oil: Oil, histories: Mapping[str, Array], stop: Array, response: Response
 ) -> list[str]:
-    """At most two warnings for each chamber of a `cylinder` whose oil has a higher pressure than the supply.
+    """List up to two warnings for each chamber of a cylinder whose oil has a higher pressure than the supply.
 
     The first warning is for times at which the valve connects the chamber to the supply: the supply is too weak for the
     load, and oil flows back unless a counterbalance valve stops it.  The second is for all other times: a real relief

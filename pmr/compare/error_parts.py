@@ -59,7 +59,7 @@ _FIGURES = ("probes", "by", "chi", "largest", "seconds", "not_covered")
 
 @dataclass(frozen=True)
 class ReductionError:
-    """Part of a summary with the estimated error of the reduction (``estimate``), its band, and its sections."""
+    """Estimated error of the reduction: its part of a summary (``estimate``), its band over time, errors by section."""
 
     part: SummaryPart
     band: Array | None = None  # (T, d) m: error over time of each of the tip's d displacements, with margin
@@ -74,15 +74,16 @@ class ReductionError:
 
 
 def needs_other_model(scene: Scene, reduced: ReducedModel) -> bool:
-    """Whether the scene asks for an estimate that needs another model of the body than `reduced`.
+    """Whether the scene asks for an estimate of the error that needs another model of the body than `reduced`.
 
-    The other model is that of `estimate_by_other_model`.
+    This is so if the error of `reduced` itself can't be estimated; the other model is that of
+    `estimate_by_other_model`.
     """
     return scene.reduction.estimate and reason_without_estimate({ALONE: reduced}) is not None
 
 
 def other_model_scene(scene: Scene, reduced: ReducedModel) -> Scene:
-    """The scene with another reduction: free modes with residual flexibility, and no fewer coordinates than `reduced`.
+    """Scene with another reduction: free modes with residual flexibility, and no fewer coordinates than `reduced`.
 
     The number of coordinates is that of `reduced`, but at least `FEWEST`.
     """
@@ -100,8 +101,9 @@ def reduction_error(
 ) -> ReductionError:
     """Estimate the error of the reduction by enrichment modes, or for a single body by the `other` model.
 
-    The result lists the effects that the error does not cover.  `other` is None for booms of several sections.  If only
-    `estimated` is not None, it is taken as the estimate and not computed.  The estimate is a stage of `clock`.
+    The result lists the effects that the error does not cover.  `other` is None for booms of several sections.  If
+    `estimated` is not None, it is taken as the estimate, which is then not computed.  The estimate is a stage of
+    `clock`.
     """
     system, excitation = simulated.system, simulated.excitation
     models = system.modal
@@ -135,10 +137,10 @@ def reduction_error(
 
 
 def _frequency_error(models: Mapping[str, ReducedModel], system: System, excitation: Excitation) -> float | None:
-    """Error of the two lowest natural frequencies on the way, a fraction with margin, by the enrichment modes.
+    """Error of the two lowest natural frequencies along the path, a fraction with margin, by the enrichment modes.
 
-    `models` are the bodies by name.  None if errors can't be estimated (`reason_without_estimate`) or if nothing
-    vibrates.
+    `models` are the bodies by name.  None is returned if errors can't be estimated (`reason_without_estimate`) or if
+    nothing vibrates.
     """
     if reason_without_estimate(models) is not None:
         return None
@@ -153,9 +155,10 @@ def _frequency_error(models: Mapping[str, ReducedModel], system: System, excitat
 def _effects_left_out(
     models: Mapping[str, ReducedModel], system: System, excitation: Excitation, count: int | None
 ) -> list[str]:
-    """Clauses about effects that an estimate with up to `count` enrichment modes (None: all) leaves out.
+    """Clauses about effects that an estimate of the error leaves out.
 
-    `models` are the bodies by name.
+    The estimate has up to `count` enrichment modes of each body, all if `count` is None.  `models` are the bodies by
+    name.
     """
     stressed = [SECOND_ORDER_EFFECTS] * (bool(system.terms) and not all(map(has_frame_matrices, models.values())))
     if ALONE in models:
@@ -167,8 +170,7 @@ def _effects_left_out(
 def estimate_summary(estimated: Estimate, not_covered: Sequence[str] = ()) -> dict[str, Any]:
     """Contents of ``estimate`` in summary.json: fractions by kind of output, ``probes`` by name, ``chi`` and more.
 
-    `estimated` is the estimate.  Kinds of outputs without an estimate are None; ``not_covered`` lists the effects that
-    the estimate leaves out.
+    Kinds of outputs without an estimate are None; ``not_covered`` lists the effects that the estimate leaves out.
     """
     figures = {name: getattr(estimated, name) for name in _FIGURES if name != "not_covered"}
     return dict.fromkeys(OUTPUT_KINDS) | dict(estimated.errors) | figures | {"not_covered": list(not_covered)}

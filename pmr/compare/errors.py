@@ -40,7 +40,7 @@ LEAST = 1e-130
 
 
 def nrms(signal: Array, reference: Array) -> float:
-    """e_NRMS of a signal (T,) or (T, M) against a reference of the same shape, as a fraction in [0, 1].
+    """Error e_NRMS of a signal (T,) or (T, M) against a reference of the same shape, as a fraction in [0, 1].
 
     T is the number of times, M the number of components.  Raises ValueError or SimulationError as `relative_error`
     does.
@@ -149,7 +149,9 @@ def compared_pairs(
     """Pairs (signal, reference), each (T, o), that `errors_between` compares, by ``<a>_vs_<b>`` and quantity.
 
     `responses` are the responses by model, and `quantities` the functions that take a quantity from a response.  The
-    number of columns of a quantity is o.  Columns of signal or reference that do not exceed round-off are set to 0.
+    number of columns of a quantity is o.  Columns of signal or reference that do not exceed round-off are set to 0.  Of
+    the contact forces, only those that both responses have are compared.  Each further output that both have, such as a
+    probe or a reaction, is a pair too, under its own name.
     """
     present = [name for name in ORDER if name in responses]
     pairs_of_models = dict[str, dict[str, Pair]]()
@@ -165,11 +167,11 @@ def compared_pairs(
 
 
 def _other_pairs(response: Response, reference: Response, force: float) -> dict[str, Pair]:
-    """Pairs (signal, reference), (T,) each, of all other outputs that both responses have, by the outputs' names.
+    """Pairs (signal, reference), (T,) each, of further outputs that both responses have, by the outputs' names.
 
-    Other outputs are probes, reactions and the like.  A signal or reference is replaced by zeros if it does not exceed
-    `RELATIVE_FLOOR` times the largest output in the same unit.  In N and N m it is also replaced if it does not exceed
-    `force`, the round-off of forces.
+    Further outputs are probes, reactions and the like.  A signal or reference is replaced by zeros if it does not
+    exceed `RELATIVE_FLOOR` times the largest output in the same unit.  In N and N m it is also replaced if it does not
+    exceed `force`, the round-off of forces.
     """
     units = dict(zip(response.other_names, response.other_units, strict=True))
     common = [name for name in units if name in reference.other_names]
@@ -183,14 +185,14 @@ def _other_pairs(response: Response, reference: Response, force: float) -> dict[
 
 
 class ResponsePair(NamedTuple):
-    """A response, and the one that it is compared with."""
+    """A response, `signal`, and the one with which it is compared, `reference`."""
 
     signal: Response
     reference: Response
 
 
 def with_common_forces(first: Response, second: Response) -> ResponsePair:
-    """Both responses, `first` and `second`, with only the forces that occur in both, in the order of `first`.
+    """Responses `first` and `second`, both with only those contact forces that both have, in the order of `first`.
 
     Both are returned unchanged if one of them has no names of forces, or if the names are equal.
     """
@@ -270,10 +272,10 @@ def force_errors(
 
 
 def band_limit(y: Array, step: float) -> float:
-    """Frequency in Hz above which the signals y (T, o) have an RMS of 1 % of their own; 0 if all are constant.
+    """Frequency in Hz above which signals y (T, o) have 1 % of their RMS; 0 if all are constant.
 
     The mean of each of the o signals is removed, its ends are faded out by a Hann window, and the RMS is that of all
-    signals together.  So the signals need one unit.  `step` is the time between samples in s.
+    signals together.  So all signals have to be in one unit.  `step` is the time between samples in s.
     """
     from scipy.fft import next_fast_len  # imported here: it is slow to import and rarely needed
 
@@ -295,9 +297,9 @@ def band_of_response(response: Response) -> float:
 
 
 def error_below_frequency(signal: Array, reference: Array, step: float, highest: float) -> float:
-    """`relative_error` of a signal (T, o) against a reference, after frequencies above `highest` in Hz are removed.
+    """Error (`relative_error`) of a signal (T, o) against a reference (T, o), without frequencies above `highest`.
 
-    The frequencies are removed from both, and the reference is (T, o) too.  `step` is the time between samples in s.
+    Frequencies above `highest` in Hz are removed from both before.  `step` is the time between samples in s.
     """
     too_high = np.fft.rfftfreq(len(signal), step) > highest
     spectra = [np.fft.rfft(values, axis=0) for values in (signal, reference)]

@@ -96,7 +96,7 @@ class Estimate:
 
     @property
     def beam(self) -> float:
-        """Error of all displacements together, a fraction with margin."""
+        """Error of all displacements of all bodies together, a fraction with margin."""
         return self.error_of("beam")
 
     @property
@@ -112,7 +112,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class _RicherSimulation:
-    """Simulation of a richer model, with enrichment and attachment modes."""
+    """Simulation of a richer model, that is, one with enrichment and attachment modes."""
 
     simulation: SimulatedSystem
     enrichment: int  # largest number of additional modes of a body
@@ -171,7 +171,7 @@ def estimate_error(models: Models, first: SimulatedSystem) -> Estimate:
 
 
 def _reason_without_forces(model: ReducedModel, excitation: Excitation, of_run: Outputs, richer: Outputs) -> str | None:
-    """Why forces of sliders and pads of a single body have no estimate, in words; None if there is an estimate.
+    """Reason, in words, why forces of sliders and pads of a single body have no estimate; None if they have one.
 
     `of_run` are the outputs of the model, `richer` those of the richer model.
     """
@@ -330,8 +330,8 @@ SETTLED = 0.5
 def are_settled(error: float, difference: float) -> bool:
     """Whether two richer models differ little enough for an estimate of the error.
 
-    Both `error` and `difference` are fractions.  The models do if the difference is at most `SETTLED` times the error,
-    or if the error is round-off.
+    Both `error` and `difference` are fractions.  The models do so if the difference is at most `SETTLED` times the
+    error, or if the error is round-off.
     """
     return difference <= SETTLED * error or error <= ROUND_OFF
 

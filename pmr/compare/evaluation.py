@@ -90,7 +90,7 @@ class Evaluation:
         self._found: Response | None = None
 
     def __call__(self, first: int, part: SystemTrajectory) -> None:
-        """Evaluate the block `part`, whose first step has the number `first`.
+        """Evaluate a block of the motion, `part`, and store its columns; its first step has the number `first`.
 
         Raises SimulationError as `evaluate_motion` does.
         """
@@ -111,9 +111,9 @@ class Evaluation:
         return replace(self._found, **columns, energy=energy, seconds=ended.seconds, surplus=ended.surplus)
 
     def _with_round_off(self, response: Response, part: SystemTrajectory) -> Response:
-        """The response with bounds of round-off, and with None in place of its histories, which `_columns` holds.
+        """Return the `response` with bounds of its round-off, and with None in place of its histories.
 
-        Forces have a bound only for a single body without terms.
+        The histories are stored in `_columns`.  Forces have a bound only for a single body without terms.
         """
         system, end = self._system, float(np.ptp(self._t))
         nothing: dict[str, Any] = dict.fromkeys(RESPONSE_HISTORIES)  # `_columns` holds the histories
@@ -150,7 +150,7 @@ def _evaluate(system: System, part: SystemTrajectory) -> Response:
 
 
 def _residuals(body: SlidingBody, motion: Trajectory, part: SystemTrajectory) -> Array:
-    """Violation in m of each row's equation, and the rate in m/s of this violation, at T steps, (2, T, m).
+    """Violation in m of the equation of each of m rows at T steps, and its rate in m/s, as one array (2, T, m).
 
     For rows that only push, the violation is the difference to the clearance if they press, and the overlap otherwise.
     The rate is NaN for rows that give way, since these have no equation at velocity level, and if path rates are not
@@ -185,7 +185,7 @@ def append_friction(response: Response, contacts: Sequence[Contact], friction: A
 
 
 def hoist_outputs(system: BodySystem[Any]) -> list[Output]:
-    """Meaning of the columns of a hoist, which belong to the section with its head."""
+    """Descriptions of the outputs of a system's hoist, which belong to the section with the hoist's head."""
     section = [*system.bodies][len(system.hoist.reach[0])]  # each section before it travels along a path but the first
     return [Output(name, KINDS[name], section, unit=unit) for name, unit in OUTPUTS.items()]
 
@@ -201,7 +201,7 @@ def response_to_motion(
     """Response to any simulator's motion at the times t (T,) in s; its solver time and residuals are set to NaN.
 
     `simulated` are the outputs (T, o) of each body by name, `forces` and `peaks` (T, m) in N those of all contacts.
-    `peaks` is None if no step has parts; `energy` has the energies at all times.
+    `peaks` are the largest forces within each step, None if no step has parts; `energy` has the energies at all times.
     """
     outputs, contacts = outputs_of(system), output_contacts(system)
     y = np.hstack([simulated[name] for name in system.bodies])
@@ -274,7 +274,10 @@ def append_machine(scene: Scene, response: Response) -> Response:
 
 
 def _append_luffing(base: str, luffing: MotionSamples, response: Response) -> Response:
-    """Append the luffing angle, its rate and the columns of the cylinder to a response; `base` is the base's name."""
+    """Append to a response the luffing angle in rad, its rate and the columns of its cylinder.
+
+    `base` is the name of the base section, to which the columns belong.
+    """
     columns = {
         Output(LUFFING_ANGLE, MACHINE, base, unit="rad"): luffing.values[0],
         Output(f"rate of {LUFFING_ANGLE}", MACHINE, base, unit="rad/s"): luffing.values[1],
@@ -285,7 +288,7 @@ def _append_luffing(base: str, luffing: MotionSamples, response: Response) -> Re
 
 
 def _driven_column(name: str, of: str, body: str) -> Output:
-    """Column called `name` of a cylinder that drives a free motion of the body `body`.
+    """Description of the output called `name` of a cylinder that drives a computed motion of the body `body`.
 
     `of` is the column's name in `CYLINDER_UNITS`, `ACCELERATION` or `STOP`; unit and kind of the column follow from it.
     """

@@ -60,14 +60,14 @@ def forces_part(scene: Scene, system: System, response: Response) -> SummaryPart
 
 
 class PadOnFace(NamedTuple):
-    """Ring of a pad, and the name of the face on which the pad is."""
+    """Pad on a face of the body: its ring, and the name of the face."""
 
     ring: PadRing | JointPads
     face: str
 
 
 def pads_on_faces(scene: Scene) -> dict[str, PadOnFace]:
-    """Return ring and face of all pads of a scene that are on faces, by the name of the pad."""
+    """Ring and face of each pad of a scene that is on a face, by the name of the pad."""
     pads = dict[str, PadOnFace]()
     for body, part in scene.bodies.items():
         for key, ring in part.keyed_rings.items():
@@ -79,7 +79,7 @@ def pads_on_faces(scene: Scene) -> dict[str, PadOnFace]:
 
 
 def support_rows(scene: Scene, response: Response) -> list[dict[str, Any]]:
-    """Rows of ``supports`` of summary.json: extremes in N of each support's force, as of `support_forces`."""
+    """Rows of ``supports`` of summary.json: a row with extremes in N of each support's force."""
     along = scene.path_positions(response.t)
     return [
         {"name": name, **Extremes.from_history(force, response.t, along).summary()}
@@ -120,7 +120,7 @@ def _cylinder_rows(scene: Scene, system: System, response: Response) -> Iterator
 
 
 def _friction_figures(scene: Scene, system: System, response: Response, body: str) -> dict[str, float]:
-    r"""The largest ``friction`` in N along a section's joint, and the energy ``dissipated`` there in J.
+    r"""Largest ``friction`` in N along a section's joint, and the energy ``dissipated`` there in J, by these keys.
 
     .. math:: \int f\, dy - f^2 / (2 \textstyle\sum \kappa), \qquad y = s - \Lambda / k
 
@@ -212,9 +212,9 @@ def pulled_pad_warnings(scene: Scene, contacts: Sequence[Contact], response: Res
 
 
 def _computed_motion(scene: Scene) -> str | None:
-    """Key and value of a computed motion of the frame, with which pads that only push are refused.
+    """Text with key and value of a computed motion of the frame, with which pads that only push are refused.
 
-    None if the frame's motion is given.
+    None is returned if all of the frame's motion is prescribed.
     """
     frame = scene.frame
     if frame is None or frame.machine is not None:
@@ -224,7 +224,10 @@ def _computed_motion(scene: Scene) -> str | None:
 
 
 def _push_clause(rings: str, computed: str | None) -> str:
-    """Clause that says what to change in `rings` if pads can only push; `computed` is that of `_computed_motion`."""
+    """Clause that says which key of `rings` to change if pads can only push.
+
+    `computed` is the result of `_computed_motion`.
+    """
     if computed is None:
         return f"; if they can only push, set unilateral = true in {rings}"
     return (
@@ -282,7 +285,7 @@ def _joints_warning(
 
 
 def cylinder_impulses(boom: Scene, system: System) -> dict[str, list[dict[str, float]]]:
-    r"""Impulses of each cylinder by its name at each kink of any extension: ``t`` in s, ``impulse`` in N s.
+    r"""Impulses of each cylinder at each kink of any extension, by its name: ``t`` in s, ``impulse`` in N s.
 
     .. math:: I_i = \sum_{k \ge i} m_k\, \Delta \dot X_k, \qquad \Delta \dot X_k = \sum_{j \le k} \Delta \dot s_j
 
@@ -328,7 +331,7 @@ def _kink_warnings(kinks_of_cylinders: Mapping[str, Sequence[Mapping[str, float]
 
 
 def rope_forces(scene: Scene, response: Response) -> dict[str, Array]:
-    r"""Force (T,) in N, by name, on each section that ropes move or that such sections follow; positive pushes out.
+    r"""Force (T,) in N on each section that ropes move or that such sections follow, by name; positive pushes out.
 
     Section k has the extension :math:`s_k = r_k s_j + c_k`, with the ratio r_k and the offset c_k, if it is moved by a
     rope that the joint j drives.  Let :math:`F_k` be the force along the boom between section k and the next outer one
@@ -352,12 +355,12 @@ def rope_forces(scene: Scene, response: Response) -> dict[str, Array]:
 
 
 def ropes_part(scene: Scene, response: Response) -> SummaryPart:
-    """``ropes`` of summary.json: ``name``, the section that it ``follows`` or None, and extremes of its ``force`` in N.
+    """Entry ``ropes`` of summary.json, a row for each section: extremes of the ``force`` in N that moves it.
 
-    A section that follows no other also has the ``power`` in W: that for moving it and all its followers.  A rope with
-    a stiffness EA also has its largest ``length`` in m on the way, and the ``stiffness`` in N/m of all its strands
-    together at that length.  There is a warning about ropes that would have to push.  The part is empty if the scene
-    has a single body.
+    A row has the ``name`` of the section and the section that it ``follows``, or None.  A section that follows no other
+    also has the ``power`` in W: that for moving it and all its followers.  A rope with a stiffness EA also has its
+    largest ``length`` in m on the way, and the ``stiffness`` in N/m of all its strands together at that length.  There
+    is a warning about ropes that would have to push.  The part is empty if the scene has a single body.
     """
     if len(scene.sections) < 2:
         return SummaryPart()

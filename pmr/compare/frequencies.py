@@ -46,10 +46,10 @@ _UNITS = {"N": "m/N", "m/s^2": "m/(m/s²)"}
 
 
 def comparison_positions(scene: Scene, size: int) -> Array:
-    """Path coordinates (S,) in m, evenly spaced over the path, at which frequencies of a model are compared.
+    """Path coordinates (S,) in m, evenly spaced over the path, at which frequencies of models are compared.
 
-    S is `POSITIONS`, or less if the number of coordinates of the model, `size`, is more than `LARGE`, or 1 if nothing
-    moves.
+    S is `POSITIONS`, or less if the full model has more than `LARGE` coordinates, `size` being their number, or 1 if
+    nothing moves.
     """
     low, high = scene.path_bounds
     return np.linspace(low, high, POSITIONS if size <= LARGE else FEWER_POSITIONS) if high > low else np.array([low])
@@ -128,9 +128,9 @@ def _characteristic(x: Array | float, share: float) -> Any:
 def frequency_response(
     system: System, places: Array, abscissa: Array, tips: Collection[str], c: Array
 ) -> FrequencyResponse:
-    """Displacement of the tip per unit of each load over frequency, with all paths at rest.
+    """Frequency response of the tip: its displacement per unit of each load over frequency, with all paths at rest.
 
-    A drive or a controller acts on a boom with this response.  The response is computed by
+    This response is the plant on which a drive or a controller acts.  The response is computed by
     `Assembly.frequency_responses` at `RESPONSE_FREQUENCIES` frequencies, from a tenth of the lowest natural frequency
     to 1.2 times the highest.  For each load, the output is that displacement of the tip which is largest under the
     static load.
@@ -214,7 +214,10 @@ class WayPoints:
 
 
 def result_paths(scene: Scene, excitation: Excitation) -> Paths:
-    """Paths that a result shows: of sections or of a single body, without the angle of a luffing cylinder."""
+    """Paths that a result shows, with coordinates and rates at all steps.
+
+    They are those of sections or of a single body, without the angle of a luffing cylinder.
+    """
     count = len(scene.paths)
     return Paths(tuple(scene.paths), excitation.s[:, :count], excitation.rates[:, :count])
 
@@ -293,7 +296,7 @@ def lowest_mode_part(scene: Scene, system: System, excitation: Excitation, natur
 def response_on_way(scene: Scene, system: System, excitation: Excitation) -> FrequencyResponse | None:
     """Frequency response of the last body's tip in `RESPONSES` positions on the way.
 
-    None unless the scene asks for it.
+    None is returned unless the scene asks for it.
     """
     if not scene.sections[-1].observe.frequency_response:
         return None
@@ -315,7 +318,7 @@ BESIDE = 1e-4
 
 
 def evenly_reached_steps(boom: Scene, t: Array, count: int) -> NDArray[np.int64]:
-    """Up to `count` steps at which the boom has evenly spaced reaches, shortest to longest, for the first time.
+    """Numbers (S,) of up to `count` steps at which a boom first has evenly spaced reaches, shortest to longest.
 
     `t` (T,) are the times of all steps in s.
     """
@@ -325,7 +328,7 @@ def evenly_reached_steps(boom: Scene, t: Array, count: int) -> NDArray[np.int64]
 
 
 def frequency_map(boom: Scene, system: System) -> FrequencyMap | None:
-    """Lowest frequency over the extensions of the first two joints that move on paths of their own.
+    """Map of the lowest frequency over the extensions of the first two joints that move on paths of their own.
 
     Every contact is closed.  Other joints with paths of their own are at their start; joints that follow others move
     with them.  With second order, the boom rests at its steepest angle.  None is returned if fewer than two joints

@@ -49,7 +49,7 @@ SAME = 1e-9
 
 @dataclass(frozen=True)
 class OtherMesh:
-    """Scene on another mesh, with which a scene is compared."""
+    """Scene on another mesh, with which a scene is compared to estimate the error of its own mesh."""
 
     scene: Scene
     called: str  # name of this scene in warnings and results
@@ -136,7 +136,7 @@ def mesh_budget(scene: Scene, simulate_other: Callable[[Callable[[], Scene], str
 
 
 def mesh_warnings(scene: Scene) -> list[str]:
-    """A warning if cells of walls are so long compared with pads that the walls are too stiff.
+    """List a warning if cells of walls are so long, compared with pads, that the walls are too stiff.
 
     The mesh may then be further off than its estimated error.  The list is empty if all cells are short enough.
     """
@@ -160,18 +160,18 @@ def mesh_warnings(scene: Scene) -> list[str]:
 
 
 def motion_only(scene: Scene) -> Scene:
-    """The scene changed so that one run of the compiled simulator (``march``) gives its motion and nothing else."""
+    """Scene changed so that one run of the compiled simulator (``march``) computes its motion and nothing else."""
     once = {"simulators": ("march",), "repeats": 1}
     return with_estimates(scene, False).with_keys(simulation=once, recovery=None)
 
 
 def with_estimates(scene: Scene, estimate: bool) -> Scene:
-    """The scene whose reductions contain what an estimate of their error needs, or do not, as `estimate` says."""
+    """Scene whose reductions contain the modes for an estimate of their error if `estimate` is true, else do not."""
     return scene.vary_sections(lambda part: {"reduction": {"estimate": estimate}})
 
 
 def mesh_errors(of_scene: Trials, other: Trials, sizes: Sizes, steps: int, share: float) -> dict[str, float]:
-    """Error of the mesh by kind, as fractions of the scene's motion: `share` times the difference to the other mesh.
+    """Error of the mesh, a fraction of the scene's motion, by kind: `share` times the difference to another mesh.
 
     `of_scene` and `other` are the trials on the two meshes, both with models of these `sizes` and this number of
     `steps`.  Numerical damping is small in both runs, as in `pmr.compare.step_error`.  Raises InputError or

@@ -93,10 +93,11 @@ class Motion:
         return cls(np.array(frequencies), np.array(motions), response, round_off=round_off)
 
     def lowest_frequencies(self, directions: Array) -> Array:
-        """Lowest frequencies (P, `FREQUENCIES`) in Hz of the modes that move most in some of the directions x, y, z.
+        """Lowest frequencies (P, `FREQUENCIES`) in Hz at P positions, of modes that move mainly in some of x, y, z.
 
-        `directions` (3,) is the mask of these directions.  If there are fewer such modes, the rest is NaN. If the model
-        moves in no other direction, all modes count.
+        `directions` (3,) is the mask of these directions.  A mode counts if these directions have the share `KNOWN` of
+        its motion or more.  If fewer modes count, the remaining entries are NaN.  If the model moves in no other
+        direction, all modes count.
         """
         every, share = self.mode_motions.sum(axis=1), self.mode_motions[:, directions].sum(axis=1)
         mine = (share >= KNOWN * every) & (share > NO_MOTION * share.max(axis=1, keepdims=True))
@@ -147,7 +148,7 @@ class Motion:
 
 
 def evenly_spaced_steps(excitation: Excitation) -> list[int]:
-    """Steps at which the sum of all path coordinates is closest to evenly spaced values, without repetitions.
+    """Numbers of the steps at which the sum of all path coordinates is closest to evenly spaced values, each once.
 
     There are `PLACES` values, from the smallest sum to the largest.
     """
@@ -159,7 +160,7 @@ def evenly_spaced_steps(excitation: Excitation) -> list[int]:
 def model_budget(scene: Scene, motion: Motion, richer: Motion, richer_name: str) -> dict[str, Any]:
     """Entry ``budget.model`` of summary.json: differences of `motion` to the motion `richer` of a richer model.
 
-    The richer model has the name `richer_name`.  The value of a kind of displacements is None if the richer model's
+    `richer_name` is the name of the richer model.  The value of a kind of displacements is None if the richer model's
     displacements are round-off, and that of ``largest`` is None if the richer model does not move.  Kinds of outputs
     that the two models do not have in common are missing.
     """

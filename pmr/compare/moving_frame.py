@@ -36,7 +36,7 @@ ACROSS = 1e-9
 
 
 def frame_part(scene: Scene, system: System, excitation: Excitation, frequencies: Frequencies) -> SummaryPart:
-    r"""``frame`` and ``buckling`` of summary.json; empty if the scene has no frame.
+    r"""Entries ``frame`` and ``buckling`` of summary.json; the part is empty if the scene has no frame.
 
     With the largest angular velocity :math:`\omega` of the frame and the lowest circular frequency :math:`\omega_1` on
     the way, ``gyroscopic`` is :math:`2 |\omega| / \omega_1` and ``centrifugal`` is :math:`(|\omega| / \omega_1)^2`.
@@ -86,7 +86,7 @@ def frame_part(scene: Scene, system: System, excitation: Excitation, frequencies
 
 
 def _plane_buckling_warnings(scene: Scene, system: System) -> list[str]:
-    """A warning that names bodies whose model can't show buckling across the plane of luffing.
+    """List a warning that names bodies whose model can't show buckling across the plane of luffing.
 
     No load acts on these bodies across the plane, so their reduced models do not move in that direction.  The list is
     empty if all bodies can buckle in all directions.
@@ -307,7 +307,7 @@ def decide_second_order(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Scen
 
 
 def with_choice_of_terms(scene: Scene, terms: Sequence[Term]) -> Scene:
-    """The scene with the second order that ``auto`` stands for: true if a system has `terms`, false if not.
+    """Scene with second order in place of ``auto``: true if a system has `terms` of second order, false if not.
 
     A scene that does not leave the choice to ``auto`` is returned unchanged.
     """

@@ -73,7 +73,7 @@ class Outputs:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of outputs that a simulation has, always with ``velocity``, even if no rates were computed."""
+        """Kinds of outputs that a simulation has; ``velocity`` is always among them, even if no rates were computed."""
         return tuple(
             kind for kind in (*OUTPUT_KINDS, CYLINDER_FORCE) if kind == "velocity" or self.of_kind(kind).shape[1]
         )
@@ -256,7 +256,7 @@ def output_contacts(system: BodySystem[AnyBody]) -> list[int]:
 
 
 def force_kinds_of_system(system: System) -> tuple[str, ...]:
-    """Kind of each force output of a system: of the springs of all bodies, then of the contacts `output_contacts`.
+    """Kind of each force output of a system: of the springs of all bodies, then of the contacts (`output_contacts`).
 
     For a single body all kinds are ``pad_force``.
     """
@@ -334,8 +334,8 @@ def outputs_of_run(
 def without_kink_forces(system: System, sampled: Outputs, excitation: Excitation, times: Array, step: float) -> Outputs:
     """Outputs `sampled` at `times` (T,) in s, with all forces near kinks of the extensions set to 0.
 
-    Near means within `BESIDE_KINK` times `step` in s.  There forces have no limit: the shorter the steps, the larger
-    are the forces.  The outputs of a single body on one path are returned unchanged.
+    Near means within `BESIDE_KINK` times `step` in s.  Forces at kinks have no limit: the shorter the steps, the larger
+    the forces.  The outputs of a single body on one path are returned unchanged.
     """
     if system.on_one_path:
         return sampled

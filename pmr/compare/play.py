@@ -23,7 +23,7 @@ from pmr.system.system import System
 
 @dataclass(frozen=True)
 class VariedPlay:
-    """Run of a reduced system whose pads have another play than in its scene."""
+    """Simulation of a reduced system whose pads have another play than in its scene."""
 
     gap: float  # m: play from face to face; 0 if the play of the scene is taken away
     simulation: Simulation

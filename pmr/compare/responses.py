@@ -299,9 +299,9 @@ def needed_bytes(scene: Scene, size: int, outputs: int) -> int:
 
 
 def memory_warnings(scene: Scene, size: int, outputs: int) -> list[str]:
-    """A warning if the histories take more than `NOTABLE_BYTES`, else an empty list.
+    """List a warning if the histories of a run take more than `NOTABLE_BYTES`; empty otherwise.
 
-    `size` and `outputs` are those of `needed_bytes`.
+    `size` is the number of coordinates, and `outputs` the number of outputs, of all full models together.
     """
     total = needed_bytes(scene, size, outputs)
     return [] if total < NOTABLE_BYTES else [f"{scene.time.steps:,} steps take about {total / 1e9:.1f} GB of memory"]
@@ -311,7 +311,8 @@ def check_memory(scene: Scene, size: int, outputs: int, free: int | None, tell: 
     """Raise an InputError, with the number of steps that fits, if histories do not fit into `free` bytes of memory.
 
     Histories of less than `NOTABLE_BYTES` are not checked, and nothing is checked if `free` is None (unknown).  If
-    `tell` is true, a warning is logged for larger histories that fit.  `size` and `outputs` are as for `needed_bytes`.
+    `tell` is true, a warning is logged for larger histories that fit.  `size` is the number of coordinates, and
+    `outputs` the number of outputs, of all full models together.
     """
     for message in memory_warnings(scene, size, outputs):
         total = needed_bytes(scene, size, outputs)
@@ -342,7 +343,7 @@ def _cable(scene: Scene) -> ancf.Cable:
 def simulate_cable(
     scene: Scene, x: ArrayLike, excitation: Excitation, done: Progress | None = None
 ) -> ancf.CableMotion:
-    """Motion of the scene's beam as an ANCF cable, at the material points x (o,) in m.
+    """Motion of the scene's beam, modelled as an ANCF cable, at the material points x (o,) in m.
 
     `done`, if not None, is called with the share of the run that is done.  Raises InputError if Exudyn is not
     installed, and whenever `pmr.simulation.exudyn.ancf.simulate` does; SimulationError if a step fails or a result is
@@ -355,7 +356,7 @@ def simulate_cable(
 
 
 def cable_response(scene: Scene, body: Body, done: Progress | None = None) -> Response:
-    """Response of the ANCF cable, which serves as a reference for a `body`, with the outputs of this body.
+    """Response of the scene's beam as an ANCF cable, a reference for its `body`, with the outputs of this body.
 
     The joint of the cable holds a point in space, so the cable has no rows, and the residuals of rows are NaN. Errors
     are those of `simulate_cable`.

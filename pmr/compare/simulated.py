@@ -161,10 +161,10 @@ FREE = frozenset({
 
 
 def with_models_of(scene: Scene, models: System | ReducedModel | Mapping[str, ReducedModel]) -> Scene:
-    """The scene, in which bodies whose structural model is ``auto`` get the structural model of the reduced `models`.
+    """Scene in which bodies with the structural model ``auto`` get the structural model of the reduced `models`.
 
-    When these were reduced, measurements chose the structural model.  `models` are a system, a model of a single body,
-    or a model of each section by name.
+    The structural model was chosen by measurements when these models were reduced.  `models` are a system, a model of a
+    single body, or a model of each section by name.
     """
     parts = []
     for number, (name, part) in enumerate(scene.bodies.items()):
@@ -251,7 +251,7 @@ def _mechanism_differences(recorded_scene: Mapping[str, object], scene: Scene) -
 
 
 def _body_differences(recorded_scene: Mapping[str, Any], member: Member) -> Iterator[Difference]:
-    """Differences in one body between a recorded scene and the scene of `member`."""
+    """Yield the differences in one body between a recorded scene and the scene of `member`."""
     recorded_loads = {load.get("name"): load for load in recorded_scene.get("loads") or ()}
     for i, load in enumerate(member.part.loads):
         yield from _part_differences(recorded_loads.get(load.name, {}), load, f"loads[{i}]")
@@ -262,14 +262,14 @@ def _body_differences(recorded_scene: Mapping[str, Any], member: Member) -> Iter
 
 
 def _scene_differences(recorded_scene: Mapping[str, object], scene: Scene) -> Iterator[Difference]:
-    """Differences in damping and sections between a recorded scene and a whole scene."""
+    """Yield the differences in damping and sections between a recorded scene and a whole scene."""
     for name in ("damping", "sections"):
         if name in recorded_scene:
             yield from _part_differences(recorded_scene[name], getattr(scene, name), name)
 
 
 def _file_differences(recorded_digests: Mapping[str, str], read: Mapping[str, Path]) -> Iterator[Difference]:
-    """Differences in the content of the files `read` by the scene to the recorded digests of their content.
+    """Yield the files `read` by a scene, by key, whose content differs from that of the recorded digests.
 
     A difference is shown as a file's name and as a digest.
     """
@@ -280,7 +280,7 @@ def _file_differences(recorded_digests: Mapping[str, str], read: Mapping[str, Pa
 
 
 def _part_differences(recorded: object, present: object, key: str) -> Iterator[Difference]:
-    """Differences between a `recorded` and a `present` value of the scene at `key`, and in all their fields."""
+    """Yield the differences between a `recorded` and a `present` value of a scene at `key`, and in all their fields."""
     if isinstance(present, SceneTable) and isinstance(recorded, Mapping):
         for name in [name for name in type(present).model_fields if name in recorded and name not in FREE]:
             yield from _part_differences(recorded[name], getattr(present, name), f"{key}.{name}")

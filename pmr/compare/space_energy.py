@@ -42,7 +42,7 @@ class SpaceEnergy:
 
     @property
     def residual_energy(self) -> Array:
-        """Change of energy (T,) in J since the start less all work: dissipation by damping, or an error of the step."""
+        """Change of energy (T,) in J since the start less all work: lost by damping, or an error of the step."""
         return self.energy - self.energy[0] - self.drive_work - self.other_work
 
 
@@ -95,7 +95,7 @@ def energy_part(scene: Scene, system: System, excitation: Excitation, run: Syste
 
 @dataclass(frozen=True)
 class _Moments:
-    """Integrals `u` (T, 4, 3) of rho u_j times 1, x, y and z, for the axes j = x, y, z, and their `rate` (T, 4, 3).
+    """Integrals `u` (T, 4, 3) over a section of rho u_j times 1, x, y, z for j = x, y, z, and their `rate` (T, 4, 3).
 
     u is the displacement of a section relative to the frame, rho its density.
     """
@@ -105,7 +105,10 @@ class _Moments:
 
 
 class _EnergyBalance:
-    """Energy (T,) in J, and work of each of T - 1 steps in J; add bodies first, then terms, then momenta."""
+    """Balance over T steps: energy (T,) in J, and work of each of T - 1 steps in J.
+
+    Bodies are added first, then terms of second order, then momenta.
+    """
 
     def __init__(self, scene: Scene, run: SystemTrajectory) -> None:
         """Begin the balance of a scene's `run` of T steps with the energy and work in the moving frame."""

@@ -52,7 +52,7 @@ class ConvergenceSeries(Generic[Compared]):
     """Differences between runs with ever smaller steps, and the error of a run by these differences.
 
     `difference` measures the difference of a run to a finer run, as a fraction.  `first` is the run with the longest
-    step.  The error is that of the run `initial` ("the given run"), or of `first` if `initial` is None.
+    step.  "The given run", whose error is estimated, is `initial`, or `first` if `initial` is None.
     """
 
     def __init__(
@@ -98,7 +98,7 @@ class ConvergenceSeries(Generic[Compared]):
 
     @property
     def error_bound(self) -> float:
-        """Error of the given run with the last difference as largest remainder, even if differences don't decrease."""
+        """Error of the given run, with the last difference as bound of the `remainder` if differences grow."""
         return self.difference_to_last + min(self.remainder, self.differences[-1])
 
     @property
@@ -294,10 +294,10 @@ def _force_difference(kind: str, histories: ForceHistories, finer: ForceHistorie
 
 
 def _rms_forces(histories: ForceHistories) -> ForceHistories:
-    """RMS of each force over time, (1,), by kind and name."""
+    """RMS over time of each force, as an array (1,), by kind and name."""
     return {kind: {name: _rms(force) for name, force in named.items()} for kind, named in histories.items()}
 
 
 def _rms(y: Array) -> Array:
-    """RMS of each output over time, (1, o), for y (T, o)."""
+    """RMS over time of each of o outputs y (T, o), as an array (1, o)."""
     return np.asarray(np.sqrt(np.mean(y**2, axis=0, keepdims=True)))

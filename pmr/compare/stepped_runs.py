@@ -114,8 +114,8 @@ class SteppedSystem:
     def halved_grid(self, times: int) -> TimeStepping:
         """Time grid of a run with the given step halved `times` times, and with the reference rho_inf.
 
-        If the given run chose its numbers of parts, each shorter step has the number of parts of the given step around
-        it, the one before or the one after, whichever has most.  Otherwise all steps have the numbers of parts of the
+        If the given run chose its numbers of parts, each shorter step has the largest number of parts among the given
+        step that it lies in, the one before and the one after.  Otherwise all steps have the numbers of parts of the
         given grid; if it has none, those that the contacts need.
         """
         grid, step = self.given, self.given.step / 2**times

@@ -86,7 +86,7 @@ def _histories_of_kind(scene: Scene, response: Response, kind: str) -> dict[str,
 
 
 def _response_at_rest(posture: Scene, form: SystemForm) -> Response | None:
-    """The response of a system to a scene at rest; None if nothing holds the boom in its posture."""
+    """Response of a system to a scene at rest, `posture`; None if nothing holds the boom in its posture."""
     try:
         return march_once(posture, form, excitation_of_scene(posture, form.system))
     except SimulationError:
@@ -94,7 +94,7 @@ def _response_at_rest(posture: Scene, form: SystemForm) -> Response | None:
 
 
 def _still(scene: Scene, t: float) -> Scene:
-    """The scene at rest in its posture at the time `t`, under the loads of this time, for two steps."""
+    """Scene at rest for two steps, in its posture at the time `t` in s and under the loads of this time."""
     assert scene.frame is not None  # as the caller says
     extensions = {
         part.name: np.array([scene.extension(number).value(t)])
@@ -115,7 +115,7 @@ def _still(scene: Scene, t: float) -> Scene:
 
 
 def _steady(load: Load, t: float) -> Load:
-    """The load with its value at the time `t` for ever."""
+    """Load whose value is, at all times, that of `load` at the time `t` in s."""
     return load.model_copy(update={"signal": Constant(amount=float(load.signal.value(t)))})
 
 
@@ -159,7 +159,7 @@ def missed_stress_part(scene: Scene, response: Response) -> SummaryPart:
 
 
 def fatigue_part(scene: Scene, response: Response) -> SummaryPart:
-    r"""``fatigue`` of summary.json, a row for each probe's stress, the worst one first; empty without ``[fatigue]``.
+    r"""Entry ``fatigue`` of summary.json, a row for each probe's stress, the worst first; empty without ``[fatigue]``.
 
     .. math:: D = \sum_l D(f_l\, \sigma, n_l)
 

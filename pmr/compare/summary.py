@@ -75,7 +75,7 @@ def origin_part(scene: Scene, libraries: Mapping[str, str] | None = None) -> Sum
 def simulation_part(
     seconds: Mapping[str, float], agreement: Mapping[str, float], stages: Mapping[str, float]
 ) -> SummaryPart:
-    """``seconds`` of the stages and of each simulator, and ``agreement``, the differences between simulators in m."""
+    """Entries ``seconds``, of stages and simulators, and ``agreement``, the differences between simulators in m."""
     return SummaryPart({"seconds": {**stages, "simulate": dict(seconds)}, "agreement": dict(agreement)})
 
 
@@ -85,7 +85,7 @@ def comparison_part(
     simulators: Mapping[str, str],
     rigid: Sequence[str] = (),
 ) -> SummaryPart:
-    """Differences to the references in the quantities that `measured` returns, and the simulators of each model.
+    """Part with differences to references, in the quantities that `measured` returns, and the simulator of each model.
 
     `responses` are the responses by model.  Errors that come from ringing of the full model are not listed as errors:
     ``not_judged`` has these, with a warning each.  The warnings name `rigid`, the rigid contacts of the full model.
@@ -127,13 +127,13 @@ def impacts_part(system: System, excitation: Excitation, responses: Mapping[str,
 
 
 def sampling_part(excitation: Excitation) -> SummaryPart:
-    """Warnings about paths and loads that the steps do not resolve."""
+    """Part with warnings about paths and loads that the steps do not resolve."""
     signals, stepping = excitation.signals, excitation.stepping
     return SummaryPart(warnings=describe_lost_features(signals, stepping) + describe_overshoots(signals, stepping))
 
 
 def reliability_part(reasons: Mapping[str, str], responses: Mapping[str, Response], system: System) -> SummaryPart:
-    """``no_reference``, the `reasons` for missing references, and warnings if the reduced motion can't be relied on.
+    """Entry ``no_reference``, the `reasons` for missing references, with warnings if the reduced motion is unreliable.
 
     `responses` are the responses by model.
     """
@@ -142,7 +142,7 @@ def reliability_part(reasons: Mapping[str, str], responses: Mapping[str, Respons
 
 
 def theory_part(scene: Scene, responses: Mapping[str, Response]) -> SummaryPart:
-    """A warning if a motion in one of the `responses` is too large for the models' theory."""
+    """Part with a warning if a motion in one of the `responses` is too large for the models' linear theory."""
     length = float(np.max(scene.reach(np.linspace(0.0, scene.time.end, scene.time.steps + 1))))
     return SummaryPart(grave=large_motion_warnings(length, responses.values()))
 
@@ -200,7 +200,7 @@ def parts_of_motion(
 def sections_part(
     boom: Scene, responses: Mapping[str, Response], sizes: Mapping[str, Mapping[str, int]], more: Mapping[str, Summary]
 ) -> SummaryPart:
-    """``sections`` of summary.json: name, coordinates, difference to the full model along each section, and `more`.
+    """Entry ``sections`` of summary.json: name, coordinates, difference to the full model, and `more` of each section.
 
     `responses` are the responses by model, and `sizes` the numbers of coordinates by section and model.  `more` has
     further values for each section by name.  The largest ``stress_peak`` of all sections is returned as well, and its

@@ -118,7 +118,7 @@ class Trials:
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of the system's outputs in order.
+        """Kinds of the system's outputs, in a fixed order.
 
         The first two are of displacements, ``beam`` and ``tip``; the kinds of the system's forces and ``velocity``
         follow.  A single body has the force ``pad_force`` alone.  ``probe`` comes last if a body has probes or
@@ -139,7 +139,7 @@ class Trials:
 
     @property
     def has_pushing_contacts(self) -> bool:
-        """Whether any contact only pushes."""
+        """Whether any contact of the system only pushes."""
         return not np.isnan(self.system(self.own).clearance).all()
 
     @property
@@ -212,7 +212,7 @@ class Trials:
         return {name: truncate(model, size) if size < model.size else model for (name, model), size in of_bodies}
 
     def system(self, sizes: Sizes) -> System:
-        """System that is simulated with models of these sizes."""
+        """System that is simulated with models of these sizes; each system is joined only once."""
         if sizes not in self._systems:
             self._systems[sizes] = self._join(self.models(sizes))
         return self._systems[sizes]

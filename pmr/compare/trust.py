@@ -29,14 +29,13 @@ _CALLED = {"full": "the full model", "ancf": "the ANCF cable"}
 
 
 def reason_for_distrust(response: Response, rigid: Sequence[str] = ()) -> str | None:
-    """Why nothing should be compared with a response, in words; None if there is no reason.
+    """Reason, in words, why nothing should be compared with a response; None if there is no reason.
 
     `rigid` are the names of rigid contacts, which the reason mentions.
 
-    There is a reason if energy of the response comes from neither loads nor contacts that travel
-    (`pmr.simulation.balance`).
-    The energy of the ANCF cable leaves out the axial strain; for this cable there is a reason instead if displacements
-    alternate from step to step.
+    There is a reason if displacements are not finite, or if energy of the response comes from neither loads nor
+    contacts that travel (`pmr.simulation.balance`).  The energy of the ANCF cable leaves out the axial strain; for this
+    cable there is a reason instead if displacements alternate from step to step.
     """
     if not np.isfinite(response.displacement).all():
         return "its displacements are not finite"
@@ -52,12 +51,12 @@ def reason_for_distrust(response: Response, rigid: Sequence[str] = ()) -> str | 
 
 
 def missing_reference_warnings(reasons: Mapping[str, str]) -> list[str]:
-    """A warning for each reference that is missing; `reasons` maps the name of the reference to the reason."""
+    """List a warning for each reference that is missing; `reasons` maps the name of a reference to the reason."""
     return [f"no reference by {_CALLED.get(name, name)}: {reason}" for name, reason in reasons.items()]
 
 
 def distrust_warnings(reduced: Response, rigid: Sequence[str] = ()) -> list[str]:
-    """A warning for each reason why the reduced motion can't be trusted.
+    """List a warning for each reason why the reduced motion can't be trusted.
 
     `rigid` are the names of rigid contacts, as for `reason_for_distrust`.
     """
@@ -169,7 +168,7 @@ def effects_not_covered(
 
 
 def coverage_warnings(clauses: Sequence[str]) -> list[str]:
-    """A warning for each of the clauses whose effect may make the estimate too small by an unknown factor."""
+    """List a warning for each of the `clauses` whose effect may make the estimate too small by an unknown factor."""
     without = {AWAY_FROM_PROBES, RIGID_REACTIONS, MACHINE_MOTION, SLIDER_IMPACTS, SLIDER_RINGING, LOAD_JUMPS}
     without |= set(UNSETTLED_KINDS.values())
     return [f"the error may be larger than its estimate: {clause}" for clause in clauses if clause not in without]
@@ -236,7 +235,7 @@ def quantities_not_covered(
 
 
 def unsettled_force_clauses(kinds: Sequence[str]) -> list[str]:
-    """A clause for each kind of forces in `kinds`, whose values still change as the step gets smaller."""
+    """List a clause for each kind of forces in `kinds`, whose values still change as the step gets smaller."""
     return [f"{QUANTITIES[kind].label} are further off, as smaller steps still change them" for kind in kinds]
 
 
@@ -254,7 +253,7 @@ def reduction_warnings(summary: Summary) -> list[str]:
 
 
 def budget_warnings(scene: Scene, budget: Summary) -> Iterator[str]:
-    """A warning for each part of the error budget, ``model`` and ``mesh``, above `compare.model_tolerance`.
+    """Yield a warning for each part of the error budget, ``model`` and ``mesh``, above `compare.model_tolerance`.
 
     With `[accuracy]` or `[budget]`, warnings about the mesh come from `pmr.compare.accuracy.accuracy_warnings`.
     """
@@ -356,7 +355,7 @@ def is_ringing(signal: Array, reference: Array) -> bool:
 
 @dataclass(frozen=True)
 class RingingReference:
-    """An error that says nothing about the reduced model, because the reference rings (`is_ringing`)."""
+    """Finding that an error says nothing about the reduced model, because the reference rings (`is_ringing`)."""
 
     alternating: float  # share of the reference that changes its sign with every step
     band: float  # Hz: frequency above which the full model's motion has 1 % of its RMS
@@ -364,7 +363,7 @@ class RingingReference:
 
     @classmethod
     def judge(cls, pair: Pair, full: Response) -> RingingReference | None:
-        """Return the error of a pair (signal, reference), each (T, o), whose reference is part of the response `full`.
+        """Judge the error of a pair (signal, reference), each (T, o), whose reference is part of the response `full`.
 
         None is returned if the error is not due to ringing of the reference (`is_ringing`).
         """
@@ -376,7 +375,7 @@ class RingingReference:
 
 
 def ringing_warnings(not_judged: Mapping[str, RingingReference], rigid: Sequence[str] = ()) -> list[str]:
-    """One warning that names all quantities whose errors are in `not_judged`; nothing if that is empty.
+    """List one warning that names all quantities whose errors are in `not_judged`; empty if that is.
 
     `not_judged` is by the names of quantities in summary.json.  If the full model has `rigid` contacts, the warning
     names them as the cause.
@@ -396,7 +395,7 @@ def ringing_warnings(not_judged: Mapping[str, RingingReference], rigid: Sequence
 
 
 def _without_alternation(signal: Array) -> Array:
-    """The signal (T, o) without its alternating part; its first and last four steps are unchanged."""
+    """Signal (T, o) without the part that alternates from step to step; its first and last four steps are unchanged."""
     steady = np.copy(signal)
     if len(signal) > 8:
         steady[4:-4] -= _alternating_part(signal)

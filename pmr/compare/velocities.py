@@ -20,7 +20,7 @@ from pmr.system.system import System
 
 @dataclass(frozen=True)
 class Rates:
-    """T values of k signals and their rates, each (T, k)."""
+    """Values of k signals at T times, and their rates, each (T, k)."""
 
     value: Array
     rate: Array
@@ -119,14 +119,14 @@ def _has_rate_tables(body: SlidingBody) -> bool:
 
 
 class BodyMotion(NamedTuple):
-    """A single body and its motion."""
+    """A single body with the rows of its contacts, and its motion."""
 
     body: ReducedModel
     motion: Trajectory
 
 
 def only_body_motion(system: System, run: SystemTrajectory, excitation: Excitation) -> BodyMotion:
-    """The single body with the rows of its contacts alone, and its motion with one path coordinate s (T,) in m."""
+    """Single body of a system, with the rows of its contacts, and its motion with one path coordinate s (T,) in m."""
     (body,), (motion,) = system.reduced.values(), run.bodies.values()
     rows = [body.row_names.index(contact.inner.row) for contact in system.contacts]
     s = excitation.on_slider.path_within(body.domain) if excitation.paths else np.full(len(run.t), body.domain[0])

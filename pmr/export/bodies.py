@@ -37,7 +37,10 @@ from pmr.results.field_series import FramedBody, NodalBody
 
 
 def write_ffrf(body: NodalBody, target: Path) -> Path:
-    """Write the data of an ObjectFFRFreducedOrder with Exudyn's own writer; raises InputError if Exudyn is missing."""
+    """Write a body as data of Exudyn's ObjectFFRFreducedOrder, with Exudyn's writer, and return the file's path.
+
+    Raises InputError if Exudyn is not installed.
+    """
     environment.import_package("exudyn")
     from exudyn.FEM import FEMinterface
 
@@ -56,9 +59,10 @@ def write_ffrf(body: NodalBody, target: Path) -> Path:
 
 
 def write_simscape(body: FramedBody, target: Path) -> Path:
-    """Write the data of Simscape's block Reduced Order Flexible Solid: origins P (F, 3) of F frames, and K, M, C.
+    """Write a body as data of Simscape's block Reduced Order Flexible Solid, and return the file's path.
 
-    Rows and columns of K, M, C are x, y, z, rx, ry, rz of each frame, then the modes.
+    The data are the origins P (F, 3) of F frames and the matrices K, M, C, whose rows and columns are x, y, z, rx, ry,
+    rz of each frame, then the modes.
     """
     names = np.array(body.frames.names, dtype=object)
     content = {"P": body.frames.points, "K": body.K, "M": body.M, "C": body.C, "frames": names, "s": body.s}
@@ -129,18 +133,18 @@ def inertia_integrals(body: NodalBody) -> Mapping[str, Taylor]:
 
 
 def write_sid(body: NodalBody, target: Path) -> Path:
-    """Write a body as Standard Input Data, with 17 digits; the nodes are the points of the body's loads and outputs.
+    """Write a body as Standard Input Data, with 17 digits, and return the file's path.
 
-    Raises InputError as `inertia_integrals`.
+    The nodes of the file are the points of the body's loads and outputs.  Raises InputError as `inertia_integrals`.
     """
     write_text(target, "\n".join([*_sid_lines(body), ""]))
     return target
 
 
 def _centrifugal(of: Array) -> Array:
-    """Coefficients (m, [m,] 6) of the integral of phi . omega x (omega x r), one for each product Omega of the module.
+    """Coefficients (m, [m,] 6) of the integral of phi . omega x (omega x r), by the six products Omega of the module.
 
-    `of` (3, 3, m, [m]) are integrals of products of a component of r (or of its m modes) and one of phi.
+    `of` (3, 3, m, [m]) are integrals of products of a component of r, or of r in each of m modes, and one of phi.
     """
     trace = np.einsum("ii...->...", of)
     squares = [of[a, a] - trace for a, b in PRODUCTS[:3]]

@@ -82,7 +82,7 @@ def write_frequency_response(npz_path: Path, target: Path, options: Options) -> 
 
 
 def write_matlab(npz_path: Path, target: Path, options: Options) -> Path:
-    """Write A, B, C, D as arrays (., ., S) over S grid points s, as MATLAB's ``ss`` needs them; return `target`.
+    """Write A, B, C, D as arrays (rows, columns, S) over S grid points, as MATLAB's ``ss`` needs them; return `target`.
 
     `npz_path` is the file of the model.  The written file also has all names, and the two errors of interpolation
     (`interpolation_error`).  Unless the options give the grid, it is refined by factors of two, from `PLACES` points to
@@ -247,7 +247,7 @@ def _variable(kind: str, name: str, title: str, unit: str) -> str:
 
 
 def _escape(text: str) -> str:
-    """Text as the content of a Modelica string."""
+    """Text with backslashes and quotes escaped, as the content of a Modelica string."""
     return text.replace("\\", "\\\\").replace('"', '\\"')
 
 

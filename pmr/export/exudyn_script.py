@@ -107,10 +107,10 @@ def script_data(system: System, source: str) -> Arrays:
 
 
 def _tip_values(system: System, source: str) -> Arrays:
-    """The last displacement, which the script prints: ``tip``, ``tip_of`` and ``tip_position``.
+    """Values about the last displacement, which the script prints: ``tip``, ``tip_of`` and ``tip_position``.
 
-    The values are the displacement's number among the outputs, words for its body, and its position in m.  Raises
-    InputError, which names the file `source`, if there is no displacement.
+    They are the displacement's number among the outputs, words for its body, and its position in m.  Raises InputError,
+    which names the file `source`, if there is no displacement.
     """
     of = [
         (name, position, is_length)
@@ -126,7 +126,7 @@ def _tip_values(system: System, source: str) -> Arrays:
 
 
 def _signal_arrays(scene: StoredScene, system: System, source: str) -> Arrays:
-    """Strands of paths and loads (`pmr.scene.signals.base.Strand`), as arrays by name.
+    """Arrays, by name, of the strands of paths and loads: polynomials and sines (`pmr.scene.signals.base.Strand`).
 
     Paths and loads are in the order of the system's names.  Raises InputError, which names the file `source`, if a
     signal has no strands.

@@ -37,7 +37,7 @@ class Format:
 
 
 def _writer(module: str, name: str) -> Callable[..., Path]:
-    """The function `name` of a module of `pmr.export`; the module is imported when the function is called."""
+    """Function that calls the function `name` of a module of `pmr.export`; the module is imported when it is called."""
 
     def write(*arguments: Any) -> Path:
         """Call the function and return the path that it has written."""
@@ -48,13 +48,16 @@ def _writer(module: str, name: str) -> Callable[..., Path]:
 
 
 def _exudyn(model: Path, target: Path, options: Options) -> Path:
-    """Write a standalone Exudyn script; raises InputError if Exudyn is missing."""
+    """Write a model as a standalone Exudyn script, and return the file's path.
+
+    Raises InputError if Exudyn is not installed.
+    """
     environment.import_package("exudyn")  # parts of the script are modules that need Exudyn
     return _writer("exudyn_script", "write_exudyn_script")(model, target)
 
 
 def _fmu(model: Path, target: Path, options: Options) -> Path:
-    """Write an FMU as the options say."""
+    """Write a model as an FMU, with the `options` for FMUs, and return the file's path."""
     fmu, version = import_module("pmr.export.fmi.fmu"), options.fmi or "3"
     platforms = fmu.selected_platforms(options.platforms, version)
     written: Path = fmu.write_fmu(model, target, version, platforms, bool(options.sources), options.observer)
@@ -117,10 +120,10 @@ BODY_FORMATS = {
 
 
 def write(to: str, model: Path, target: Path | None, options: Options) -> Path:
-    """Write the saved reduced model `model` in the format `to`, and return the file's path.
+    """Write the saved reduced model `model` in the format `to`, and return the path of the written file.
 
     If `target` is None, the file has the format's default name, in the folder of the model.  Raises InputError if there
-    is no such format, it does not accept an option that is given, or its writer refuses the model.
+    is no such format, if the format does not accept an option that is set, or if its writer refuses the model.
     """
     writers = formats()
     if to not in writers:

@@ -31,7 +31,7 @@ def pads_over_time(result: RunResult) -> Boxes | None:
     """Return all pads of a body alone at the times of its recovered fields, with their forces in N.
 
     A force is NaN if it is not known.  If the scene has a moving frame, the corners are positions in space.  None is
-    returned for a body without pads or fields, and for a boom of sections.
+    returned for a body without pads or recovered fields, and for a boom of sections.
     """
     if ALONE not in (travelling := result.moving_fields):
         return None
@@ -147,7 +147,7 @@ def _regions(grid: Grid) -> dict[str, NDArray[Any]]:
 
 
 def _with_underscores(name: str) -> str:
-    """Name with underscores for spaces."""
+    """The name with underscores in place of spaces."""
     return name.replace(" ", "_")
 
 

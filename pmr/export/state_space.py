@@ -82,7 +82,7 @@ class StateSpace:
 
 
 def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> StateSpace:
-    """State space of reduced bodies with their paths held at s, which holds (S,) in m, or a number, for each path.
+    """State space of reduced bodies with their paths held at S grid points; `s` has (S,) in m, or a number, by path.
 
     `source` is the file that errors name.  Raises InputError if contacts only push, or rigid ones depend on s; raises
     SimulationError if contact forces at one of the points are not determined.
@@ -150,7 +150,7 @@ def _damping(system: System, assembly: Assembly, X: Array, omega2: Array) -> Arr
 
 @dataclass(frozen=True)
 class _HeldSystem:
-    """A system at one grid point, on r modes: stiffness and input matrix of the modes, and output matrices.
+    """A system with its paths held at one grid point, on r modes: stiffness and input matrix, and output matrices.
 
     The q outputs and contact forces are `measured` (z, z') + `direct` f, with modal coordinates z and loads f.
     """
@@ -162,7 +162,7 @@ class _HeldSystem:
 
     @classmethod
     def build(cls, assembly: Assembly, rows: ContactRows, firm: Mask, X: Array, omega2: Array, s: Array) -> _HeldSystem:
-        """System at one grid point, with its contact rows and the mask `firm` (m,) of rigid ones.
+        """System held at one grid point, from the contact rows there and the mask `firm` (m,) of rigid contacts.
 
         X (n, r) are its modes and `omega2` (r,) their squared circular frequencies; s (P,) are coordinates of P paths,
         for messages.
@@ -197,15 +197,18 @@ PLACES = 21
 
 
 def saved_state_space(npz_path: Path, options: Options) -> StateSpace:
-    """State space of the system in `npz_path`; errors as `saved_system`, `path_positions` and `state_space`."""
+    """State space of the system in the file `npz_path`, at the places and for the section that `options` select.
+
+    Raises the errors of `saved_system`, `path_positions` and `state_space`.
+    """
     system = saved_system(npz_path, options)
     return state_space(system, path_positions(system, options.at), npz_path.name)
 
 
 def saved_system(npz_path: Path, options: Options) -> System:
-    """System in the file `npz_path`, or one of its sections alone.
+    """System in the file `npz_path` or, if `options` name one, a section of it alone.
 
-    Raises InputError as `section_alone`, or for places of a section.
+    Raises InputError as `section_alone`, and if places are chosen together with a section.
     """
     if options.section is None:
         return System.load(npz_path).ensure_constant(npz_path.name)
@@ -284,10 +287,10 @@ _RECTANGULAR_DMIG, _DOUBLE = 9, 2
 
 @dataclass(frozen=True)
 class _NastranMatrix:
-    """Matrix for Nastran, with what its cards state.
+    """Matrix for Nastran, with the data that its cards state.
 
-    They state the first letter of its name, the number of its grid point or ``""``, its values, and the number of its
-    form.  The forms are numbered as in OUTPUT4.
+    The cards state the first letter of its name, the number of its grid point or ``""``, its values, and the number of
+    its form.  The forms are numbered as in OUTPUT4.
     """
 
     letter: str
@@ -297,10 +300,10 @@ class _NastranMatrix:
 
 
 def write_dmig(npz_path: Path, target: Path, options: Options) -> Path:
-    """Write M, D and, for each grid point, K and the loads as DMIG, in modal coordinates on the scalar points 1 to r.
+    """Write M, D and, for each grid point, K and loads as DMIG, in modal coordinates on scalar points 1 to r.
 
-    A field holds at least ten digits; the remainder of each matrix is written as a second matrix, so that their sum, as
-    Nastran takes it (``K2GG = K1, KL1``), has all digits.
+    The path `target` is returned.  A field holds at least ten digits; the remainder of each matrix is written as a
+    second matrix, so that their sum, as Nastran takes it (``K2GG = K1, KL1``), has all digits.
 
     Raises InputError as `saved_state_space`.
     """
@@ -308,7 +311,10 @@ def write_dmig(npz_path: Path, target: Path, options: Options) -> Path:
 
 
 def write_output4(npz_path: Path, target: Path, options: Options) -> Path:
-    """Write the matrices of `write_dmig` with all digits as text of OUTPUT4; raises InputError as `write_dmig`."""
+    """Write the matrices of `write_dmig` with all digits as text of OUTPUT4, and return the file's path.
+
+    Raises InputError as `write_dmig`.
+    """
     return _write(npz_path, target, options, _output4_deck)
 
 

@@ -72,7 +72,7 @@ class SNLine:
 
 
 class Damage(NamedTuple):
-    """Damage by a history that occurs once, and by each further repetition of it, numbers; 1 is failure."""
+    """Damage by one occurrence of a history, and by each further repetition, as numbers: 1 is failure."""
 
     once: float
     further: float

@@ -98,7 +98,7 @@ class StressRows:
         return np.flatnonzero(self.face == self.faces.index(face))
 
     def by_cell(self, values: Array, cells: int) -> dict[str, Array]:
-        """Return the largest of values (S, P) in each of `cells` cells, (S, cells), by the name of the face.
+        """Return the largest of values (S, P) at P points in each of `cells` cells, (S, cells), by name of the face.
 
         A cell without a point on a face has its largest value on any face; a cell without points has minus infinity.
         """

@@ -47,7 +47,7 @@ MISES: Mapping[tuple[str, ...], Array] = {
 
 @dataclass(frozen=True)
 class Columns:
-    """Meaning of c columns of values: outputs and contact forces.
+    """Description of c columns of values: outputs and contact forces, with names, kinds, units and bodies.
 
     Attributes
     ----------
@@ -70,14 +70,14 @@ class Columns:
 
     @classmethod
     def from_scene(cls, scene: Scene, response: Response) -> Columns:
-        """Return the meaning of the columns of a scene's response, in the order of the columns of `values_of`."""
+        """Return the description of the columns of a scene's response, in the order of the columns of `values_of`."""
         return cls.of_outputs(
             scene, [replace(output, name=output.name.removeprefix(FORCE)) for output in response.outputs]
         )
 
     @classmethod
     def of_outputs(cls, scene: Scene, outputs: Sequence[Output]) -> Columns:
-        """Return the meaning of columns with the names, kinds, units and bodies of `outputs` of a scene's bodies."""
+        """Return the description of columns with the names, kinds, units and bodies of `outputs` of a scene."""
         names = tuple(output.name for output in outputs)
         springs = {
             name: unit
@@ -249,8 +249,8 @@ def _support_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measu
 def columns_by_support(columns: Columns, looks_at: Callable[[str], bool]) -> dict[str, list[int]]:
     """Return the numbers of the columns of each support's forces, by the support's name.
 
-    If no force is chosen, they are the columns of moments.  `looks_at` says whether a support is chosen; columns at the
-    pivot and on the ground are never chosen.
+    If no chosen support has a force, they are the columns of moments.  `looks_at` takes a name and says whether the
+    support of this name is chosen; columns at the pivot and on the ground are never chosen.
     """
     chosen = [k for k in columns.support_columns() if any(looks_at(name) for name in support_names(columns, k))]
     groups = dict[str, list[int]]()
@@ -260,16 +260,21 @@ def columns_by_support(columns: Columns, looks_at: Callable[[str], bool]) -> dic
 
 
 def resultant_name(body: str, support: Support, separator: str = ": ") -> str:
-    """Return the name of the resultant force of a support of `body`, which has a name of its own or one by its place.
+    """Return the name of the resultant force of a support: the body's name, then that of the support.
 
-    The `separator` stands between both names: that of ``supports`` in summary.json, or a space as in names of contacts.
+    A support without a name is called by its place.  The `separator` stands between both names: by default that of
+    ``supports`` in summary.json, or a space as in names of contacts.  For a body without a name, the support's name is
+    returned alone.
     """
     rows = DIRECTION.sub("", support.row_name(support.held_directions[0]))
     return f"{body}{separator}{rows}" if body else rows
 
 
 def support_names(columns: Columns, number: int) -> tuple[str, ...]:
-    """Return both names of the support in column `number`: the column's own, and the contact's, as ``base pivot x``."""
+    """Return both names of the support in column `number`: that of the column, and that of the contact.
+
+    The name of the contact is such as ``base pivot x``: body, support and direction.
+    """
     body, name = columns.bodies[number], columns.names[number]
     if name.startswith(f"{body} "):  # a contact's
         return name, name

@@ -28,7 +28,7 @@ FORCES = ("pad", "cylinder", "support")
 
 @dataclass(frozen=True)
 class Output:
-    """Meaning of one column of a response.
+    """Description of one column of a response: name, kind, body, place, direction and unit.
 
     For a displacement, `place` is the position in m along the body, and `direction` is x, y or z.  `body` is the name
     of the body, which is empty for a body alone.
@@ -169,7 +169,7 @@ class Response:
 
     @property
     def outputs(self) -> tuple[Output, ...]:
-        """Meaning of each column: displacements, then forces, then `others`; empty if the results lack the meanings."""
+        """Description of each column: displacements, then forces, then `others`; empty if the results have no kinds."""
         names = (*self.output_names, *self.force_names, *self.other_names)
         if not len(names) == len(self.kinds) == len(self.bodies):
             return ()
@@ -180,7 +180,7 @@ class Response:
 
     @property
     def force_floor(self) -> float:
-        """Force in N up to which a force may be mere round-off: a billionth of the largest of contacts and supports."""
+        """Force in N up to which a force may be round-off: `force_round_off`, or a billionth of the largest force."""
         reactions = [k for k, unit in enumerate(self.other_units) if unit == "N"]
         support_forces = np.empty((0, 0)) if self.others is None else self.others[:, reactions]
         largest = max(float(np.abs(forces).max(initial=0.0)) for forces in (self.slider_force, support_forces))
@@ -191,7 +191,7 @@ class Response:
         return force if np.abs(force).max(initial=0.0) > self.force_floor else np.zeros_like(force)
 
     def of(self, kind: str, body: str | None = None, direction: str | None = None) -> Array:
-        """Return the histories (T, k) of the k columns of one kind.
+        """Return the histories (T, k) of the k columns of one kind; k may be 0.
 
         If `body` or `direction` is not None, only the columns of this body or along this direction are returned.
         """

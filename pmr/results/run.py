@@ -43,7 +43,7 @@ class Paths:
 
 @dataclass(frozen=True)
 class Loads:
-    """Values of the loads on each of i inputs over T times."""
+    """Values of the loads on i inputs over T times, with the inputs' names and units."""
 
     names: tuple[str, ...]  # (i,)
     units: tuple[str, ...]  # (i,)
@@ -122,7 +122,7 @@ class FrequencyResponse:
 
 @dataclass(frozen=True)
 class BodyResult:
-    """Results of one body.
+    """Results of one body of a run: basis, fields, stresses and section forces.
 
     `fields` are the fields for which the scene asks in its recovery, at some of the recovery's times, in the body's own
     axes.  `peak_stress` is the largest von Mises stress (F,) in Pa at all F times of the recovery, and `envelopes` are
@@ -289,7 +289,7 @@ class RunResult:
 
     @property
     def columns(self) -> dict[str, list[str]]:
-        """Names of the columns of each array of trajectories.npz, by the array's name; a unit in brackets ends each."""
+        """Names of the columns, with units in brackets, of each array of trajectories.npz, by the array's name."""
         column_names = {"loads": _with_units(self.loads.names, self.loads.units)}
         if self.reach is None:
             for name in _MODELS:
@@ -306,7 +306,7 @@ class RunResult:
         return column_names
 
     def save(self, folder: Path) -> None:
-        """Write scene.json, summary.json, fields, and trajectories.npz into `folder`.
+        """Write scene.json, summary.json, the fields of bodies, and trajectories.npz into `folder`.
 
         The entry ``columns`` of trajectories.npz names the columns of its arrays.
         """
@@ -406,7 +406,7 @@ def _read_loads(values: Array, columns: Columns) -> Loads:
 
 
 def _frequency_arrays(frequencies: Frequencies, alone: bool) -> dict[str, NDArray[Any]]:
-    """Return the arrays of frequencies for trajectories.npz; a body `alone` has other keys and units than a boom.
+    """Return the arrays of frequencies for trajectories.npz; keys and units depend on whether a body is `alone`.
 
     Arrays of frequencies are (positions, modes).  A body alone has ``frequencies.s`` in m, ``frequencies.reduced``,
     ``frequencies.full`` and ``frequencies.closed_form`` in rad/s, with no columns if there are none, and

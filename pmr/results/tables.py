@@ -59,7 +59,7 @@ class Reaction:
 
 
 def build_tables(result: RunResult) -> dict[str, Table]:
-    """Return the tables for which a run has rows, by the names of their files.
+    """Return the tables of a run that have rows, by the names of their files.
 
     For a boom of sections, ``s`` is the reach.
     """
@@ -128,9 +128,10 @@ def reaction_extremes(response: Response, path: Array) -> dict[Reaction, Extreme
 
 
 def support_forces(scene: Scene, response: Response, directions: int = 1) -> dict[str, Array]:
-    """Return the force in N over time, (T,), of each support that holds at least so many directions, by its name.
+    """Return the force (T,) in N over time of each support with forces along `directions` directions or more, by name.
 
-    The force is the resultant of all directions; that of a support of a single direction has a sign.
+    The force is the resultant of all directions; supports of which the response has moments alone are left out; that of
+    a support of a single direction has a sign.
     """
     columns, forces = Columns.from_scene(scene, response), dict[str, Array]()
     for name, numbers in columns_by_support(columns, lambda _: True).items():

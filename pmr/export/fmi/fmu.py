@@ -43,7 +43,7 @@ NUMBERS = ("gravity", "gate", "refused", "alarm", "share", "following")
 
 @dataclass(frozen=True)
 class UnitObserver:
-    """Filter of an observer, and the outputs and loads of the system to which its numbers refer.
+    """Kalman filter of an observer in an FMU, and the outputs and loads of the system to which its numbers refer.
 
     `units` has the unit of each unknown, then of each output, by name; `sensors` and `outputs` are in the filter's
     order.
@@ -61,7 +61,7 @@ class UnitObserver:
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """Names of all that is estimated in addition to the outputs."""
+        """Names of all quantities that are estimated in addition to the outputs."""
         return tuple(name for name in self.units if name not in self.outputs)
 
     def arrays(self, drivers: Drivers) -> dict[str, NDArray[np.int32] | Array]:
@@ -224,7 +224,8 @@ def fmu_contents(
 ) -> Contents:
     """Description, system and reference trajectory of an FMU whose binaries are called `name`.
 
-    `version`, `sources`, `observer` (None: no observer) and errors are those of `write_fmu`.
+    `version` is that of FMI, ``"2"`` or ``"3"``; `sources` says whether the C sources are included; there is no
+    observer if `observer` is None.  Errors are those of `write_fmu`.
     """
     # with an observer contacts are combined as those of its own model, to the last bit
     drivers = Drivers.of(system, reactions=observer is None)

@@ -31,7 +31,7 @@ INSTANTS = 101
 
 @dataclass(frozen=True)
 class Reference:
-    """A simulation of a system with n drivers, o outputs, m contacts and r modes, under its scene."""
+    """Reference trajectory: a simulation of a system with n drivers, o outputs, m contacts and r modes."""
 
     stepping: TimeStepping
     omega: float  #: rad/s, of contacts that only push; 0 without any
@@ -54,7 +54,7 @@ class Reference:
 
 
 def reference(drivers: Drivers, scene: StoredScene) -> Reference:
-    """Simulate the system of `drivers` under its own scene and return the reference trajectory.
+    """Simulate the system of `drivers` under the `scene` stored with it, and return the reference trajectory.
 
     Without a frame, paths and loads follow the FMU's cubics between steps; with a frame that moves, they follow the
     scene's signals.  A free luffing angle or extension is computed first, as in a run; errors as

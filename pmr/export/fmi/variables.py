@@ -147,9 +147,9 @@ class Drivers:
 
     @property
     def started(self) -> tuple[str, ...]:
-        """Name of the free luffing angle or extension, whose value and rate at the start are parameters.
+        """Name (1,) of the free luffing angle or extension, whose value and rate at the start are parameters.
 
-        The name is empty if neither is free.
+        The result is empty if neither is free.
         """
         return () if not self.has_free_motion else self.moved_paths[:1] or (LUFFING,)
 
@@ -193,7 +193,7 @@ INPUT, PARAMETER = Role("input", initial=""), Role("parameter", "fixed", "exact"
 
 @dataclass(frozen=True)
 class Variable:
-    """One variable of an FMU: its value reference and its attributes in the model description."""
+    """Variable of an FMU: its value reference (the number by which importers call it) and its other attributes."""
 
     name: str
     reference: int
@@ -262,10 +262,11 @@ def rate_unit(unit: str, order: int) -> str:
 
 
 def _drivers(drivers: Drivers) -> Iterator[Variable]:
-    """Yield all drivers that are inputs, with names that may not differ yet, as variables without a start value.
+    """Yield the drivers of an FMU's system as variables without a start value: first paths, then loads, then motions.
 
-    First come path coordinates, then loads, then motions of the frame.  A free angle or extension is a parameter, with
-    its value and rate at the start.  The loads by which the rope of a hoist pulls are left out.
+    The variables have names that are not made unique yet.  Drivers are inputs; of a free luffing angle or extension,
+    the value and rate at the beginning of the simulation are parameters instead.  The loads by which the rope of a
+    hoist pulls are left out.
     """
     paths, ranges = drivers.shown_paths, drivers.data.rows.ranges
     for k, (name, path, (low, high)) in enumerate(zip(path_names(paths), paths, ranges, strict=False), 1):
