@@ -40,7 +40,7 @@ def rayleigh(damping: Damping) -> Rayleigh:
 
 
 def operators_of(model: StructuralModel, comm: MPI.Comm) -> Operators:
-    """Mass, stiffness and damping of a model, assembled from its forms or given as matrices; collective."""
+    """Mass, stiffness and damping of a model, assembled from its weak forms or as given by matrices; collective."""
     if is_assembled(model):
         return assemble_model(model, model.domain(comm))
     assert isinstance(model, Matrices | Mover)
@@ -62,7 +62,7 @@ def operators_of(model: StructuralModel, comm: MPI.Comm) -> Operators:
 
 
 def pad_pattern(A: sp.csr_matrix, other: sp.csr_matrix) -> sp.csr_matrix:
-    """Copy of A with explicit zeros where only `other` has entries: its pattern contains both patterns."""
+    """Copy of A with stored zeros where only `other` has entries, so that its pattern contains both patterns."""
     A, other = A.tocoo(), other.tocoo()
     entries = np.concatenate([A.data, np.zeros(other.nnz)])
     places = np.concatenate([A.row, other.row]), np.concatenate([A.col, other.col])
@@ -95,13 +95,13 @@ class Assembler:
             self._projection = sp.csr_matrix(ordered @ model.transformation)
 
     def matrix(self, form: object, zeros: bool = True) -> PETSc.Mat:
-        """Assemble a UFL form to a matrix (n, n); if `zeros`, explicit zeros of its pattern are kept.  Collective."""
+        """Assemble a UFL form to a matrix (n, n), whose pattern has stored zeros only if `zeros`; collective."""
         return self.assemble_form(compiled_form(form), zeros)
 
     def assemble_form(self, form: object, zeros: bool = True) -> PETSc.Mat:
         """Assemble a compiled form to a matrix (n, n) on the model's coordinates, of which ranks own equal shares.
 
-        If `zeros`, explicit zeros of the pattern are kept.  Collective.
+        The pattern of the matrix has stored zeros only if `zeros`.  Collective.
         """
         A, size = assemble(form), len(self._order) if self._projection is None else self._projection.shape[1]
         low, high = (int(number) for number in share(size, self.comm))
@@ -152,7 +152,7 @@ def model_order(model: FiniteElementModel, space: FunctionSpace) -> Indices:
 
 
 def project_matrix(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
-    """Product P^T A P; frees A.  Collective."""
+    """Product P^T A P, whose rows are distributed as the columns of P; A is freed. Collective."""
     product = A.PtAP(P)
     result = product.copy()  # a PETSc product keeps its factors in memory as long as it lives
     free_objects(product, A)
@@ -160,5 +160,5 @@ def project_matrix(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
 
 
 def share(size: int, comm: MPI.Comm) -> Indices:
-    """Limits (2,) of this rank's coordinates among `size`: the number of the first one, and that after the last one."""
+    """Range (2,) of this rank's coordinates among `size`: number of the first one, and number after the last one."""
     return np.array([comm.rank, comm.rank + 1]) * size // comm.size

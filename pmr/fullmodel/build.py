@@ -64,7 +64,7 @@ class FreeMotions:
 
 @dataclass(frozen=True)
 class CheckedPositions:
-    """The T positions of the bodies at which a system is checked for free motions."""
+    """Positions of the bodies, T in all, at which a system is checked for free motions."""
 
     s: Mapping[str, Array]  # (T,) m: path coordinates, by the name of the path
     tails: Mapping[str, Array]  # (T,) m: distance of each body's tail ahead of the tail of the base, by body
@@ -73,7 +73,7 @@ class CheckedPositions:
 
 @dataclass(frozen=True)
 class RigidBody:
-    """Measures of a body's six rigid motions by its rows; columns of motions that its model lacks are zero."""
+    """Values that the rows of a body take under its six rigid motions; zero for motions that its model lacks."""
 
     carrier_motions: Array  # (K, 6): what the K carrier rows measure of the motions
     carrier_sizes: Array  # (K, 6): the same sums of absolute values, by which round-off is judged
@@ -102,9 +102,9 @@ class RigidBody:
 
 
 def _span_rows(rows: Array, reach: float) -> Array:
-    """At most six rows (h, 6) with the same span as `rows` (m, 6), not necessarily independent.
+    """Up to six rows (h, 6) with the same span as `rows` (m, 6); they may depend on each other.
 
-    A clamp of many points has many rows, of which six say the same.  The columns 3 to 5 of `rows` belong to rotations;
+    A clamp of many points has many rows, but they span six at most.  The columns 3 to 5 of `rows` belong to rotations;
     `reach` in m scales these to displacements.
     """
     scale = np.repeat([1.0, reach or 1.0], 3)
@@ -117,7 +117,7 @@ def _span_rows(rows: Array, reach: float) -> Array:
 def free_motions(
     system: FullSystem, structural: Mapping[str, StructuralModel], positions: CheckedPositions
 ) -> list[dict[str, Array]]:
-    """Free motions (6, f) of bodies by name, f of each body, at each of the T positions; collective.
+    """Free motions (6, f) of each body, by its name, at each of the T positions; collective.
 
     Motions are relative to the carrying body.  `structural` has the structural models of the bodies.  Bodies without a
     free motion are left out.
@@ -168,7 +168,7 @@ def describe_free_motions(
 def _contact_measures(
     system: FullSystem, bodies: Mapping[str, RigidBody], positions: CheckedPositions, shifts: Mapping[str, Array]
 ) -> Array:
-    """Measures (T, m, 6 b) of the rigid motions of b bodies by the m contacts at T positions.
+    """Values (T, m, 6 b) that m contacts take at T positions under the six rigid motions of each of b bodies.
 
     `shifts` are matrices (T, 6, 6) by body, as `_shifts` returns them.  A row is set to zero if it is a sum of terms
     that cancel up to round-off.
@@ -189,9 +189,10 @@ def _contact_measures(
 
 
 def _supports(bodies: Mapping[str, RigidBody], shifts: Mapping[str, Array]) -> Iterator[Array]:
-    """Yield for each of b bodies what its h clamps and springs measure of rigid motions at T positions, (T, h, 6 b).
+    """Yield for each of b bodies the values (T, h, 6 b) that its h clamps and springs take under the rigid motions.
 
-    `shifts` are matrices (T, 6, 6) by body, as `_shifts` returns them.
+    There are six rigid motions of each body, and T positions.  `shifts` are matrices (T, 6, 6) by body, as `_shifts`
+    returns them.
     """
     for k, (name, body) in enumerate(bodies.items()):
         rows = np.einsum("hk,tkl->thl", body.held_motions, shifts[name])
@@ -204,7 +205,7 @@ def _multiply_each(rows: Array, shifts: Array) -> Array:
 
 
 def _shifts(distances: Array) -> Array:
-    """Matrices (T, 6, 6) from a rigid motion about the base's origin to the motion about a point farther along x.
+    """Matrices (T, 6, 6) that turn a rigid motion about the base's origin into that about a point farther along x.
 
     `distances` (T,) in m are those of the points from the origin, along x.
     """
@@ -334,9 +335,9 @@ def log_warnings(built: Iterable[AssembledBody], comm: MPI.Comm) -> None:
 def warnings(structure: Structure) -> list[str]:
     """Warnings about a structure: nodes of given matrices that could not be checked, seams, round-off in the stiffness.
 
-    A seam of a mesh is open where several nodes lie at one place.  Very short elements cause round-off.  Round-off is
-    told if it changes the lowest frequency by more than the share `NOTICED_ROUND_OFF`.  The list is empty if nothing is
-    to be told.
+    A seam of a mesh is open where several nodes lie at one place.  Very short elements cause round-off.  There is a
+    warning of round-off if it changes the lowest frequency by more than the share `NOTICED_ROUND_OFF`.  The list is
+    empty if there is nothing to warn of.
     """
     if getattr(structure.model, "unchecked", False):
         return [UNCHECKED]
@@ -389,7 +390,7 @@ def models_of(built: Mapping[str, AssembledBody]) -> dict[str, FullModel]:
 
 
 def free_motion_warnings(scene: Scene, built: Mapping[str, AssembledBody]) -> list[str]:
-    """One sentence in a list that names the rigid motions which nothing resists, or an empty list; collective.
+    """List a sentence that names the rigid motions which nothing resists; empty if there are none; collective.
 
     The sentence is about the position with most free motions, among those that the bodies `built` pass through in the
     scene.

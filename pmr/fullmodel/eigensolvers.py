@@ -55,10 +55,11 @@ class DependentRowsError(InputError):
 
 @dataclass(frozen=True)
 class Elimination:
-    """Solution of C q = 0 for c pivot coordinates: ``q[pivots] = -factors @ q[coupled]``; other coordinates are free.
+    """Solution of C q = 0 for c pivot coordinates; the other coordinates are free.
 
-    `size` is the number n of coordinates q.  `pivots` (c,) and `coupled` (k,) are numbers of coordinates, `factors` is
-    (c, k).  The matrix T (n, n - c) gives q = T z from the free coordinates z.
+    It is ``q[pivots] = -factors @ q[coupled]``.  `size` is the number n of coordinates q.  `pivots` (c,) and `coupled`
+    (k,) are numbers of coordinates, `factors` is (c, k).  The matrix T (n, n - c) gives q = T z from the free
+    coordinates z.
     """
 
     size: int
@@ -99,7 +100,7 @@ def eliminate(C: sp.csr_matrix, names: Sequence[str]) -> Elimination:
     Parameters
     ----------
     C : (m, n) sparse matrix
-        Constraint rows.  A slider on a node is a unit row, whose elimination deletes that coordinate.
+        Constraint rows C.  A slider on a node is a unit row, whose elimination deletes the node's coordinate.
     names : sequence of str
         Names of the rows, for the error.
 
@@ -150,12 +151,12 @@ def eigensolver(model: FullModel, choice: str) -> EigenSolver:
 
 
 def is_dense(model: FullModel, choice: str) -> bool:
-    """Whether the choice ``"dense"``, ``"slepc"`` or ``"auto"`` means LAPACK for a model of this size."""
+    """Whether `choice`, ``"dense"``, ``"slepc"`` or ``"auto"``, means LAPACK for a model of this size."""
     return choice == "dense" or (choice == "auto" and model.size <= DENSE_UP_TO)
 
 
 class DenseEigenSolver:
-    """All modes by LAPACK on rank 0: reproducible, but O(n^3)."""
+    """Eigensolver that computes all modes by LAPACK on rank 0: reproducible, but O(n^3)."""
 
     def __init__(self, model: FullModel) -> None:
         self._model = model
@@ -183,11 +184,11 @@ class DenseEigenSolver:
 
 
 class SlepcEigenSolver:
-    """Krylov-Schur with shift-and-invert on factors by MUMPS; the inertia of K - x M proves that no mode was missed.
+    """Eigensolver by Krylov-Schur with shift-and-invert on factors by MUMPS, which misses no mode.
 
-    A single Krylov sequence finds one vector of each multiple eigenvalue.  By Sylvester's law of inertia, the number of
-    negative pivots of K - x M is the number of modes with omega^2 below x.  Where modes are missing, the solver runs
-    again in the complement of the modes that it has found.
+    The inertia of K - x M proves that no mode was missed.  A single Krylov sequence finds one vector of each multiple
+    eigenvalue.  By Sylvester's law of inertia, the number of negative pivots of K - x M is the number of modes with
+    omega^2 below x.  Where modes are missing, the solver runs again in the complement of the modes that it has found.
     """
 
     def __init__(self, model: FullModel) -> None:
@@ -226,7 +227,10 @@ class SlepcEigenSolver:
         return finish_modes(model, s, omega2[:count], phi, cut)
 
     def _solve(self, M: PETSc.Mat, K: PETSc.Mat, count: int, deflation: list[PETSc.Vec]) -> SolvedModes:
-        """The `count` lowest omega^2 of (K, M) and their modes, M-orthogonal to the vectors `deflation`; collective."""
+        """Eigenvalues omega^2 and modes of the `count` lowest modes of (K, M); collective.
+
+        They are the lowest of all modes that are M-orthogonal to the vectors `deflation`.
+        """
         eps = lowest_mode_solver(K, M, self._sigma, count)
         pc = eps.getST().getKSP().getPC()
         pc.setType("cholesky")
@@ -238,10 +242,11 @@ class SlepcEigenSolver:
 
 
 class OneFactorEigenSolver:
-    r"""Block Lanczos with shift-and-invert on one factor for all path coordinates; the rows change it by a low rank.
+    r"""Eigensolver by block Lanczos with shift-and-invert, on one factor for all path coordinates.
 
-    The matrix to invert is that of F = K + sigma M and of m rows C(s).  Their compliances are the diagonal matrix 1/k,
-    which is zero for rigid rows.  The inverse that is applied to vectors is
+    The matrix to invert consists of F = K + sigma M, which is factorised once, and of m rows C(s), which change it by a
+    low rank.  Their compliances are the diagonal matrix 1/k, which is zero for rigid rows.  The inverse that is applied
+    to vectors is
 
     .. math::
         \bigl(F + C^T k\, C\bigr)^{-1} = F^{-1} - F^{-1} C^T \bigl(1/k + C F^{-1} C^T\bigr)^{-1} C F^{-1}
@@ -299,7 +304,10 @@ def lowest_frequencies(model: FullModel, s: Array, count: int, solver: str) -> A
 
 
 def _inertia(M: PETSc.Mat, K: PETSc.Mat, below: float) -> int:
-    """Number of eigenvalues omega^2 < `below`: the negative pivots of K - `below` M (Parlett 1998, section 3.3)."""
+    """Number of eigenvalues omega^2 of (K, M) that are less than `below` in (rad/s)^2; collective.
+
+    It is the number of negative pivots of K - `below` M (Parlett 1998, section 3.3).
+    """
     shifted = K.copy()
     shifted.axpy(-below, M, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
     shifted.setOption(PETSc.Mat.Option.SYMMETRIC, True)

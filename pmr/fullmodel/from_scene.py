@@ -110,7 +110,7 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
 
 
 def _load(member: Member, load: Load) -> Action | Warmth | LineLoad:
-    """Force, moment, difference of temperature or polynomial of the wind of a load along an axis of the body.
+    """Description of a load of the scene: force or moment, difference of temperature, or polynomial of the wind.
 
     The last word of the name of a wind's load is the degree of its polynomial.
     """
@@ -125,7 +125,7 @@ def _load(member: Member, load: Load) -> Action | Warmth | LineLoad:
 
 
 def _member_pads(member: Member) -> Pads:
-    """Pads, sliding points and contacts with other bodies, on the faces that a body's model has."""
+    """Pads, supports, sliding points and contacts with other bodies that a body has, on the faces of its model."""
     faces = pad_faces(member)
     fixed, moving = (
         tuple(
@@ -161,7 +161,8 @@ def _common_travel(pads: Pads) -> Interval:
 def _ring_pads(ring: PadRing, faces: tuple[str, ...], travel: tuple[float, float] | None) -> list[Pad]:
     """Pads of a ring on the given faces.
 
-    `travel` is the least and largest path coordinate in m of these pads; if it is None, the body's own range counts.
+    `travel` is the least and largest path coordinate in m of these pads; if it is None, the range of the body's path
+    counts.
     """
     stiffness = np.inf if ring.stiffness == "rigid" else ring.stiffness
     size, only_pushes = (ring.length, ring.width, stiffness), ring.unilateral
@@ -173,9 +174,10 @@ def _ring_pads(ring: PadRing, faces: tuple[str, ...], travel: tuple[float, float
 
 
 def _supports(member: Member) -> tuple[Support, ...]:
-    """Supports of the mean motion of places, one for each held direction along or about which the model can move.
+    """Supports of a body as springs or rigid rows, one for each held direction in which its model can move.
 
-    A rigid support has an infinite stiffness.  Supports that hold all points of a place are clamps, which are left out.
+    A support holds the mean motion of a place along or about this direction; a rigid one has an infinite stiffness.
+    Supports that hold all points of a place are clamps, which are left out.
     """
     moves = motion_directions(member)
     return tuple(
@@ -254,7 +256,7 @@ def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBo
 
 
 def _check_place(mesh: NamedMesh) -> None:
-    """Refuse a mesh that does not lie along x from x = 0 on, or is beside the axis y = z = 0."""
+    """Raise an InputError for a mesh that does not lie along x from x = 0 on, or is beside the axis y = z = 0."""
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
     slack = AT_TAIL * float(high[0] - low[0])
     if mesh.axis != 0 or abs(low[0]) > slack or np.any(low[1:] > slack) or np.any(high[1:] < -slack):

@@ -94,7 +94,7 @@ def _gram_matrix(R: Array, M: PETSc.Mat) -> Array:
 
 @dataclass(frozen=True)
 class RigidMotions:
-    """Rigid motions of a body, computed from its geometry alone, and what clamps and springs measure of these."""
+    """Rigid motions of a body, from its geometry alone, and the values that its clamps and springs take under them."""
 
     # (n_local, k): this rank's free coordinates under each of k unit motions, translations first
     coordinates: Array
@@ -161,12 +161,12 @@ class FullModel(FullOrderBody):
 
     @property
     def carriers(self) -> SharedCarriers:
-        """Constraint rows of the body with their weights on carrier rows that the constraint rows share."""
+        """Constraint rows of the body, as weights on carrier rows that they share (`pmr.system.carriers`)."""
         return self.rows.shared_carriers
 
     @property
     def share(self) -> slice:
-        """Slice of the coordinates that this rank owns."""
+        """Slice of the coordinates, and so of the rows of the matrices, that this rank owns."""
         return slice(*self.M.getOwnershipRange())
 
     def gather(self) -> FullBody | None:
@@ -277,5 +277,5 @@ class FullSystem(BodySystem[FullModel]):
 
     @cached_property
     def side_rows(self) -> tuple[Row, ...]:
-        """Constraint row of each of the `sides`, on the carrier rows of the side's body."""
+        """Constraint row of each side of the contacts (`sides`), on the carrier rows of the side's body."""
         return tuple(self.row(side.place) for side in self.sides)

@@ -109,10 +109,10 @@ def largest_eigenpairs(
 
 @dataclass(frozen=True)
 class _Block:
-    """A block of b columns W (n_local, b), M-orthonormalised with the mass M.
+    """M-orthonormal columns that span a block of columns W (n_local, b), with the mass M.
 
-    `vectors` X are M-orthonormal columns that span the columns of W; directions of W that are too short are left out.
-    `dual` is the product M X.  `lengths` is a matrix L (b, b) with L^T L = W^T M W.
+    `vectors` X are these columns; directions of W that are too short are left out.  `dual` is the product M X.
+    `lengths` is a matrix L (b, b) with L^T L = W^T M W.
     """
 
     vectors: Array
@@ -123,8 +123,8 @@ class _Block:
 def _orthonormalise(W: Array, MW: Array, comm: MPI.Comm, most: int) -> _Block:
     """Return M-orthonormal vectors that span the columns of W (n_local, k), from M W, `MW` (n_local, k); collective.
 
-    Directions shorter than `SPANNED` times the longest are left out, and at most `most` directions are kept, the
-    longest ones.  `lengths` of the result are those of all directions.
+    Directions shorter than `SPANNED` times the longest are left out, and only the `most` longest directions are taken.
+    `lengths` of the result covers all directions.
     """
     values, turned = np.linalg.eigh(inner(W, MW, comm))
     is_spanned = values > SPANNED**2 * np.max(values, initial=0.0)
@@ -135,7 +135,7 @@ def _orthonormalise(W: Array, MW: Array, comm: MPI.Comm, most: int) -> _Block:
 
 
 def _border(T: Array, columns: Array) -> Array:
-    """Return T (k, k) bordered by b rows and columns, from the lowest rows `columns` (d, b) of the new columns.
+    """Return T (k, k) with b more rows and columns, from the lowest rows `columns` (d, b) of the new columns.
 
     The d >= b lowest rows include the new diagonal block (b, b), which is symmetrised; all higher rows of the new
     columns are zero.  T, with k rows so far, and the result are symmetric.
@@ -159,9 +159,10 @@ CLUSTER = 1e-7
 
 @dataclass(frozen=True)
 class Modes:
-    """Circular frequencies `omega` (k,) in rad/s, this rank's rows `phi` (n_local, k) of k modes, and `residuals` (k,).
+    """Modes of a model, k in all: frequencies, shapes and residuals.
 
-    Modes are mass-normalised, and the entry of largest magnitude of each mode is positive
+    `omega` (k,) are circular frequencies in rad/s, `phi` (n_local, k) this rank's rows of the modes, and `residuals`
+    (k,) their backward errors.  Modes are mass-normalised, and the entry of largest magnitude of each mode is positive
     (`pmr.fem.distributed.fix_signs`).
     """
 

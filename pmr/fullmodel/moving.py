@@ -82,7 +82,7 @@ def solver_of(K: PETSc.Mat, elimination: Elimination, dense: bool) -> StaticSolv
 
 
 class _DenseSolver:
-    """Static solver by LAPACK on rank 0."""
+    """Static solver with a dense factor by LAPACK on rank 0."""
 
     def __init__(self, stiffness: PETSc.Mat, elimination: Elimination) -> None:
         """Factorise the `stiffness` (n, n) on rank 0, on the coordinates that `elimination` leaves free; collective.
@@ -171,7 +171,7 @@ class FrameAssembler:
         return Assembler(self._model, self._model.domain(self._comm))
 
     def inertia(self, S: Array) -> PETSc.Mat:
-        """Matrix A_S (n, n) of the model without point masses, for a tensor S (3, 3) that is not zero; collective.
+        """Matrix A_S (n, n) of the model without point masses, for a tensor S (3, 3) other than zero; collective.
 
         The matrix is the sum of S_jk A_jk, where A_jk belongs to the tensor with the single entry 1 in row j and column
         k, and is the transpose of A_kj.  Each A_jk with j <= k is assembled at most once.
@@ -231,7 +231,7 @@ class FrameAssembler:
         return self._assembler.matrix(form, zeros=False)
 
     def _station(self, mass: PointMass) -> float:
-        """Coordinate of a point mass along the axis, m."""
+        """Coordinate of a point mass along the axis of the model in m."""
         return float(self._model.centroid(mass.on)[0] if mass.at is None else mass.at[0])
 
     def displacement(self, state: UnitState) -> Function:
@@ -279,7 +279,7 @@ class AccelerationField(NamedTuple):
 
 
 def acceleration_field(name: str, model: StructuralModel) -> AccelerationField:
-    """Tensor S (3, 3) and rigid motion (k,) of the acceleration field `name`, a key of `CONSTANT` or `LINEAR`.
+    """Tensor S (3, 3) and rigid motion (k,) that give the acceleration field `name`, a key of `CONSTANT` or `LINEAR`.
 
     The field is S, which has a single entry of 1, applied at each node to the displacement vector of the rigid motion.
     The motion is 1 or -1 along or about one of the k directions of the model.  Both results are zero if the model lacks

@@ -56,9 +56,10 @@ if TYPE_CHECKING:
 
 
 def slider_row(beam: Beam2D, offset: float = 0.0, name: str = "slider") -> Row:
-    """Row w(s + `offset`) = 0 for the deflection w of a beam, an exact piecewise cubic in the path coordinate s.
+    """Row of a point that slides along a beam and holds its deflection w: w(s + `offset`) = 0.
 
-    s and `offset` are in m along the axis; the multiplier of the row is a force in N.  The row gets the given name.
+    The row is an exact piecewise cubic in the path coordinate s. s and `offset` are in m along the axis; the multiplier
+    of the row is a force in N. The row gets the given name.
     """
     return row_on_coordinates(name, np.unique(beam.nodes) - offset, beam.bending_dofs, beam.deflection, beam.size)
 
@@ -134,7 +135,10 @@ class Pads:
     tail: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: position of a base's tail relative to the luffing pivot
 
     def wall_compliance(self, pad: str, s: float) -> float:
-        """Compliance in m/N of the wall under a pad, for its own force at the path coordinate s (m); 0 if rigid."""
+        """Compliance in m/N of the wall under a pad for the pad's own force, at the path coordinate s (m).
+
+        The result is 0 if the wall is rigid.
+        """
         centre = next((moving.at for moving in self.moving if moving.name == pad), 0.0)
         return self.walls.compliance_under(pad, s + centre)
 
@@ -157,7 +161,7 @@ class Restraints:
         return total.tocsr()
 
     def force(self, name: str, size: int) -> sp.csr_matrix:
-        """Row (1, n) in N/m that measures the force of the spring called `name` from the n coordinates; `size` is n.
+        """Row (1, n) in N per coordinate that measures the force of the spring called `name`; `size` is n.
 
         Raises an `InputError` if no spring has this name.
         """
@@ -169,7 +173,7 @@ class Restraints:
         raise InputError("scene", "outputs.pad", name, f"{allowed}; the forces of others are multipliers")
 
     def spring_rows(self, size: int) -> list[sp.csr_matrix]:
-        """Row c (1, n) of each spring; `size` is n."""
+        """Row c (1, n) of each spring, which measures its elongation; `size` is n."""
         return [spring.at(spring.breaks[0]) for spring in self.springs]
 
 
@@ -250,7 +254,7 @@ def under_pad(pad: Pad, model: StructuralModel, positions: Array) -> sp.csr_matr
 
 
 def _support_row(support: Support, model: StructuralModel, T: sp.csr_matrix, pads: Pads) -> Row:
-    """Row of a support, constant over the travel of `pads`, on the coordinates z with q = T z.
+    """Row of a support on the coordinates z of a structure, with q = T z; constant over the path of `pads`.
 
     Raises an `InputError` if the model lacks the direction, or a clamp already holds the place along it.
     """
@@ -268,17 +272,17 @@ def _support_row(support: Support, model: StructuralModel, T: sp.csr_matrix, pad
 
 
 def _end_row(end: Support, model: StructuralModel, T: sp.csr_matrix, pads: Pads) -> Row:
-    """Row of the place `end` that another body holds, on the coordinates z with q = T z, over the path of `pads`.
+    """Row of the place `end`, which another body holds, on the coordinates z of a structure, with q = T z.
 
-    The row is that of a support, cut into two intervals of the path coordinate.  A row with one interval counts as a
-    support of the ground, which always holds; two intervals avoid this.
+    The row is that of a support, cut into two intervals of the path coordinate of `pads`.  A row with one interval
+    counts as a support of the ground, which always holds; two intervals avoid this.
     """
     travel = pads.travel
     return _support_row(end, model, T, pads).refine(np.array([travel[0], sum(travel) / 2.0, travel[1]]))
 
 
 def _point_row(slider: Slider, model: StructuralModel, T: sp.csr_matrix) -> Row:
-    """Row of the sliding point `slider` on the coordinates z with q = T z.
+    """Row of the sliding point `slider` on the coordinates z of a structure, with q = T z.
 
     Raises an `InputError` if the model is neither a planar beam nor a mover.
     """
@@ -295,12 +299,12 @@ def _point_row(slider: Slider, model: StructuralModel, T: sp.csr_matrix) -> Row:
 
 
 def _station_spacing(pad: Pad) -> float:
-    """Spacing of a pad's stations in m."""
+    """Spacing in m of the stations, the places at which a pad's row is a mean of displacements (module docstring)."""
     return pad.length / (4 * STATIONS + 2)
 
 
 def _station_means(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_matrix:
-    """Rows (K, n) of the weighted mean of the normal displacement around each of the `places` (K,) m along the axis.
+    """Rows (K, n), each the weighted mean of the normal displacement around one of the `places` (K,) in m on the axis.
 
     Raises an `InputError` if the pad leaves its face.
     """
@@ -355,7 +359,7 @@ def _check_extent(pad: Pad, places: tuple[float, float], extent: Extent) -> None
 
 
 def _free_places(pad: Pad, places: Array, off: Mask) -> str:
-    """Ranges in m of a pad's centre on its way in which the face is whole under all of the pad, as text.
+    """Text with the ranges in m of a pad's centre in which its face is whole under all of the pad.
 
     The stations `places` (K,) m that are `off` (K,) the face are in its holes.  The text is empty if there is no range.
     """
@@ -367,7 +371,7 @@ def _free_places(pad: Pad, places: Array, off: Mask) -> str:
 
 
 def _off_face_error(pad: Pad, position: str, where: Extent | str) -> InputError:
-    """The error for a pad that leaves its face at a `position`, in words.
+    """InputError for a pad that leaves its face at a `position`, which is in words.
 
     `where` are the extent of the face, or words for the places at which the pad is allowed.
     """
@@ -397,12 +401,12 @@ def _moments(weights: Array, offsets: Array, ends: Indices) -> Array:
 
 
 def _correct_weights(weights: Array, offsets: Array, ends: Indices, moments: Array) -> Array:
-    """Weights (q,) times a parabola in each station's offsets, so that their moments are those of the exact integral.
+    """Weights (q,) times a parabola at each station, so that their moments are those of the exact integral.
 
-    After this the weights of each station add up to one, their centroid is zero, and their spread along the axis is 1/6
-    as that of the hat.  The correction is as small as the error of the quadrature.  Uncorrected weights would make rows
-    ripple for motions that have no ripple.  `weights`, `offsets` and `ends` are those of `_moments`, and `moments` (9,
-    K) is its result.
+    The parabola is one of the offsets from the station.  After this the weights of each station add up to one, their
+    centroid is zero, and their spread along the axis is 1/6 as that of the hat.  The correction is as small as the
+    error of the quadrature.  Uncorrected weights would make rows ripple for motions that have no ripple.  `weights`,
+    `offsets` and `ends` are those of `_moments`, and `moments` (9, K) is its result.
     """
     targets = np.array([1.0, 0.0, 0.0, 1.0 / 6.0])
     parabolas = np.linalg.pinv(moments.T[:, _PRODUCTS], rcond=1e-12, hermitian=True) @ targets

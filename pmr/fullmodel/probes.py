@@ -35,7 +35,7 @@ BEYOND_END = 1e-6
 
 @dataclass(frozen=True)
 class Gauge:
-    """An output of a probe: a row (1, n) on the coordinates of a structural model, measured at the point `at` (3,) m.
+    """An output of a probe: a row (1, n) that measures it from a model's n coordinates, at the point `at` (3,) in m.
 
     `face` names the face of a wall, or the corner of a beam's section, and is empty for displacements.
     """
@@ -48,7 +48,7 @@ class Gauge:
 
     @property
     def kind(self) -> str:
-        """Kind of the output."""
+        """Kind of the output, ``probe``."""
         return "probe"
 
 
@@ -142,7 +142,7 @@ def _displacements(probe: Probe, model: FiniteElementModel) -> Iterator[Gauge]:
 
 
 class _Points(NamedTuple):
-    """Stress points of a probe, and what each counts in the mean that the probe measures."""
+    """Stress points of a probe, and the weight of each in the mean that the probe measures."""
 
     numbers: Indices  # (k,)
     weights: Array  # (k,): their sum is 1
@@ -211,9 +211,9 @@ class _Stresses:
         return sp.vstack([shares @ self.rows.rows[count * points + k] for k in range(count)], format="csr")
 
     def _by_material(self, points: Indices, weights: Array) -> Iterator[tuple[Material, Array]]:
-        """Yield each material at the stress points `points` (k,), with a weight (k,) of each point.
+        """Yield each material at the stress points `points` (k,), with the weights (k,) of the points of this material.
 
-        Points of this material have their entry in `weights` (k,), all others have 0.  A cell has the material of its
+        Points of the material have their weight in `weights` (k,), all others have 0.  A cell has the material of its
         region, or that of the body if the region has none.
         """
         cells, is_in_body = self.rows.cell[points], np.ones(len(points), bool)

@@ -154,7 +154,7 @@ class Structure:
 
 @dataclass(frozen=True)
 class Coupling:
-    """Coordinates z (n',) of a structure without clamps and rigid couplings; the model's coordinates are q = T z."""
+    """Coordinates z (n',) that remain of a structure without clamps and rigid couplings: the model's are q = T z."""
 
     model: StructuralModel
     # (n, n'): the model's free coordinates in their order, then the motions of rigidly coupled masses, dents of walls
@@ -217,7 +217,7 @@ class Coupling:
         return result
 
     def _dents(self, action: Action | Gauge) -> sp.csr_matrix:
-        """Row (1, n') that the dents of walls add to the row of an action; zero for a gauge."""
+        """Row (1, n') that is to be added to the row of an action for the dents of walls; zero for a gauge."""
         nothing = sp.csr_matrix((1, self.T.shape[1]))
         if isinstance(action, Gauge):
             return nothing
@@ -268,7 +268,7 @@ class Coupling:
 
 
 def couple(structure: Structure) -> Coupling:
-    """Eliminate the clamps and rigid couplings of a structure.
+    """Eliminate the clamps and rigid couplings of a structure, and return the coordinates that remain.
 
     Raises an `InputError` if a rigid mass shares coordinates with a clamp or another rigid mass.
     """
@@ -308,7 +308,7 @@ def couple(structure: Structure) -> Coupling:
 
 
 def _centre(mass: PointMass) -> Array | None:
-    """Centre of gravity (3,) m of a point mass; None if the scene gives none: then the centroid of its place counts."""
+    """Centre of gravity (3,) of a point mass in m; None, for the centroid of its place, if the scene gives none."""
     return None if mass.at is None else np.array(mass.at)
 
 

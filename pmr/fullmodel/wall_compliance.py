@@ -67,7 +67,7 @@ class PlateBody:
 
 @dataclass(frozen=True)
 class Ring:
-    """Pads that slide together by `span` (m), or do not move if `span` is 0; `at` of each is its first position, m."""
+    """Pads that slide together by `span` in m, 0 if they do not move; `at` of each pad is its first position in m."""
 
     pads: tuple[Pad, ...]
     span: float = 0.0
@@ -173,7 +173,7 @@ class HeldModel:
         return sp.vstack(means, "csr")[order]
 
     def motions(self, ends: Sequence[tuple[str, str]]) -> sp.csr_matrix:
-        """Rows (m, n) that measure the motion of m ends, pairs of a group and a direction such as ``("tip", "y")``."""
+        """Rows (m, n) that measure the motion of m ends, each a group with a direction such as ``("tip", "y")``."""
         rows = [self._model.motion(end)[[DIRECTIONS.index(d)]] @ self._T for end, d in ends]
         return sp.csr_matrix(sp.vstack([sp.csr_matrix((0, self._T.shape[1])), *rows]))
 
@@ -201,10 +201,10 @@ class HeldModel:
         return result
 
     def compliance_along(self, pads: Sequence[Pad], u: Array, fixed_rows: sp.csr_matrix) -> Array:
-        """Compliance (p, k + m, k) in m/N under unit forces on k pads, after a slide by each of p distances `u` (p,) m.
+        """Compliance (p, k + m, k) in m/N under unit forces on k pads that have slid by each of p distances `u` (p,) m.
 
-        The first k rows are the displacements under these pads, and the last m are what the `fixed_rows` (m, n)
-        measure.
+        The first k entries along the second axis are the displacements under these pads, and the last m the values of
+        the `fixed_rows` (m, n).
         """
         rows, p, k = self.pads(pads, u), np.arange(len(u)), len(pads)
         of_pads, of_fixed = np.split(self.compliance(rows, sp.vstack([rows, fixed_rows], "csr")), [rows.shape[0]])
@@ -221,9 +221,10 @@ class HeldModel:
 
 
 def places_along(span: float, layer: float) -> Array:
-    """Distances (p,) in m, p from 0 to `span`, at which a sliding ring is evaluated, `A_LAYER` per layer of cells (m).
+    """Distances (p,) in m from 0 to `span` at which a sliding ring of pads is evaluated.
 
-    There are at most `MOST_PLACES`; round-off in `span` does not add a distance.
+    There are `A_LAYER` distances for each `layer` of cells, which is a length in m, but at most `MOST_PLACES`.
+    Round-off in `span` does not add a distance.
     """
     return np.linspace(0.0, span, min(MOST_PLACES, max(2, int(np.ceil(A_LAYER * span / layer - 1e-9)) + 1)))
 
@@ -343,17 +344,18 @@ def _wall_volume(pad: Pad, box: Box) -> float:
 
 
 def _end_volume(box: Box, direction: str) -> float:
-    """Volume in m^3 of the last piece of the walls, which moves with a free end; in m^5 for ``rx``.
+    """Volume in m^3 of the last piece of a box's walls at a free end, whose mass moves with the end.
 
-    `direction` is that of the end's motion.  For ``rx`` the volume is multiplied by an arm squared.  The piece is as
-    long as a quarter of the larger of width and height; the arm is half the diagonal of the box.
+    `direction` is that of the end's motion.  For the rotation ``rx`` the volume is multiplied by an arm squared, so
+    that it is in m^5.  The piece is as long as a quarter of the larger of width and height; the arm is half the
+    diagonal of the box.
     """
     arm = (box.width**2 + box.height**2) / 4.0 if direction == "rx" else 1.0
     return sum(side.thickness * side.length for side in box.sides) * max(box.width, box.height) / 4.0 * arm
 
 
 def _loaded_ends(part: BoomSection) -> set[str | float]:
-    """Places on which a part has a mass, load or support.
+    """Places, such as ends, on which a body has a mass, a load or a support, and whose walls may give way there.
 
     Places that a clamp or rigid mass keeps in shape are left out.
     """

@@ -59,7 +59,7 @@ class Estimate(NamedTuple):
 
     @classmethod
     def from_meshes(cls, coarse: float, fine: float, margin: float) -> Estimate:
-        """Extrapolate from the values on a `coarse` and a `fine` mesh; the bar has the last change and a `margin`.
+        """Extrapolate from the values on a `coarse` and a `fine` mesh; the error bar is the last change and a `margin`.
 
         The margin is a share of the value.
         """
@@ -133,7 +133,7 @@ class SectionPiece:
     def stresses(self, pads: Sequence[Pad], place: float) -> list[RingStress]:
         """Return the local stresses of pads at a place in m on the piece, on the coarser and the finer mesh.
 
-        They are stored in the user's cache folder.  Raises an `InputError` if a pad leaves its face.
+        The stresses are stored in the user's cache folder.  Raises an `InputError` if a pad leaves its face.
         """
         ring = [
             Pad("pad", pad.on, place, pad.across, length=pad.length, width=pad.width, stiffness=1.0) for pad in pads

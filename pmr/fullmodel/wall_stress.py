@@ -57,7 +57,7 @@ class LoadedRing:
 
 
 class SeatedRing(NamedTuple):
-    """Ring of pads that slides on a section."""
+    """Ring of pads that slides or rests on a section."""
 
     joint: int  # number of the section whose joint it is; 0: the pads are on the ground
     pads: tuple[Pad, ...]  # at 0 m
@@ -80,8 +80,8 @@ def wall_peak(part: BoomSection, states: SectionStates, rings: Sequence[LoadedRi
     """Return the largest von Mises stress in the walls at the pads of a section at all times.
 
     The time of the peak is found with each ring at the nearest of up to `PLACES` places along its way.  The stress at
-    this time is then computed with the ring at its true place.  None if there are no pads.  Not collective.  Raises an
-    `InputError` as `SectionPiece` and its method `stresses` do.
+    this time is then computed with the ring at its true place.  None is returned if there are no pads.  Not collective.
+    Raises an `InputError` as `SectionPiece` and its method `stresses` do.
     """
     best: WallPeak | None = None
     for (length, width), of_size in _by_size(rings).items():
@@ -115,7 +115,11 @@ def _by_size(rings: Iterable[AnyRing]) -> dict[tuple[float, float], list[AnyRing
 
 
 def _combined(factors: Array, stress: RingStress, ring: LoadedRing, states: SectionStates, state: int) -> Array:
-    """Return the von Mises stress (P,) in Pa at the points of `stress` at one time, with the `factors` of its piece."""
+    """Return the von Mises stress (P,) in Pa at the points of `stress` at the time with the number `state`.
+
+    The stress is that of the section forces in `states`, with the `factors` of the section's piece, and the local
+    stress of the pads of `ring`.
+    """
     layers, layer = np.unique(stress.points[:, 0], return_inverse=True)
     forces = states.at(state, np.clip(ring.x[state] + layers, *states.x[[0, -1]]))[:, layer]
     of_section = np.einsum("psc,cp->ps", factors, forces)
@@ -157,7 +161,7 @@ def yield_forces(scene: Scene) -> dict[str, YieldForce]:
 def store_stresses(scene: Scene) -> None:
     """Compute the local stresses in the walls of a scene's beams at their pads and store them for later calls.
 
-    They are those that `wall_peak` and `yield_forces` look at.  Not collective.  Raises an `InputError` as
+    The stresses are those that `wall_peak` and `yield_forces` use.  Not collective.  Raises an `InputError` as
     `SectionPiece` and its method `stresses` do.
     """
     for member in members(scene):

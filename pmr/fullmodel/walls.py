@@ -67,11 +67,12 @@ class Sliding:
 
 @dataclass(frozen=True)
 class Walls:
-    """The walls that give way: under fixed pads and at ends, then under sliding pads.
+    """Walls of a body that give way: under fixed pads and at ends, then under sliding pads.
 
-    The coordinates y of the walls are the last ones of a body, in this order, each with the strain energy k_0 y^2 / 2.
-    The dents of m fixed pads and ends are S_f y_f, with S_f S_f^T = k_0 C_ff and their compliance C_ff.  The dents of k
-    sliding pads are A y_f + S_m y_m, with A S_f^T = k_0 C_mf and S_m^2 = k_0 C_mm - A A^T.
+    The body has coordinates y for its walls.  They are the last coordinates of the body, in this order, each with the
+    strain energy k_0 y^2 / 2.  The dents of m fixed pads and ends are S_f y_f, with S_f S_f^T = k_0 C_ff and their
+    compliance C_ff.  The dents of k sliding pads are A y_f + S_m y_m, with A S_f^T = k_0 C_mf and S_m^2 = k_0 C_mm - A
+    A^T.
     """
 
     standing: Standing = Standing()
@@ -125,7 +126,7 @@ class Walls:
         return self._last_diagonal(masses * np.concatenate(sizes) * (self.stiffness_scale if self.count else 0.0), size)
 
     def pad_row(self, row: Row, centre: float) -> Row:
-        """The row of a pad with the dents of its wall as further carriers, or the same row if the wall is rigid.
+        """Row of a pad with the dents of its wall as further carriers; `row` itself if the wall is rigid.
 
         The pad is centred at `centre` (m) on the body, or at s + `centre` if it moves with the path coordinate s.
         """
@@ -148,7 +149,7 @@ class Walls:
         return row
 
     def add_end_motion(self, motion: sp.csr_matrix, place: str | float, directions: tuple[str, ...]) -> sp.csr_matrix:
-        """Rows `motion` (k, n) of a place along k directions, plus the motion of the walls if the place is an end."""
+        """Rows (k, n) of a place along k directions: `motion` (k, n), plus the motion of the walls if it is an end."""
         behind, pads = motion.shape[1] - self.count, len(self.standing.pads)
         ends = enumerate(self.standing.ends)
         pairs = [(directions.index(d), pads + j) for j, (end, d) in ends if end == place and d in directions]
@@ -205,7 +206,7 @@ def summary(bodies: Mapping[str, Walls]) -> dict[str, list[dict[str, Any]]]:
 
 
 def _root(C: Array) -> Array:
-    """Symmetric roots of symmetric matrices C (..., k, k); eigenvalues that are negative or round-off count as zero."""
+    """Symmetric roots of symmetric matrices C (..., k, k), with 0 for eigenvalues that are negative or round-off."""
     values, vectors = np.linalg.eigh((C + np.swapaxes(C, -1, -2)) / 2.0)
     least = SAME * np.abs(values).max(axis=-1, initial=0.0, keepdims=True)
     roots = np.sqrt(np.where(values > least, values, 0.0))
@@ -213,7 +214,7 @@ def _root(C: Array) -> Array:
 
 
 def _add_dents(row: Row, dents: Array, carriers: Array, behind: int) -> Row:
-    """Row with k more carrier rows, whose weights between the b breaks of the row are interpolated.
+    """Return `row` with k more carrier rows, whose weights are interpolated between the b breaks of the row.
 
     `dents` (b, k) are the weights at the breaks.  The carrier rows `carriers` (k, c) act on the last c coordinates,
     which follow `behind` others.

@@ -36,7 +36,10 @@ class Forms:
 
 @dataclass(frozen=True)
 class UnitState:
-    """A state of stress of a body that is held at its tail; its name is a key of `pmr.system.body_matrices.STATES`."""
+    """A state of stress of a body that is held at its tail, by an acceleration or a force of unit size.
+
+    The states are those of `pmr.system.body_matrices.STATES`.
+    """
 
     acceleration: Array  # (3,) m/s^2, of the frame in which the body rests
     stretch: float  # 1/s^2: increase of the frame's acceleration along x per metre along x
@@ -49,7 +52,7 @@ class UnitState:
 
 
 class StructuralModel(Protocol):
-    """Measures and coordinates of a beam, a shell, a solid or given matrices, as the rest of the package needs them.
+    """Coordinates of a beam, shell, solid or given matrices, and rows that measure motions of places on them.
 
     A model numbers its n coordinates from its mesh alone: rows, loads and results are the same on any number of ranks
     and on every version of dolfinx.  Methods raise an `InputError` for a place or face that the model does not have.
@@ -104,7 +107,7 @@ class StructuralModel(Protocol):
         """
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
-        """Ascending numbers (k,) of all coordinates of the group `place` that are along or about the `directions`."""
+        """Ascending numbers (k,) of the coordinates of the group `place` along or about one of the `directions`."""
 
     def rigid_motions(self) -> Array:
         """Coordinates (n, k) under unit rigid motions along and about the model's k `directions`.
@@ -146,14 +149,14 @@ class FiniteElementModel(StructuralModel, Protocol):
 
     @property
     def transformation(self) -> sp.csr_matrix | None:
-        """Matrix T (n_e, n) that gives the n_e coordinates T q of the function space from the model's q.
+        """Matrix T (n_e, n) that gives the n_e coordinates T q of the function space from the model's n coordinates q.
 
-        None if both have the same coordinates.
+        None is returned if both have the same coordinates.
         """
 
     @property
     def grid(self) -> Grid:
-        """Cells by which the body is drawn, and to which results refer."""
+        """Grid of cells by which the body is drawn, and to which results refer."""
 
     def point_displacements(self) -> sp.csr_matrix:
         """Rows (3 N, n) that measure the displacements along x, y and z of each of the N points of `grid`."""
@@ -162,7 +165,7 @@ class FiniteElementModel(StructuralModel, Protocol):
         """Stress rows for the cells of `grid`, from the strains in `forms`; None for a beam without a profile."""
 
     def cut(self, parts: int) -> Cut | None:
-        """The beam cut into `parts` pieces per element; None for a body that is no beam."""
+        """Beam of this model, cut into `parts` pieces per element; None for a body that is no beam."""
 
 
 @dataclass(frozen=True)

@@ -86,7 +86,7 @@ class Beam(FiniteElementModel, ABC):
 
     @abstractmethod
     def in_elements(self, h: Array, X: Array, number: Indices) -> Array:
-        """Shape functions (q, d, 2 d): motion of the axis at a point in each of q elements by the coordinates of these.
+        """Shape functions (q, d, 2 d): motion of the axis at a point in each of q elements by unit coordinates.
 
         Point i is at the share X[i] in [0, 1] of an element with length h[i] in m and section number[i]; h, X and
         number are (q,).  Rows are displacements along, then rotations about, the directions.  Columns are the d
@@ -99,7 +99,7 @@ class Beam(FiniteElementModel, ABC):
 
     @abstractmethod
     def strains(self, space: FunctionSpace) -> Expr:
-        """The v generalised strains of a trial function on `space`, to which section forces belong, as a UFL vector."""
+        """Generalised strains, v of them, to which section forces belong: UFL vector of a trial function on `space`."""
 
     @property
     @abstractmethod
@@ -121,9 +121,9 @@ class Beam(FiniteElementModel, ABC):
     @property
     @abstractmethod
     def resultants(self) -> Array:
-        """The k section forces at a node per unit force on each of its d coordinates, (E, k, d) for E elements.
+        """Section forces at a node of each of E elements per unit force on each of the node's d coordinates: (E, k, d).
 
-        The section forces are in the order of `FORCES`.
+        The k section forces are in the order of `FORCES`.
         """
 
     @cached_property
@@ -182,7 +182,7 @@ class Beam(FiniteElementModel, ABC):
         return self._axis_rows(places, np.eye(len(self.directions)))
 
     def _axis_rows(self, places: Array, combinations: Array) -> sp.csr_matrix:
-        """Sparse rows (k m, n) of m combinations of the axis' motions at each of k `places` (k,) in m along the axis.
+        """Rows (k m, n), sparse, of m combinations of the axis' motions at each of k `places` (k,) in m along it.
 
         Row i m + j is combination j at place i.  `combinations` (m, d) are their coefficients: displacements along,
         then rotations about, the d directions.
@@ -264,9 +264,9 @@ class Beam(FiniteElementModel, ABC):
         return cellwise(mesh, values[self.number])
 
     def stresses(self) -> StressRows | None:
-        """Stresses in the profile's corners at both ends of each element, from its `section_forces`.
+        """Stresses in the profile's corners at both ends of each element, from the beam's `section_forces`.
 
-        None if a section has no profile.
+        None is returned if a section has no profile.
         """
         return self.corner_stresses(self.section_forces(), np.repeat(np.arange(len(self.grid.cells)), 2))
 

@@ -135,7 +135,7 @@ class Beam2D(Beam):
     def node_transformations(self) -> Array:
         """Matrices (K, d, d), one per section, that give u of the centroid, w and w' from coordinates on the axis.
 
-        u is left out if the beam has no axial coordinates.
+        u is left out for a beam without axial coordinates.
         """
         U = np.tile(np.eye(len(self.directions)), (len(self.stiffnesses.mass), 1, 1))
         if "x" in self.directions:
@@ -171,7 +171,7 @@ class Beam2D(Beam):
         return self.axial_force(space.mesh, state) * w.dx(0) * dw.dx(0) * measure(space.mesh)
 
     def _displacement(self, field: Expr) -> tuple[Expr, ...]:
-        """Displacements along x, y and z of a field in UFL; None along directions that the model does not have."""
+        """Displacements along x, y and z of a `field` in UFL; None for directions that the model does not have."""
         i = self.directions.index("z")
         J = ufl.JacobianDeterminant(field.ufl_function_space().ufl_domain())
         return field[0] if i else None, None, field[i] + J * field[i + 1]
@@ -194,7 +194,7 @@ class Beam2D(Beam):
     def faces(self, at: float) -> dict[str, tuple[Plane, Extent]]:
         """The faces ``bottom`` and ``top`` by name, each with its plane and its extent.
 
-        Each spans the whole beam, whatever `at` is.
+        Each face spans the whole beam, whatever `at` is.
         """
         return {name: (FACES[name], Extent((0.0, self.body.length))) for name in ("bottom", "top")}
 

@@ -162,16 +162,15 @@ class Beam3D(Beam):
         return Forms(self.inertia(space, ufl.Identity(3)), stiffness * measure(mesh))
 
     def inertia(self, space: FunctionSpace, S: Expr) -> Form:
-        r"""UFL form of the integral of rho v .
-
-        S u over the body, for trial and test displacements u and v, with S (3, 3).
+        r"""UFL form of the integral of rho v . S u over the body, with the trial and test displacements u and v.
 
         .. math::
             \int \rho A\, v \cdot S u + \rho I_z\, v_{,y} \cdot S u_{,y} + \rho I_y\, v_{,z} \cdot S u_{,z}\, dx
 
-        The point (y, z) of a section moves by :math:`(u - y \psi_v - z \psi_w,\; v - z \phi,\; w + y \phi)`, where u,
-        v, w are the displacements of the centroid.  Without shear, the rotations :math:`\psi_v` and :math:`\psi_w` of
-        the section have no inertia.  Rings, the transverse plates inside a box, add their inertia.
+        `S` (3, 3) is a tensor in UFL.  The point (y, z) of a section moves by :math:`(u - y \psi_v - z \psi_w,\; v - z
+        \phi,\; w + y \phi)`, where u, v, w are the displacements of the centroid.  Without shear, the rotations
+        :math:`\psi_v` and :math:`\psi_w` of the section have no inertia.  Rings, the transverse plates inside a box,
+        add their inertia.
         """
         mesh, sections, rho = space.mesh, self.sections, self.body.material.density
         sizes = sections.area, *sections.second_moments.T

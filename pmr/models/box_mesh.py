@@ -42,7 +42,7 @@ class Ends(NamedTuple):
 
 
 def shifted_ends(sides: Sequence[Side], k: int, outward: Callable[[Side], float]) -> Ends:
-    """Start and end (2,) m of side k, after all sides are shifted outwards from their mid-surfaces.
+    """Start and end (2,) in m of side k of the `sides`, after all of them are shifted outwards from their mid-surfaces.
 
     `outward` returns for a side how far it is shifted, in m.  At a sharp corner the ends are where the shifted sides
     meet.
@@ -99,13 +99,13 @@ Places = tuple[Array, Array, Mask]
 
 
 def _in_side(p: Array, sides: Sequence[Side], k: int, depth: float) -> Places:
-    """Shares xi, eta (N,) of points p (N, 2) m along side k of `sides` and in depth, and whether both are in [0, 1]."""
+    """Shares xi, eta (N,) of points p (N, 2) in m along side k and in its depth, and whether both are in [0, 1]."""
     xi, eta = _side_shares(p, sides, k, depth)
     return xi, eta, (np.abs(xi - 0.5) <= 0.5 + SLACK) & (np.abs(eta - 0.5) <= 0.5 + SLACK)
 
 
 def _in_triangle(p: Array, sides: Sequence[Side], k: int, depth: float) -> Places:
-    """Shares (N,) of points p (N, 2) m along the vectors to both ends of side k, and whether none is negative.
+    """Shares (N,) of points p (N, 2) in m along the vectors to both ends of side k, and whether none is negative.
 
     Side k is one of `sides`.  Points without a negative share are in the sector between the two vectors.  `depth` is
     not used.

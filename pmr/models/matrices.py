@@ -28,7 +28,7 @@ WHOLE = 0.5
 
 @dataclass(frozen=True)
 class Matrices(TracedModel):
-    """Model from given mass M and stiffness K (n, n); the mean over a group weighs every node alike.
+    """Model from given mass and stiffness (n, n); in the mean over a group every node has the same weight.
 
     A face that pads slide on is a group of nodes in a plane.  Displacements between the nodes are linear on the
     triangles of their Delaunay triangulation.
@@ -146,7 +146,7 @@ class Matrices(TracedModel):
         return self.body_matrices.groups[name]
 
     def _values(self, nodes: Indices) -> list[sp.csr_matrix]:
-        """Rows (g, n) of the displacements of g nodes, one matrix for each of x, y and z."""
+        """Rows (g, n) of the displacements of the g `nodes`, one matrix for each of x, y and z."""
         return [rows[nodes] for rows in self._of_direction]
 
     @cached_property
@@ -189,7 +189,7 @@ class Matrices(TracedModel):
         return Trace(name, points[nodes], weights, self._values(nodes)).shift_to(self.axis, place)
 
     def _normal(self, face: str, points: Array) -> Array:
-        """Unit vector (3,) out of the body and normal to a face, whose g nodes are at `points` (g, 3) m.
+        """Unit vector (3,), out of the body, normal to the face called `face`, whose g nodes are at `points` (g, 3) m.
 
         Raises an `InputError` if the nodes do not lie in a plane, or lie on a line.
         """

@@ -109,7 +109,7 @@ class Drawing:
         return 2, surface
 
     def fill(self, curves: Sequence[int]) -> Entity:
-        """Plane surface within closed curves, meshed by triangles of the size of the curves' divisions."""
+        """Plane surface within a closed line of `curves`, meshed by triangles of the size of the curves' divisions."""
         geo = self._model.geo
         return 2, geo.addPlaneSurface([geo.addCurveLoop(list(curves), reorient=True)])
 

@@ -50,9 +50,10 @@ class Cells:
 
 @dataclass(frozen=True)
 class MeshFile:
-    """Content of a mesh file: points, blocks of cells, and for each group the numbers of its cells in each block.
+    """Content of a mesh file: points, blocks of cells of one kind, and for each group the cells in it.
 
-    Groups that are given by their points have the numbers of these.
+    A group has an array of the numbers of its cells in each block; a group that is given by its points has their
+    numbers.
     """
 
     points: Array  # (N, 3) m
@@ -175,7 +176,7 @@ def _deck_content(file: Path) -> MeshFile:
 
 
 def _warn_of_unread(file: Path, deck: Deck) -> None:
-    """Warn of what a deck has and a mesh lacks: supports, loads, materials, sections, and bars next to shells.
+    """Log a warning of what a deck has and a mesh can't have: supports, loads, materials, sections, bars at shells.
 
     Elements of fewer dimensions than other elements are only groups of places in the mesh.
     """

@@ -17,9 +17,10 @@ from pmr.files.arrays import Array, Indices
 
 
 def codes(entities: Indices, points: int) -> Indices:
-    """One number (e,) for each of `entities` (e, k) with sorted vertices, made from its three lowest vertices.
+    """Numbers (e,) that identify `entities` (e, k), whose vertices are sorted; made from the three lowest vertices.
 
-    A number is unique among vertices, edges and faces.  `points` is the number of the mesh's vertices.
+    A number differs from those of all other vertices, edges and faces of a mesh.  `points` is the number of the mesh's
+    vertices.
     """
     code = np.zeros(len(entities), np.int64)
     for column in range(3):

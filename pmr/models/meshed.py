@@ -144,7 +144,7 @@ class MeshedModel(TracedModel):
 
     @property
     def grid(self) -> Grid:
-        """Cells of the mesh; pictures use the vertices' displacements, though displacements are quadratic in cells."""
+        """Grid of the mesh's cells, with displacements at vertices alone, though they are quadratic within cells."""
         name, order = next((name, order) for name, (kind, _, order) in CELLS_OF_KIND.items() if kind == self.mesh.cell)
         return Grid(name, self.mesh.points, self.mesh.cells[:, order], self.mesh.regions)
 
@@ -201,7 +201,7 @@ def frequency_scale(points: Array, material: Material, thickness: float = 0.0) -
 
 
 def outward_signs(mesh: NamedMesh, places: Array, normals: Array) -> Array:
-    """Direction of the normal at each of f points: 1 away from the body's axis, -1 towards it, otherwise 0.
+    """Signs (f,) of the normals at f points: 1 away from the body's axis, -1 towards it, otherwise 0.
 
     `places` (f, 3) m are the points and `normals` (f, 3) their unit normals.  The axis is along the mesh's longest
     extent, in the middle of the other extents.

@@ -93,7 +93,7 @@ class Mover:
         return np.array([ends[place] if isinstance(place, str) else place, 0.0, 0.0])
 
     def strip(self, face: str, window: Window) -> Strip:
-        """Raise an `InputError` about the `face`: a mover has no faces, so no `window` on one either."""
+        """Raise an `InputError` about the `face`, as a mover has no faces; `window` is not used."""
         raise InputError("scene", "pads.on", face, "a point, without faces, is allowed on a mover")
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:

@@ -44,7 +44,7 @@ class Fault:
 
 
 def mesh_fault(cell: str, points: Array, cells: Indices) -> Fault | None:
-    """Return the first fault of a mesh of `cells` (C, k) with the vertices `points` (N, 3) m; None if it is sound.
+    """First fault of a mesh of `cells` (C, k) with the vertices `points` (N, 3) in m; None if the mesh is sound.
 
     The faults are searched for in this order:
 
@@ -89,9 +89,10 @@ def triangle_normals(corners: Array) -> Array:
 
 
 def _corner_volumes(cell: str, corners: Array) -> Array:
-    """Triple products (C, k) in m^3 of the three edges at each of k corners of a cell.
+    """Triple products (C, k) in m^3 of the three edges at each of k corners of C cells.
 
-    All of them are positive in a convex cell with the orientation of the file's format.
+    `corners` (C, k, 3) are the positions of the cells' vertices in m.  All products are positive in a convex cell with
+    the orientation of the file's format.
     """
     if cell == "tetrahedron":
         at = np.array([[0, 1, 2, 3]])
@@ -150,7 +151,7 @@ CELLS_OF_KIND = {
 
 @dataclass(frozen=True)
 class Group:
-    """Named points, lines, faces or cells: their dimension 0 to 3, and their vertices (e, k) in dolfinx' order."""
+    """Named points, lines, faces or cells: their dimension, 0 to 3, and their vertices (e, k) in dolfinx' order."""
 
     dim: int
     entities: Indices
@@ -407,7 +408,7 @@ def _outermost(points: Array, facets: Skin, face: FaceNormal) -> Indices:
 
 
 def _both_sides(mesh: NamedMesh) -> Skin:
-    """Triangles of a shell twice: with the normals of one side, then with those of the other."""
+    """Triangles of a shell, each twice: first with the normals of one side, then with those of the other side."""
     normals = triangle_normals(mesh.points[mesh.cells])
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     number = np.arange(len(mesh.cells))

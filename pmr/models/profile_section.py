@@ -117,7 +117,7 @@ class MidLine:
 
     @cached_property
     def flow(self) -> Array:
-        """Shear flow at the Gauss points for unit forces along y and z, (k, q, 2) 1/m."""
+        """Shear flow at the Gauss points of the sides under unit forces along y and z, (k, q, 2) in 1/m."""
         first = np.zeros(2)
         moments = []
         for side in self.sides:
@@ -282,7 +282,7 @@ def _shear_coefficient(m: float, nu: float) -> float:
 
 @dataclass(frozen=True)
 class Plane:
-    """Integrals of 1, p and p p^T over a plane figure, with the vector p from the beam's axis."""
+    """Integrals of 1, p and p p^T over a plane figure, where p is the vector from the beam's axis."""
 
     area: float  # m^2
     first: Array  # (2,) m^3

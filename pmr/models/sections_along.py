@@ -57,7 +57,7 @@ class SectionsAlong:
     def section_numbers(self, places: Array | float) -> Indices:
         """Numbers (k,) of the sections at coordinates `places` (k,) m along the axis.
 
-        Where one section ends and another begins, it is the number of the latter.
+        Where one section ends and another begins, the number is that of the latter.
         """
         return np.clip(np.searchsorted(self.ends, places, side="right") - 1, 0, len(self.each) - 1)
 
@@ -266,7 +266,7 @@ def torsion_stress_factors(profile: BoxProfile, thickness: Array) -> Array:
 
 
 def corner_stress_factors(profile: BoxProfile, section: BeamSection) -> Corners:
-    """Corners of a profile, and the axial and torsion stress in each of k corners per unit section force, (k, 2, 6)."""
+    """Corners of a profile, and axial and torsion stress in each of the k corners per unit section force: (k, 2, 6)."""
     points = np.array([corner.position for corner in profile.corners])
     thickness = np.array([corner.thickness for corner in profile.corners])
     factors = np.stack([axial_stress_factors(section, points), torsion_stress_factors(profile, thickness)], axis=1)
@@ -274,7 +274,7 @@ def corner_stress_factors(profile: BoxProfile, section: BeamSection) -> Corners:
 
 
 def fibre_stress_factors(profile: BoxProfile, section: BeamSection) -> Corners:
-    """Lowest and highest fibre of a profile, and the axial stress in both per unit section force, (2, 1, 6)."""
+    """Lowest and highest fibre of a profile, and the axial stress in each per unit section force: (2, 1, 6)."""
     heights, stresses = [corner.position[1] for corner in profile.corners], np.zeros((2, 1, len(FORCES)))
     places = {"bottom": np.array([0.0, min(heights)]), "top": np.array([0.0, max(heights)])}
     stresses[:, 0, 0] = 1.0 / section.area
@@ -385,10 +385,11 @@ class Bending:
     shear_stiffness: Array | None = None  # (K,)
 
     def shape_weights(self, h: Array, X: Array, number: Indices) -> Array:
-        """Weights (2, 4, q) of w_1, psi_1, w_2, psi_2 in the deflection, then in the section's rotation, in q elements.
+        """Weights (2, 4, q) of w_1, psi_1, w_2, psi_2 in the deflection and in the section's rotation, in q elements.
 
-        w_1 and psi_1 are deflection and rotation at the element's first node, w_2 and psi_2 at its second.  Point i is
-        at the share X[i] in [0, 1] of an element of length h[i] in m with section number[i]; h, X and number are (q,).
+        The first axis is deflection, then rotation. w_1 and psi_1 are deflection and rotation at the element's first
+        node, w_2 and psi_2 at its second.  Point i is at the share X[i] in [0, 1] of an element of length h[i] in m
+        with section number[i]; h, X and number are (q,).
         """
         scale = np.stack([np.ones_like(h), h, np.ones_like(h), h])
         value, slope = _evaluate(HERMITE, X) * scale, _evaluate(FIRST, X) * scale / h

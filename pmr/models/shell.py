@@ -202,7 +202,7 @@ class Shell(MeshedModel):
 
 
 class Strains:
-    """Strains of a displacement u and rotation theta in UFL, in a frame of three unit vectors, the last one normal."""
+    """Strains of a shell by its displacement u and rotation theta in UFL, in a frame of three unit vectors."""
 
     def __init__(self, u: Expr, theta: Expr, frame: Sequence[Expr]) -> None:
         """Compute the strains of u and theta, UFL vectors of three, in `frame`, three unit vectors, the normal last."""
@@ -246,7 +246,7 @@ def _frame(mesh: Mesh) -> tuple[Expr, ...]:
 
 
 def of(body: Body, mesh: NamedMesh) -> Shell:
-    """The shell model of a scene's body on a mesh.
+    """Shell model of a scene's body on a mesh.
 
     A region's own thickness replaces the one that the box has there.  A region without a thickness or a material has
     the box's thickness there and the body's material.  Raises an InputError for a body that has neither a box nor a
@@ -275,7 +275,7 @@ def of(body: Body, mesh: NamedMesh) -> Shell:
 
 
 def draw_box(box: Box, size: float, along: float, tail_layer: float = 0.0) -> BoxBoom:
-    """Geometry and cells of a box for gmsh.
+    """Description of a box and the sizes of its cells, from which gmsh draws and meshes it.
 
     Cells have the width `size` (m) around the section and the length `along` (m), 0: the same as `size`.  `tail_layer`
     (m) is the length of the first layer of cells at the tail, 0: the same as of all others.
@@ -334,9 +334,9 @@ def frames(mesh: NamedMesh) -> Array:
 
 
 def _outward(mesh: NamedMesh, places: Array, normals: Array) -> Array:
-    """The f unit `normals` (f, 3) at the points `places` (f, 3) in m of a surface, turned away from the body's axis.
+    """Unit normals (f, 3) at the points `places` (f, 3) in m of a surface: `normals` turned away from the body's axis.
 
-    On a flat plate, and for a normal that points neither away from the axis nor towards it, the normal is turned so
+    On a flat plate, or where a normal that points neither away from the axis nor towards it, the normal is turned so
     that its largest component is positive.
     """
     largest = np.take_along_axis(normals, np.abs(normals).argmax(axis=1)[:, None], axis=1)[:, 0]

@@ -157,6 +157,6 @@ def _measure(mesh: Mesh, degree: int) -> ufl.Measure:
 
 
 def of(body: Body, mesh: NamedMesh) -> Solid:
-    """The solid model of a scene's body on a mesh."""
+    """Solid model of a scene's body on a mesh."""
     regions = {name: region.material or body.material for name, region in body.regions.items()}
     return Solid(SolidBody(material=body.material, regions=regions), mesh)

@@ -83,7 +83,7 @@ class Trace:
         return self if close else replace(self, offset=tuple(offset.tolist()))
 
     def motion(self, about: Array | None = None) -> sp.csr_matrix:
-        """Rows (6, n) of displacement and rotation of the point `about` (3,) m, which follows the group's mean motion.
+        """Rows (6, n) of displacement and rotation of the point `about` (3,) in m, by the group's mean motion.
 
         By default the point is the centroid.  Raises the `InputError` of `rotation`.
         """
@@ -301,7 +301,7 @@ class FlatFace:
 
 
 def flat_face(mesh: NamedMesh, name: str) -> FlatFace:
-    """The face called `name` with its normal, axes and the bounds of its cells.
+    """Flat face called `name`, with its normal, its axes and the bounds of its cells.
 
     Raises an `InputError` if there is no such face, it is not flat, or it lies across the axis.
     """
@@ -364,9 +364,9 @@ def line_points(window: Window, stations: Array) -> Array:
 
 
 def _face_normal(mesh: NamedMesh, group: Group, face: str) -> Array:
-    """Outward unit normal (3,) of the face `face`, the entities of `group`, whatever the order of their vertices.
+    """Outward unit normal (3,) of the face called `face`, of which `group` has the entities.
 
-    Raises an `InputError` if the face is not flat.
+    The order of the entities' vertices does not matter.  Raises an `InputError` if the face is not flat.
     """
     corners = mesh.points[group.entities]
     normals = triangle_normals(corners)

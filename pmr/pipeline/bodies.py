@@ -48,7 +48,7 @@ from pmr.simulation.petsc import Checkpoint
 
 @dataclass(frozen=True)
 class Motions:
-    """Motions of the reduced system by all of its simulators, on rank 0 alone, and of the references."""
+    """Motions of a run: of the reduced system by all of its simulators, on rank 0 alone, and of the references."""
 
     reduced: Simulations | None
     simulated: SimulatedSystem | None  # the reduced system with its motion
@@ -124,7 +124,7 @@ class Bodies:
         self._other = self._other_model()
 
     def frequencies(self) -> Frequencies:
-        """Return the lowest natural frequencies over the paths, of the reduced system and perhaps of the full system.
+        """Return the lowest natural frequencies along the paths of the reduced system, and perhaps of the full system.
 
         The full system's frequencies are computed for a single body, and for a boom if the scene is compared with
         ``full``.
@@ -195,7 +195,7 @@ class Bodies:
         ]
 
     def results(self, motions: Motions) -> dict[str, BodyResult]:
-        """Return shapes, fields, stresses and envelopes of each body, by the body's name; called on rank 0 alone."""
+        """Return shapes, fields, stresses and envelopes of each body, by its name; to be called on rank 0 alone."""
         results = {}
         for name, body in self.bodies.items():
             model, of = body.model, motions.recovered.get(name)
@@ -207,7 +207,7 @@ class Bodies:
     def _choose_models(self, scene: Scene) -> Choice | None:
         """Return models and step that meet the scene's tolerance or budget, the same on all ranks.
 
-        None if the scene has neither a tolerance nor a budget.
+        None is returned if the scene has neither a tolerance nor a budget.
         """
         if scene.goal is None:
             return None
@@ -232,7 +232,7 @@ class Bodies:
     def _other_model(self) -> Any:
         """Return another reduced model from which a single body's error is estimated.
 
-        None if the body's own model can estimate its error, or if the other model can't be made.
+        None is returned if the body's own model can estimate its error, or if the other model can't be made.
         """
         if ALONE not in self.bodies or not needs_other_model(self.scene, self.bodies[ALONE].model):
             return None

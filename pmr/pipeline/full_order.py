@@ -60,7 +60,7 @@ class References:
 
 
 class FullMotion(NamedTuple):
-    """Response of the full system, which ranks other than 0 may lack, and this rank's rows of states, by body."""
+    """Response of the full system, None on other ranks than 0, and this rank's rows of its states, by body."""
 
     response: Response | None
     states: Mapping[str, BodyStates]
@@ -84,7 +84,7 @@ class FullOrder:
     def gathered_system(self) -> System | None:
         """The system as SciPy matrices on rank 0, for simulators that are not distributed.
 
-        None on other ranks.
+        None is returned on other ranks.
         """
         gathered_system = self.system.gather()
         return gathered_system and replace(gathered_system, terms=terms_of(self.scene, gathered_system.bodies))

@@ -85,7 +85,10 @@ def decide_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None
 
 @dataclass(frozen=True)
 class RunMotion:
-    """Responses of a run's reduced `system` and of its full model, on rank 0 alone, and the frequencies of both."""
+    """Motion of a run: its reduced `system`, responses of this system and of the full model, and frequencies of both.
+
+    The responses are None on other ranks than 0.
+    """
 
     system: System
     reduced: Response | None
@@ -93,10 +96,10 @@ class RunMotion:
     frequencies: Frequencies
 
     def motion(self, scene: Scene) -> Motion:
-        """Displacements and contact forces of the full model, reactions and frequencies of the reduced one.
+        """Motion with displacements and contact forces of the full model, reactions and frequencies of the reduced one.
 
-        The error of the frequencies is known; a full model lacks reactions of single coordinates that a support holds.
-        To be called on rank 0 alone.
+        The error of the reduced model's frequencies is part of it.  Reactions are those of the reduced model, because a
+        full model lacks reactions of supports that hold single coordinates.  To be called on rank 0 alone.
         """
         assert self.reduced is not None and self.full is not None
         of_full = {key: getattr(self.full, key) for key in ("displacement", "slider_force", "force_peaks")}
@@ -107,7 +110,7 @@ class RunMotion:
 
 @dataclass(frozen=True)
 class ComparedScene:
-    """A scene with whose motion another one is compared; its bodies are reduced unless the cache has their system."""
+    """A scene to compare another one with; its bodies are reduced unless the cache has their system."""
 
     scene: Scene
     comm: MPI.Comm
@@ -181,7 +184,7 @@ def _store_richer(scene: Scene, folder: Path, content: str) -> None:
 def measure_model(
     scene: Scene, comm: MPI.Comm, cache: Cache | None, of_run: RunMotion | None = None
 ) -> Mapping[str, Any]:
-    """Return ``budget.model`` of summary.json: differences to a richer model, or the ``reason`` why there are none.
+    """Return the entry ``budget.model`` of summary.json: differences to a richer model, or the ``reason`` for none.
 
     The motion of the scene is that of a run's full model, `of_run`.  If this is None, the scene is reduced anew and
     simulated.  Collective.  If `cache` is None, nothing is stored.
@@ -205,7 +208,7 @@ def measure_model(
 def measure_mesh(
     scene: Scene, system: System, response: Response | None, comm: MPI.Comm, cache: Cache | None
 ) -> dict[str, Any]:
-    """Return ``mesh`` of the budget and ``mesh_reason``: differences to the scene on another mesh; collective.
+    """Return entries ``mesh`` and ``mesh_reason`` of the budget: differences to the scene on another mesh; collective.
 
     `system` and `response` belong to the scene itself; `response` is None on other ranks than 0, and `cache` None
     stores nothing.
@@ -231,7 +234,8 @@ def measure_mesh(
 def _unknown_model_error(error: Exception, label: str) -> dict[str, Any]:
     """Return the entries of summary.json for an error that can't be measured.
 
-    The keys are ``reason`` and, if the reason is long, ``detail``.  `label` is the name of the other scene.
+    The keys are ``reason`` and, if the reason is long, ``detail``.  `label` is the name of the scene with which the run
+    was to be compared.
     """
     reason = error.allowed if isinstance(error, InputError) else str(error)
     if isinstance(error, NotHeldError):
@@ -241,9 +245,9 @@ def _unknown_model_error(error: Exception, label: str) -> dict[str, Any]:
 
 
 def _choose_model(options: list[Scene], comm: MPI.Comm, cache: Cache | None) -> ModelDecision:
-    """Compare beams with a shell, the last of `options`, from the simplest on, and choose as `decide_models` does.
+    """Choose a model among `options`: compare each beam, from the simplest on, with the shell, which is the last one.
 
-    Collective.  If `cache` is None, nothing is stored.
+    The choice is that of `decide_models`.  Collective.  If `cache` is None, nothing is stored.
     """
     *beams, shell = options
     tried = list[dict[str, Any]]()

@@ -217,11 +217,12 @@ def _outcome(
 def _indentations(
     scene: Scene, system: System, bodies: Mapping[str, AssembledBody], responses: Mapping[str, Response]
 ) -> dict[str, list[dict[str, float | str]]]:
-    """Entry ``indentations`` of summary.json: how far walls give way under the largest force of each pad, in m.
+    """Entry ``indentations`` of summary.json: rows of how far walls give way under the largest force of each pad.
 
-    `bodies` are the bodies by name, and `responses` the responses by model.  The walls are those of all sections that
-    the pad touches, where it is when its force is largest; what other pads add is left out.  Without walls that give
-    way the result is empty.
+    A row has the ``name`` of the pad, the ``value`` in m, and time ``t`` and path coordinate ``s`` of the force in the
+    reduced model.  `bodies` are the bodies by name, and `responses` the responses by model.  The walls are those of all
+    sections that the pad touches, where the pad is when its force is largest; their dents by other pads are left out.
+    Without walls that give way the result is empty.
     """
     contacts, rows = {contact.name: contact for contact in system.contacts}, list[dict[str, float | str]]()
     for name, extremes in pad_extremes(scene, responses["reduced"]).items():
@@ -286,10 +287,10 @@ def _stress_at_pads(bodies: Bodies, motions: Motions, simulation: Simulation | N
 
 
 def _play(bodies: Bodies, motions: Motions, walls: Summary) -> Summary:
-    """Return ``play`` of the error budget: largest values of the reduced system with another play; collective.
+    """Return the entry ``play`` of the error budget: largest values of the reduced system with another play.
 
     The keys are those of `pmr.compare.play.VariedPlay.summary`; ``reason`` is there instead if the system can't be
-    simulated.  `walls` is the stress in walls in the run.  The entry is missing if pads hold both ways.
+    simulated.  `walls` is the stress in walls in the run.  The entry is missing if pads hold both ways.  Collective.
     """
     comm, scene = next(iter(bodies.built.values())).model.comm, bodies.scene
     try:

@@ -86,7 +86,7 @@ def stress_at_pads(
 
 
 def _peak_entry(part: BoomSection, peak: WallPeak, t: float) -> dict[str, Any]:
-    """Return ``wall_stress`` for `peak`, the largest stress of a section, at the time t in s."""
+    """Return the entry ``wall_stress`` for `peak`, the largest stress of a section, at the time t in s."""
     box, material = part.body.box, part.body.material
     assert box is not None
     flat = [side for side in box.sides if side.centre is None]
@@ -105,7 +105,10 @@ def _peak_entry(part: BoomSection, peak: WallPeak, t: float) -> dict[str, Any]:
 
 
 def _loaded_section(body: AssembledBody, recovered: RecoveredBody, states: BodyStates) -> LoadedSection:
-    """Return section forces and pad forces of a beam at the times of its `states`; collective."""
+    """Return the section forces of a beam and the forces of its pads, at the times of its `states`; collective.
+
+    `recovered` has the objects that compute full coordinates and section forces of the beam.
+    """
     along, recovery = recovered.forces, recovered.recovery
     assert along is not None and recovery is not None  # as of every beam with a profile
     q = np.concatenate([np.hstack(body.model.comm.allgather(block)) for block in recovery.blocks(states)])

@@ -26,7 +26,7 @@ SHIFT = 1.0
 
 
 class ClosedModes(NamedTuple):
-    """Modes of a system with closed contacts."""
+    """Modes of a system with all contacts closed."""
 
     omega: Array  # (f,) rad/s
     phi: Array  # (n, f) 1/sqrt(kg)
@@ -36,12 +36,13 @@ class Assembly:
     """Equations of all bodies as sparse matrices, on the n coordinates of the bodies that no support holds at zero.
 
     The system has m contacts, i inputs, o outputs and k terms that vary in time.  The rows C (m, n) of the contacts,
-    with their flexibility and the effect of inputs (`ContactRows`), depend on coordinates x (sides,) in m.  The
-    coordinates are the places of all contacts on their bodies, in the order of `System.sides`.
+    with their flexibility and the effect of inputs (`ContactRows`), depend on coordinates x (sides,) in m.  A side is
+    one of the two places that a contact joins; x has the coordinate of each side's place along its body, in the order
+    of `System.sides`.
     """
 
     def __init__(self, system: System) -> None:
-        """Assemble the matrices of all bodies of `system`, without coordinates that supports hold at zero."""
+        """Prepare the equations of `system`, on the coordinates that no support holds at zero."""
         self.system, bodies = system, system.bodies
         # numbers of the coordinates of each body that its supports leave free
         self.free_coordinates = {
@@ -91,7 +92,10 @@ class Assembly:
         return self._blocks(lambda body, free: body.outputs[:, free])
 
     def _blocks(self, block_of: Callable[[SlidingBody, Indices], sp.csr_matrix | Array]) -> sp.csr_matrix:
-        """Sparse block-diagonal matrix whose block for each body is ``block_of(body, numbers of free coordinates)``."""
+        """Sparse block-diagonal matrix with a block for each body, in the order of the bodies.
+
+        The block of a body is ``block_of(body, numbers)`` with the numbers of the body's free coordinates.
+        """
         bodies = zip(self.system.bodies.values(), self.free_coordinates.values(), strict=True)
         blocks = [block_of(body, free) for body, free in bodies]
         if any(map(sp.issparse, blocks)):
@@ -120,7 +124,7 @@ class Assembly:
 
     @cached_property
     def energy(self) -> Array:
-        """B^T R B (i, i) in m/N with inputs B and residual flexibility R: twice the energy of unit inputs in R."""
+        """Product B^T R B (i, i) in m/N of inputs B and residual flexibility R: twice the energy under unit inputs."""
         of_loads = np.zeros((_count(self.input_slices),) * 2)
         for name, flexibility in self._flexibility.items():
             of_loads[self.input_slices[name], self.input_slices[name]] = flexibility.energy
@@ -185,9 +189,9 @@ class Assembly:
         return ContactRows(C, F, H, X)
 
     def row_slopes(self, x: Array) -> Array:
-        """Derivatives dC/dx (m, n) of the contacts' rows if all places move by the same dx.
+        """Derivatives dC/dx (m, n) of the contacts' rows, if the places of all sides move by the same dx.
 
-        The places are at x (sides,) in m.
+        x (sides,) in m are the coordinates of the sides' places on their bodies.
         """
         return self.row_rates(x, np.ones(len(x)))
 
@@ -220,7 +224,7 @@ class Assembly:
         return TouchedWeights(touched[0], b[0])
 
     def outputs_by_moments(self, x: Array) -> Array:
-        """Outputs (o, m) in 1/N by a unit moment on the sides of each contact, with the places at x (sides,) in m.
+        """Outputs (o, m) in 1/N under a unit moment on the sides of each contact, whose places are at x (sides,) in m.
 
         Only the residual flexibility of the bodies gives way to the moments.
         """
@@ -235,7 +239,7 @@ class Assembly:
         return moved_outputs
 
     def _add_carrier_rows(self, name: str, side_numbers: Sequence[int], x: Array, rows: ContactRows) -> None:
-        """Add to `rows` the part of the body `name`, on carriers, by its sides with the numbers `side_numbers`.
+        """Add to `rows` the part of the body `name`, whose rows are on carriers: of its sides `side_numbers`.
 
         The places of these sides are at x (sides, T) in m.
         """
@@ -261,7 +265,7 @@ class Assembly:
         rows.F[:, np.array(contacts)[:, None], contacts] += among + np.triu(among, 1).transpose(0, 2, 1)
 
     def _add_table_rows(self, name: str, side_numbers: Sequence[int], x: Array, contact_rows: ContactRows) -> None:
-        """Add to `contact_rows` the part of the body `name`, the single one of a system with tables over its path.
+        """Add to `contact_rows` the part of the body `name`, the only one of a system, with tables over its path.
 
         All sides, with the numbers `side_numbers`, share one path coordinate.  The path coordinate is the first one in
         x (sides, T) in m of a side that travels.
@@ -318,9 +322,9 @@ class Assembly:
         """Lowest natural frequencies (count,) or (S, count) in Hz with every contact closed, at one or S places.
 
         The places of all contacts are at x (sides,) or (S, sides) in m, and the terms have amplitudes c (k,) or (S, k);
-        None stands for zero amplitudes.  If there are fewer than `count` frequencies, the rest is NaN. Of the matrices
-        of terms, only the symmetric part of the stiffness and the antisymmetric (gyroscopic) part of the damping count.
-        At the buckling load and beyond, the lowest frequency is 0 Hz.
+        None stands for zero amplitudes.  If there are fewer than `count` frequencies, the remaining entries are NaN.
+        Of the matrices of terms, only the symmetric part of the stiffness and the antisymmetric (gyroscopic) part of
+        the damping count.  At the buckling load and beyond, the lowest frequency is 0 Hz.
         """
         if x.ndim == 1:
             return np.asarray(self.frequencies(x[None], count, None if c is None else c[None])[0])

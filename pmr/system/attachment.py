@@ -138,7 +138,7 @@ def _extend_frame_matrices(
 def _extend_reactions(
     model: ReducedModel, reactions: Reactions, answers: CylinderResponses, combinations: Array
 ) -> Reactions:
-    """Reactions of the model with `combinations` (k, a) of the cylinder's first k responses as its last a coordinates.
+    """Reactions of a model whose last a coordinates are `combinations` (k, a) of the cylinder's first k responses.
 
     `reactions` are those of `model`, without these coordinates, and `answers` are the responses to the cylinder's
     force.
@@ -228,9 +228,10 @@ def _diagonalise(K: Array, M: Array) -> _DiagonalForm:
 
 
 def _append_vectors(model: ReducedModel, stiffness: Array, measures: Array, outputs: Array) -> ReducedModel:
-    """Return the model with a M-orthonormal vectors as its last coordinates, with their `stiffness` (a,) omega^2.
+    """Return the model with a further M-orthonormal vectors as its last coordinates.
 
-    Their values on K carriers and at i inputs are `measures` (K + i, a), and their outputs are `outputs` (o, a).
+    Their stiffnesses omega^2 are `stiffness` (a,).  Their values on K carriers and at i inputs are `measures` (K + i,
+    a), and their outputs are `outputs` (o, a).
     """
     carriers = model.carriers
     assert carriers is not None
@@ -272,7 +273,7 @@ def _clear_cylinder_flexibility(model: ReducedModel, answers: CylinderResponses)
 
 
 def _load_matrix(part: CarrierFlexibility) -> Array:
-    """Flexibility, or R M R for the inertia of a residual part, (K + i, K + i) between K carriers and i inputs."""
+    """Whole matrix (K + i, K + i) of a flexibility, or of R M R, between K carriers and i inputs."""
     return np.block([[part.rows, part.inputs], [part.inputs.T, part.energy]])
 
 

@@ -73,7 +73,7 @@ def _kind_of_earlier_version(name: str, unit: str) -> str:
 
 
 def _has_kind(body: Body, *kinds: str) -> Mask:
-    """Mask (o,) of the outputs that have one of the `kinds`."""
+    """Mask (o,) of the outputs of a body that have one of the `kinds`, without regard to their direction."""
     return np.array([kind.split(" ")[0] in kinds for kind in kinds_of(body)], dtype=bool)
 
 
@@ -113,7 +113,7 @@ def clear_rates_without_inertia(body: SlidingBody, v: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class FullOrderBody(ABC):
-    """Rows of a body in full order, names and places of its inputs and outputs, and what follows from the rows."""
+    """Rows of a body in full order, names and places of its inputs and outputs, and all that follows from the rows."""
 
     rows: Rows  # supports first, then the sliders
     input_names: tuple[str, ...]
@@ -130,9 +130,9 @@ class FullOrderBody(ABC):
     @property
     @abstractmethod
     def carriers(self) -> RowsOnCarriers | None:
-        """Rows on carriers, which each kind of full model makes in its own way.
+        """Rows of the body on carriers (`pmr.system.carriers`).
 
-        None for a kind of full model whose rows are on no carriers.
+        None is returned by a kind of full model whose rows are on no carriers.
         """
 
     def ensure_whole(self, source: str) -> None:
@@ -182,7 +182,7 @@ Body: TypeAlias = ReducedModel | FullOrderBody
 
 @dataclass(frozen=True)
 class FullBody(FullOrderBody):
-    """Sparse full model on one process, as the simulation of the full-order reference takes it.
+    """Full model of a body on one process, with sparse matrices, for simulations of the full-order reference.
 
     The body has n coordinates, i inputs, o outputs and m rows: M, D, K (n, n), B (n, i), `outputs` (o, n).  The other
     fields are those of `pmr.fullmodel.model.FullModel`.
@@ -216,7 +216,8 @@ class FullBody(FullOrderBody):
     def reactions(self) -> Reactions | None:
         """Reactions of the h rows that are fixed (`Row.is_fixed`); None if there are none.
 
-        The reactions are the work on the shortest motions that move one such row by 1 and no other.
+        The reactions are the work on motions that change the value of one such row by 1 and of no other, the shortest
+        ones.
         """
         numbers = self.rows.fixed
         if not numbers:

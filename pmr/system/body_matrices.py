@@ -63,7 +63,7 @@ CARRIED = {
 
 @dataclass(frozen=True)
 class UnitLoad:
-    """Load for a unit state of stress in a body held at its tail."""
+    """Load that causes a unit state of stress in a body held at its tail."""
 
     acceleration: Array = field(default_factory=lambda: np.zeros(3))  # (3,) m/s^2 of the frame
     stretch: float = 0.0  # 1/s^2: gradient of the acceleration along x in the direction x
@@ -143,5 +143,5 @@ class Reactions:
         return replace(self, inertia=inertia, damping=damping, stiffness=stiffness, matrices=matrices)
 
     def with_rows(self, numbers: list[int]) -> Reactions:
-        """Reactions of the body that keeps only the rows with these `numbers`."""
+        """Reactions of the body if it has only the rows with these `numbers`."""
         return replace(self, rows=select_columns(self.rows, numbers))

@@ -53,7 +53,7 @@ class Flexibility:
     energy: Array  # B^T R B (i, i) m/N: twice the residual strain energy under unit inputs
 
     def with_rows(self, numbers: Sequence[int]) -> Flexibility:
-        """Return the flexibility after the body has dropped all rows but those with these `numbers`."""
+        """Return the flexibility of the body with only the rows that have these `numbers`."""
         rows, inputs = (select_rows(table, numbers) for table in (self.rows, self.inputs))
         outputs = select_columns(self.outputs, numbers)
         return replace(self, rows=select_columns(rows, numbers), inputs=inputs, outputs=outputs)
@@ -110,12 +110,12 @@ class CarrierFlexibility:
     energy: Array  # B^T R B (i, i) m/N
 
     def tables(self, C: RowPolynomials) -> Flexibility:
-        """Tables over the path for rows with the weights C on these carriers, all rows at the same path coordinate."""
+        """Tables over the path for rows with the weights C on these carriers, all at the same path coordinate."""
         outputs = transpose(C.times(self.outputs.T))
         return Flexibility(C.quadratic_form(self.rows), C.times(self.inputs), outputs, self.direct, self.energy)
 
     def add_modes(self, U: Array, modes: EnrichmentModes, share: Array) -> CarrierFlexibility:
-        """Return the flexibility plus share_j phi_j phi_j^T for each of c modes phi_j.
+        """Return the flexibility plus the sum of share_j phi_j phi_j^T over c modes phi_j.
 
         The values of the modes on the carriers are U (K, c).  `share` (c,) is 1 / omega^2 for truncated modes, and -1
         / omega^2 for modes that become coordinates.
@@ -132,7 +132,7 @@ class CarrierFlexibility:
 
 @dataclass(frozen=True)
 class CylinderResponses:
-    r"""Responses x_k, k = 1 to n, to a force on a row c that does not travel: x_1 is static, the others are by inertia.
+    r"""Responses x_k, k = 1 to n, to a cylinder's force, on a row c: x_1 is static, the others are by inertia.
 
     .. math:: x_1 = R c^T, \qquad x_{k+1} = R M x_k
 
@@ -155,7 +155,7 @@ class CylinderResponses:
     turned: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def mode_shares(self, U: Array, modes: EnrichmentModes) -> Array:
-        """Share (c, n) of each of c modes that each response gains, from the modes' values U (K, c) on the carriers."""
+        """Shares (c, n) of c modes in each of the n responses, from the modes' values U (K, c) on the carriers."""
         powers = np.arange(1, self.rows.shape[1] + 1)
         return np.asarray((self.load @ U)[:, None] / modes.stiffness[:, None] ** powers)
 
@@ -216,7 +216,7 @@ class CarrierRows:
         return cls(np.asarray(values), breaks, touched, coefficients, np.zeros((len(values), 0)), flexibility)
 
     def row(self, number: int, name: str) -> Row:
-        """Return the row with the given `number` as a row, called `name`, of the r coordinates alone."""
+        """Return the row with the `number`, called `name`, as a row that acts on the r coordinates alone."""
         k = str(number)
         return Row(name, self.breaks[k], self._sparse_values, self.touched[k], self.coefficients[k])
 
@@ -230,9 +230,9 @@ class CarrierRows:
         return RowPolynomials.from_rows([self.row(k, str(k)).refine(breaks) for k in range(len(self.breaks))], breaks)
 
     def project(self, X: Array) -> CarrierRows:
-        """Return the rows on new coordinates z (k,), with the old ones equal to X z, X (r, k), on the same flexibility.
+        """Return the rows on new coordinates z (k,), from which the old ones follow as X z, with X (r, k).
 
-        If k < r, the flexibility lacks what the new coordinates leave out.
+        The flexibility does not change; if k < r, it lacks the motions that the new coordinates leave out.
         """
         return replace(self, values=self.values @ X)
 
@@ -304,12 +304,12 @@ _SIGNS = {"triangle": 1.0, "antitriangle": -1.0}
 
 
 def pack_model(model: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
-    """Arrays (any shape) of a `pmr.system.reduced_model.ReducedModel` to be stored, by `prefix` and the field's name.
+    """Arrays of a reduced model in the form in which files have them, by `prefix` and the field's name.
 
-    They are those of `pmr.files.npz`, with two exceptions.  If a table over the path follows from values on the
-    carriers, as C = b (U V) and G = b R b^T do, only its breaks are stored.  For a symmetric matrix between carriers,
-    or between vectors, only the lower triangle is stored, row by row, as ``name.triangle``; for an antisymmetric
-    matrix, as ``name.antitriangle``.
+    The model is a `pmr.system.reduced_model.ReducedModel`.  The arrays (any shape) are those of `pmr.files.npz`, with
+    two exceptions.  If a table over the path follows from values on the carriers, as C = b (U V) and G = b R b^T do,
+    only its breaks are stored.  For a symmetric matrix between carriers, or between vectors, only the lower triangle is
+    stored, row by row, as ``name.triangle``; for an antisymmetric matrix, as ``name.antitriangle``.
     """
     content = npz.record_arrays(model)
     sound = model.carriers is not None and not _describe_fault(model.carriers)
@@ -360,9 +360,10 @@ def _describe_fault(carriers: CarrierRows) -> str | None:
 
 
 def _path_tables(carriers: CarrierRows, arrays: Mapping[str, NDArray[Any]]) -> dict[str, PPoly]:
-    """Tables that follow from values on the carriers, by their names in the file.
+    """Tables over the path that follow from values on the carriers, by their names in the file.
 
-    The tables have the breaks of the rows in `arrays`; tables that have other breaks there are left out, all without.
+    The tables have the breaks of the rows in `arrays`.  Tables that have other breaks in `arrays` are left out; without
+    breaks of the rows the result is empty.
     """
     breaks = arrays.get("rows.breaks")
     if not carriers.breaks or breaks is None:
@@ -379,7 +380,7 @@ def _path_tables(carriers: CarrierRows, arrays: Mapping[str, NDArray[Any]]) -> d
 def _triangle_kind(A: Array) -> str | None:
     """``triangle`` if A (n, n) is symmetric, ``antitriangle`` if A is antisymmetric.
 
-    None for other arrays and for matrices with fewer than `LEAST` rows.
+    None is returned for other arrays and for matrices with fewer than `LEAST` rows.
     """
     if A.ndim != 2 or A.shape[0] != A.shape[1] or len(A) < LEAST:
         return None

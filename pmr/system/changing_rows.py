@@ -105,7 +105,7 @@ def _zero_rows(m: int, n: int, i: int, *paths: int) -> ContactRows:
 
 
 class _BodyRows:
-    """Contributions of one body to the rows of contacts: k sides on d carriers each, as polynomials of equal degree."""
+    """Contributions of one body to the rows of contacts: k sides that touch d carriers each, as polynomials."""
 
     def __init__(self, assembly: Assembly, name: str, names: Sequence[str]) -> None:
         """Collect the rows of the body `name` of the assembly as functions of the P paths called `names`."""
@@ -206,7 +206,7 @@ def _pad_to_shape(values: NDArray[Number], *shape: int) -> NDArray[Number]:
 
 @dataclass(frozen=True)
 class InputResponse:
-    """Forces B f on coordinates (n,) by inputs f (i,), and displacements B^T q + E f (i,) at the inputs' points."""
+    """Forces B f on n coordinates by inputs f (i,), and displacements B^T q + E f (i,) at the inputs' points."""
 
     B: Array
     E: Array
@@ -247,7 +247,10 @@ class EliminatedContacts:
         return self._stored[key]
 
     def curve(self, s: Array, rate: Array) -> Array:
-        """Sum (n, i) over paths j, k of (d^2 B / d s_j d s_k) s_j' s_k', at paths s (P,) m with their `rate`."""
+        """Sum (n, i) over paths j and k of (d^2 B / d s_j d s_k) s_j' s_k', for paths at s (P,) in m.
+
+        The rates s' of the paths are `rate` (P,) in m/s.
+        """
         if not (self._gives.any() and rate.any()):
             return np.zeros_like(self._B)
         near, gives = self._along.evaluate(s), self._gives

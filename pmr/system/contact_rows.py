@@ -30,10 +30,10 @@ ROUND_OFF = 1e-14
 
 
 def is_round_off(F: Array, largest: float = 0.0) -> Mask:
-    """Mask (..., m) of the contacts that are rigid: their flexibility F (..., m, m) in m/N is round-off.
+    """Mask (..., m) of m contacts that are rigid: their flexibility, in F (..., m, m) in m/N, is round-off.
 
-    Their diagonal entry of F is at most `ROUND_OFF` times the largest entry, or times `largest` if that is more.
-    `largest` is the largest flexibility of the bodies in m/N, needed because all of F may be round-off.
+    The diagonal entry of a rigid contact is at most `ROUND_OFF` times the largest entry, or times `largest` if that is
+    more.  `largest` is the largest flexibility of the bodies in m/N, needed because all of F may be round-off.
     """
     diagonal = np.diagonal(F, axis1=-2, axis2=-1)
     most = np.maximum(diagonal.max(axis=-1, keepdims=True, initial=0.0), largest)

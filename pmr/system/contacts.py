@@ -83,7 +83,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Contact:
-    """Contact between two places on bodies, or between one place and the ground.
+    """Contact, such as a pad, cylinder or support, between two places on bodies or between a place and the ground.
 
     A positive force pushes the inner body against `direction`.  An InputError is raised for values that are not
     allowed.
@@ -167,7 +167,7 @@ def friction_law(contact: Contact) -> FrictionLaw:
 
 
 def pad_at_tail(pad: Contact, outer: str, path: str) -> Contact:
-    r"""Contact of a pad at the tail of a telescope's section, and slides in the next section, `outer`.
+    r"""Contact of a pad at the tail of a section that slides within the next outer section, `outer`.
 
     The inner place of `pad` is its distance d in m from the inner section's tail.  This tail is at the path coordinate
     s on the section `outer`, so that the two coordinates of the contact are
@@ -195,7 +195,10 @@ def pad_at_mouth(pad: Contact, outer: str, path: str, length: float) -> Contact:
 
 @dataclass(frozen=True)
 class Compliance:
-    """Compliance A(s) = constant + sum_q s_q slopes_q (m, m) of m contacts themselves, with Q path coordinates s_q."""
+    """Compliance A(s) = constant + sum_q s_q slopes_q (m, m) of m contacts, without that of the bodies.
+
+    The s_q are coordinates of Q paths.
+    """
 
     constant: Array  # (m, m) m/N: where all paths are at 0
     paths: tuple[str, ...]  # (Q,): names of the paths that lengthen ropes
@@ -332,9 +335,9 @@ class Friction:
     def stored_energy(self, friction: Array, forces: Array) -> Array:
         """Energy (...) in J that cylinders store because of friction, beyond lambda^2 / 2 k.
 
-        In it, k is a cylinder's stiffness, and lambda the part of its force that reaches the sections.  The pads have
-        the `friction` (..., n) in N.  `forces` (..., m) in N are those of all contacts; the forces of cylinders among
-        them include the friction.
+        k is a cylinder's stiffness, and lambda the part of its force that reaches the sections.  The pads have the
+        `friction` (..., n) in N. `forces` (..., m) in N are those of all contacts; the forces of cylinders among them
+        include the friction.
         """
         total = self.joint_totals(friction)
         return np.asarray(

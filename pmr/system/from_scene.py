@@ -43,7 +43,7 @@ from pmr.system.terms import hoist_of, terms_of
 
 
 def system_of(scene: Scene, bodies: Mapping[str, SlidingBody]) -> System:
-    """System of a scene's bodies with their contacts and terms; errors are raised as by `System`.
+    """System of a scene's bodies with their contacts, terms and hoist; errors are raised as by `System`.
 
     `bodies` maps the names of the sections to their reduced or full models.
     """
@@ -118,7 +118,7 @@ def force_names(scene: Scene) -> Mapping[str, Sequence[str]]:
 
 
 def _joint_contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator[Contact]:
-    """Contacts of the joint in which the section with the given `number` slides; `bodies` are all bodies by name.
+    """Yield the contacts of the joint in which section `number` slides; `bodies` are all bodies by name.
 
     The pads at the tail and at the mouth come first, then rows that keep a rigid overlap straight, then the cylinder.
     Joints without a rigid overlap or a cylinder have no such contacts.
@@ -198,10 +198,12 @@ def _arm(part: BoomSection, face: str) -> float:
 
 
 def _ground_contacts(name: str, body: Body, joined_rows: set[tuple[str, str]], part: BoomSection) -> Iterator[Contact]:
-    """Contacts of the body `name` with the ground: pads, supports that combine several coordinates, luffing cylinder.
+    """Yield contacts of the body `name` with the ground: pads, supports on several coordinates, luffing cylinder.
 
-    Supports on a single coordinate are no contacts, because the model fixes that coordinate.  The pairs (body, row) in
-    `joined_rows`, and the rows of tails and points, are no contacts with the ground either.
+    Each contact belongs to a constraint row of the body, which measures its motion there.  A support on a single
+    coordinate is no contact, because the model fixes that coordinate.  Rows in `joined_rows`, pairs (body, row), have
+    contacts with other bodies, and rows of tails and of sliding points are no contacts with the ground either.  `part`
+    is the section of the scene that the body models; it says which rows are pads.
     """
     pads = {pad for ring in part.pads for pad, _, _ in ring.named_pads}
     for number, row in enumerate(body.row_names):
@@ -239,7 +241,7 @@ SUMS = 32
 
 @dataclass(frozen=True)
 class CombinedRings:
-    """System in which each ring of pads has fewer contacts: m' contacts instead of m."""
+    """System in which each ring of pads has fewer contacts: m' in all instead of m."""
 
     system: System
     # S (m, m'): the original contacts have the forces S mu for forces mu (m',) of this system; None: nothing is
@@ -247,9 +249,9 @@ class CombinedRings:
     shares: Array | None = None
 
     def original_forces(self, reduced_forces: Array) -> Array:
-        """Forces (..., m) in N of the original contacts, from those of the contacts of `system`.
+        """Forces (..., m) in N of the original contacts, from forces of the contacts of `system`.
 
-        The latter are `reduced_forces` (..., m') in N.
+        `reduced_forces` (..., m') in N are the forces of the contacts of `system`.
         """
         return reduced_forces if self.shares is None else reduced_forces @ self.shares.T
 
@@ -408,7 +410,7 @@ class _BodyRows:
 
     @property
     def model(self) -> ReducedModel:
-        """Body with the combined rows, on their carriers."""
+        """Body with the combined rows instead of its own, on their carriers."""
         old, rows = self._carriers, list(self._rows.values())
         each = np.arange(len(old.values))
         numbers, where, shares = map(np.concatenate, zip((each, each, np.ones(len(each))), *self._parts, strict=True))
@@ -427,7 +429,7 @@ class _BodyRows:
         return replace(self._body, row_names=names, carriers=CarrierRows.from_rows(rows, P @ old.values, flexibility))
 
     def _row(self, name: str) -> Row:
-        """Row of the body with that name."""
+        """Row of the body called `name`."""
         return self._carriers.row(self._body.row_names.index(name), name)
 
 

@@ -59,7 +59,7 @@ class SectionOf:
 
 @dataclass(frozen=True)
 class ReducedModel:
-    """Galerkin projection of a sliding body on a global basis.
+    """Reduced model of a sliding body: its Galerkin projection on a basis that is the same for all path coordinates.
 
     Attributes
     ----------

@@ -146,7 +146,7 @@ class Row:
     def held_coordinate(self) -> int | None:
         """Number of the coordinate that the row holds at zero.
 
-        None if the row is not fixed (`is_fixed`) or has any other entry than a single 1.
+        None is returned if the row is not fixed (`is_fixed`) or has any other entry than a single 1.
         """
         if not self.is_fixed:
             return None
@@ -206,10 +206,10 @@ class IntervalColumns(NamedTuple):
 
 
 def columns_by_interval(touching: Indices, n: int, k: int) -> IntervalColumns:
-    """Columns out of n that each of k intervals touches, from the codes `touching` (any,): ``interval * n + column``.
+    """Columns out of n that each of k intervals touches, from codes ``interval * n + column``.
 
-    The codes may be in any order.  If w is the largest number of columns of an interval, intervals with fewer columns
-    repeat their last one.
+    The codes `touching` (any,) may be in any order.  If w is the largest number of columns of an interval, intervals
+    with fewer columns repeat their last one.
     """
     different = np.unique(touching)
     interval, width = different // n, np.bincount(different // n, minlength=k)
@@ -221,7 +221,7 @@ def columns_by_interval(touching: Indices, n: int, k: int) -> IntervalColumns:
 
 
 def dense_entries(entries: sp.csr_matrix, powers: int) -> TouchedWeights:
-    """Undo `Row.entries`: columns (k, d) that each of k intervals touches, and coefficients (powers, k, d) of these.
+    """Columns (k, d) that each of k intervals touches, and their coefficients (powers, k, d): undoes `Row.entries`.
 
     `entries` is sparse (powers k, K).  An interval that touches fewer than d columns repeats its last column with
     zeros.
@@ -254,7 +254,7 @@ def sparse_row(dofs: ArrayLike, entries: ArrayLike, size: int) -> sp.csr_matrix:
 
 @dataclass(frozen=True)
 class Rows:
-    """All m constraint rows of a full model with n = `size` coordinates; at each s they are a matrix (m, n)."""
+    """All m constraint rows of a full model with n = `size` coordinates; at each s they form a matrix (m, n)."""
 
     rows: tuple[Row, ...]
     size: int
@@ -392,7 +392,7 @@ class RowPolynomials:
         return cls(breaks, touched, coefficients)
 
     def times(self, X: Array) -> PPoly:
-        """Table C(s) V (m, c) of c vectors V, from their values U V (K, c) on the carriers, `X`."""
+        """Table C(s) V with values (m, c) for c vectors V, whose values U V on the carriers are X (K, c)."""
         m, powers, k, w = self.coefficients.shape
         blocks = self.coefficients.transpose(2, 0, 1, 3).reshape(k, m * powers, w)
         c = (blocks @ np.ascontiguousarray(X)[self.touched]).reshape(k, m, powers, X.shape[1])

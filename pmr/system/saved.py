@@ -38,7 +38,7 @@ ROOM = npz.MOST_EXPANSION, npz.ROOM
 
 @dataclass(frozen=True)
 class StoredSystem:
-    """Content of a file: the fields of a `System`."""
+    """Content of a system's file: the fields of a `System` that are stored."""
 
     bodies: Mapping[str, ReducedModel]
     contacts: tuple[Contact, ...]
@@ -78,7 +78,8 @@ _HEADER = TypeAdapter(_Header)
 def write(path: Path, system: StoredSystem) -> None:
     """Write a system to a file; an existing file is replaced only once the new one is complete.
 
-    Arrays that a body has in common with its model on modes are stored once.
+    A body may have a second model, without cylinder modes and without modes without inertia (`on_modes`).  Arrays that
+    both models have in common are stored once.
     """
     arrays = dict[str, NDArray[Any]]()
     for number, body in enumerate(system.bodies.values()):
@@ -167,7 +168,8 @@ def _read_term(header: _TermHeader, data: Mapping[str, NDArray[np.generic]], pre
 def _contradiction(header: _Header, models: list[ReducedModel], on_modes: list[ReducedModel]) -> str | None:
     """Description of what is wrong with a file; None if all names are allowed and all bodies are sound.
 
-    `models` are the bodies in the order of the `header`, and `on_modes` those that the header lists as such.
+    `models` are the bodies in the order of the `header`, and `on_modes` the second models of bodies, without cylinder
+    modes, that the header lists.
     """
     places = [place for entry in header.contacts for place in (entry.inner, entry.outer) if place is not None]
     named = {"bodies": header.bodies, "contacts": tuple(entry.name for entry in header.contacts)}
@@ -190,9 +192,9 @@ def _contradiction(header: _Header, models: list[ReducedModel], on_modes: list[R
 
 
 def _mismatch(model: ReducedModel, on_modes: ReducedModel) -> str | None:
-    """Reason, in words, for which `on_modes` can't be `model` without cylinder modes and modes without inertia.
+    """Reason, in words, why `on_modes` can't be `model` without its cylinder modes and modes without inertia.
 
-    None if `on_modes` can be that model.
+    None is returned if `on_modes` can be that model.
     """
     for names in ("row_names", "input_names", "output_names"):
         if getattr(model, names) != getattr(on_modes, names):

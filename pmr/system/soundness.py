@@ -95,8 +95,8 @@ def pivoted_cholesky(A: NDArray[np.float64]) -> NDArray[np.float64]:
 def describe_asymmetry(matrices: Mapping[str, NDArray[np.float64]]) -> str | None:
     """Description of the first of `matrices`, (n, n) each, that is not symmetric or has a negative eigenvalue.
 
-    None if all are sound.  The matrix called M must not be singular either.  Deviations up to `SYMMETRIC` of the
-    largest entry count as round-off.
+    None is returned if all are sound.  The matrix called M must not be singular either.  Deviations up to `SYMMETRIC`
+    of the largest entry count as round-off.
     """
     for name, matrix in matrices.items():
         size = np.abs(matrix).max(initial=0.0)

@@ -85,7 +85,7 @@ class SystemTrajectory:
         return [*of_bodies, *_arrays(self).values()]
 
     def map_arrays(self, change: Callable[[NDArray[np.generic]], NDArray[np.generic]]) -> SystemTrajectory:
-        """Return the trajectory with each array (T, any), also of the bodies, replaced by ``change(array)``."""
+        """Return the trajectory with ``change(array)`` in place of each array (T, any), those of the bodies too."""
 
         def change_arrays(trajectory: Trajectory | SystemTrajectory) -> dict[str, Any]:
             return {name: change(array) for name, array in _arrays(trajectory).items()}

@@ -44,7 +44,7 @@ from pmr.system.terms import Hoist, Term, recorded_hoist, term_error
 
 @dataclass(frozen=True)
 class Side:
-    """One of the two places of a contact, the contact's number, and the `sign` of the row C on the place's body."""
+    """One of the two places that a contact joins: the contact's number, the place, and the sign of its row C."""
 
     contact: int
     place: Place
@@ -328,12 +328,12 @@ class System(BodySystem[SlidingBody]):
 
     @property
     def output_units(self) -> tuple[str, ...]:
-        """Unit of each of `output_names`."""
+        """Unit of each output, in the order of `output_names`."""
         return tuple(unit for body in self.bodies.values() for unit in units_of(body))
 
     @property
     def input_units(self) -> tuple[str, ...]:
-        """Unit of each of `input_names`; inputs of full bodies are left out, because these do not know their units."""
+        """Unit of each input of a reduced body, in the order of `input_names`; full bodies do not know their units."""
         return tuple(unit for body in self.bodies.values() for unit in getattr(body, "input_units", ()))
 
     @property
@@ -388,9 +388,9 @@ class System(BodySystem[SlidingBody]):
         return self
 
     def ensure_lengths_stay(self, source: str) -> System:
-        """Return the system itself; raise InputError if the length of any of its ropes changes with a path.
+        """Return the system; raise an InputError about `source` if the length of any rope changes with a path.
 
-        `source` is what the message blames: the part of pmr that can't handle such ropes.
+        `source` is what can't handle such ropes.
         """
         if self.compliance.paths:
             names = ", ".join(contact.name for contact in self.contacts if contact.lengthening)

@@ -237,7 +237,7 @@ class Slot(NamedTuple):
 
 @dataclass(frozen=True)
 class Hoist:
-    """A hoist whose rope pulls k inputs of a system's bodies, in the kernel's terms.
+    """A hoist whose rope pulls k inputs of a system's bodies, as names and numbers that the kernel reads.
 
     Without arguments there is no hoist; as a truth value the object is then false.
     """

@@ -164,7 +164,7 @@ def _join_modes(first: EnrichmentModes, second: EnrichmentModes) -> EnrichmentMo
 
 
 def _select_modes(modes: EnrichmentModes, numbers: slice) -> EnrichmentModes:
-    """Enrichment modes with these numbers; `matrices` of the result are still those on all modes."""
+    """Enrichment modes with the numbers in a slice; `matrices` of the result are still those on all modes."""
     return replace(
         modes,
         stiffness=modes.stiffness[numbers],
