@@ -27,7 +27,7 @@ from pmr.simulation.excitation import side_positions
 from pmr.simulation.modal import ModalForm
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.march import March
+from pmr.simulation.native.systems import March
 from pmr.system.assembly import Assembly
 from pmr.system.from_scene import system_of
 from pmr.system.reduced_model import ReducedModel

@@ -22,7 +22,7 @@ from pmr.simulation.excitation import Excitation
 from pmr.simulation.moving import read_scene
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.march import March
+from pmr.simulation.native.systems import March
 
 SCENES = ("evolved_residual", "boom_beam", "boom_two", "boom_three", "boom_four", "boom_three_shell", "crane")
 LOOP = ("z", "v", "multipliers", "energy", "impulses", "peaks", "parts")

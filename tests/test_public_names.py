@@ -37,7 +37,7 @@ def test_a_former_name_is_answered_with_a_warning_that_has_both() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("before", ["", "import pmr.simulation.native.march; "])
+@pytest.mark.parametrize("before", ["", "import pmr.simulation.native.systems; "])
 def test_a_room_is_called_and_stays_a_package(before: str) -> None:
     """In a process of its own, once without and once after the package was imported by itself."""
     code = f"{before}import pmr, pmr.simulation.stepping as room; assert callable(pmr.simulate), room"

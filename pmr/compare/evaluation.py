@@ -22,14 +22,13 @@ from pmr.scene.keys import ALONE, LUFFING_CYLINDER
 from pmr.simulation import Excitation
 from pmr.simulation.balance import load_potential, row_blocks
 from pmr.simulation.frame_motion import ComputedMotion, MotionSamples
-from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.free_motion import ACCELERATION, CYLINDER_UNITS, STOP, column_name
 from pmr.simulation.reactions import outputs_of, with_row_multipliers, with_support_reactions
 from pmr.simulation.stepping import SimulationEnd
 from pmr.system.body import SlidingBody, Trajectory, clear_rates_without_inertia
 from pmr.system.contacts import Contact, Friction
-from pmr.system.states import SystemTrajectory
+from pmr.system.states import SystemTrajectory, displacements
 from pmr.system.system import BodySystem, System
 
 #: Fields of a response that have a value for each step; energies are not among them.
@@ -132,7 +131,7 @@ def _evaluate(system: System, part: SystemTrajectory) -> Response:
         for name, body in system.bodies.items():
             v = clear_rates_without_inertia(body, part.bodies[name].v)
             kinetic += 0.5 * np.einsum("tn,tn->t", v, (body.M @ v.T).T)
-        outputs, external = systems.displacements(system, part), -part.work
+        outputs, external = displacements(system, part), -part.work
         residuals = np.full((2, len(part.t), 1), np.nan)
         if ALONE in system.bodies and not system.terms:
             body, motion = system.bodies[ALONE], with_row_multipliers(system, system.bodies[ALONE], part.bodies[ALONE])

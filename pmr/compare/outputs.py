@@ -30,7 +30,7 @@ from pmr.simulation.native.form import SystemForm
 from pmr.simulation.reactions import is_reaction, outputs_of
 from pmr.system.body import force_outputs, length_outputs, other_outputs
 from pmr.system.reduced_model import ReducedModel
-from pmr.system.states import SystemTrajectory
+from pmr.system.states import SystemTrajectory, displacements
 from pmr.system.system import AnyBody, BodySystem, System
 
 #: Names of the kinds of outputs in scenes and summaries, and name of the kind that only sections have.
@@ -323,7 +323,7 @@ def outputs_of_run(
 
     Velocities, which take long to compute, are left out unless `rates` is true.
     """
-    y, stride = np.hstack(list(systems.displacements(system, run).values())), slice(None, None, every)
+    y, stride = np.hstack(list(displacements(system, run).values())), slice(None, None, every)
     outputs = outputs_from_columns(system, y[stride], run.forces[stride])
     if not rates:
         return outputs

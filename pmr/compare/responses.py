@@ -27,7 +27,7 @@ from pmr.scene.members import member_at
 from pmr.simulation import Excitation, Progress, TimeStepping, contact_step, exudyn
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.march import March
+from pmr.simulation.native.systems import March
 from pmr.simulation.reactions import with_forces_on_machine
 from pmr.simulation.stepping import Recorder
 from pmr.system.body import Body, kinds_of, names_of, units_of

@@ -29,7 +29,7 @@ from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.stepping import is_aliased
 from pmr.system.body import length_outputs
-from pmr.system.states import SystemTrajectory
+from pmr.system.states import SystemTrajectory, displacements
 from pmr.system.system import System
 
 #: Limit on the number of steps of all runs together, for halving the step more than twice.
@@ -137,7 +137,7 @@ class SteppedSystem:
     def displacements(self, run: SystemTrajectory, numbers: list[int] | None = None) -> Array:
         """Displacements (T, o) in m in a run: all if `numbers` is None, else those with these numbers."""
         chosen = self.moved if numbers is None else self.moved[numbers]
-        return np.hstack(list(systems.displacements(self.system, run, chosen.tolist()).values()))
+        return np.hstack(list(displacements(self.system, run, chosen.tolist()).values()))
 
     def simulate_displacements(self, stepping: TimeStepping, numbers: list[int] | None = None) -> Array:
         """Displacements (T, o) in m on the time grid `stepping`, without recording anything else.

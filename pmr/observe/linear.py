@@ -37,7 +37,7 @@ from pmr.scene.built import force_name
 from pmr.scene.scene import Scene
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.march import March
+from pmr.simulation.native.systems import March
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.system import System
 

@@ -1,17 +1,19 @@
-"""Simulated motion of a system, and states of its bodies, from which their full coordinates are recovered."""
+"""Simulated motion of a system, the outputs of its bodies, and states from which their full coordinates follow."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.files.arrays import Array, Indices
 from pmr.system.body import Body, Trajectory
 from pmr.system.contacts import Friction
+from pmr.system.polynomials import apply_table, select_columns, select_rows
 from pmr.system.system import BodySystem, System
 
 
@@ -162,3 +164,104 @@ def states_of(system: System, trajectory: SystemTrajectory, steps: Indices) -> d
         part = motion.s, motion.q, motion.v, motion.multipliers, at_steps.loads[:, columns]
         states[name] = BodyStates(at_steps.t, *part, rows, **rubbed)
     return states
+
+
+def displacements(
+    system: System, trajectory: SystemTrajectory, outputs: Sequence[int] | None = None
+) -> dict[str, Array]:
+    """Outputs O q + W f - X lambda (T, o) of each body by name, with the effect of the moments of friction.
+
+    `trajectory` has a body's coordinates q, its loads f and the contact forces lambda on the body.  `outputs` are
+    ascending indices among the outputs of all bodies, one body after the other; None returns all.
+    """
+    outputs_of_bodies, first = {}, 0
+    for name, chosen in outputs_by_body(system, outputs).items():
+        body, motion = system.bodies[name], trajectory.bodies[name]
+        last = first + len(body.input_names)
+        turned = None if trajectory.moments is None else system.side_multipliers(name, trajectory.moments)
+        loads = trajectory.loads[:, first:last]
+        deformed = deformation(system, name, motion.s, motion.multipliers, loads, chosen, turned)
+        O = body.outputs[chosen]
+        from_modes = np.asarray((O @ motion.q.T).T) if sp.issparse(O) else motion.q @ O.T
+        outputs_of_bodies[name], first = from_modes if deformed is None else from_modes + deformed, last
+    return outputs_of_bodies
+
+
+def outputs_by_body(system: System, outputs: Sequence[int] | None) -> dict[str, Indices | slice]:
+    """Indices (k,) of the chosen `outputs` among the outputs of each body alone, or a slice, by the body's name.
+
+    `outputs` are ascending indices among the outputs of all bodies, one body after the other; None selects all.
+    """
+    ends = np.cumsum([0, *(body.outputs.shape[0] for body in system.bodies.values())])
+    if outputs is None:
+        return dict.fromkeys(system.bodies, slice(None))
+    split = np.split(np.asarray(outputs, np.int64), np.searchsorted(outputs, ends[1:-1]))
+    return {name: numbers - first for name, numbers, first in zip(system.bodies, split, ends, strict=False)}
+
+
+def deformation(
+    system: System,
+    name: str,
+    x: Array,
+    multipliers: Array,
+    loads: Array,
+    chosen: Indices | slice = slice(None),
+    moments: Array | None = None,
+) -> Array | None:
+    """Outputs W f - X lambda (T, o) by one body's residual flexibility, under loads f and contact forces lambda.
+
+    None is returned if the body has no residual flexibility.
+
+    Parameters
+    ----------
+    name : str
+        Name of the body.
+    x : (T, sides) array, m
+        Positions of the contact sides on the body.
+    multipliers : (T, sides) array, N
+        Contact forces on these sides.
+    loads : (T, i) array
+        Loads on the body.
+    chosen : (o,) array of int, or slice
+        Numbers of outputs.
+    moments : (T, sides) array, N m, optional
+        Moments of friction at the sides (`pmr.system.contacts`); they add X' times the moments to the outputs, with the
+        derivative X' of X by the position.
+    """
+    body = system.bodies[name]
+    points = [side.place for side in system.sides if side.place.body == name]
+    if system.on_one_path:  # all rows are at the position of the one that moves
+        if body.flexibility is None:
+            return None
+        rows, moving = (
+            [body.row_names.index(place.row) for place in points],
+            [place.path is not None for place in points],
+        )
+        X = select_rows(select_columns(body.flexibility.outputs, rows), chosen)
+        s = x[:, moving.index(True)] if any(moving) else np.full(len(x), body.domain[0])
+        return np.asarray(loads @ body.flexibility.direct[chosen].T - apply_table(X, s, multipliers))
+    residual = None if body.carriers is None else body.carriers.flexibility
+    if residual is None:
+        return None
+    direct, X = np.asarray(loads @ residual.direct[chosen].T), residual.outputs.T[:, chosen]
+    if not X.shape[1]:
+        return direct
+    shares, touched = list[Array](), list[Indices]()
+    for derivative, acting in ((0, multipliers), *([] if moments is None else [(1, -moments)])):
+        staying = np.zeros((len(points), X.shape[1]))
+        for k, (place, at) in enumerate(zip(points, x.T, strict=True)):
+            stays = bool((at == at[0]).all())
+            on, weights = system.row(place).touched_weights(at[:1] if stays else at, derivative)
+            if stays:
+                staying[k] = weights[0] @ X[on[0]]
+            else:
+                shares.append(weights * acting[:, k, None])
+                touched.append(on)
+        direct -= acting @ staying
+    return direct - _weighted_sum(np.hstack(shares), np.hstack(touched), X) if shares else direct
+
+
+def _weighted_sum(weights: Array, touched: Indices, X: Array) -> Array:
+    """Sums (T, o) over d of the rows of X (K, o) with indices `touched` (T, d), times `weights` (T, d)."""
+    ends = np.arange(len(weights) + 1) * weights.shape[1]
+    return np.asarray(sp.csr_matrix((weights.ravel(), touched.ravel(), ends), (len(weights), len(X))) @ X)

@@ -19,7 +19,7 @@ from pmr.scene.keys import ALONE
 from pmr.scene.mechanism import stress_terms
 from pmr.simulation import Excitation
 from pmr.simulation.frame import term_signals
-from pmr.simulation.native.march import March
+from pmr.simulation.native.systems import March
 from pmr.simulation.statics.equilibrium import geometric_stiffness
 from pmr.system.assembly import Assembly
 from pmr.system.from_scene import system_of

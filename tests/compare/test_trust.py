@@ -24,8 +24,8 @@ from pmr.results import Energy
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
-from pmr.simulation.native import march as marching
 from pmr.simulation.native import systems
+from pmr.simulation.native import systems as marching
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.stepping import Recorder
 from pmr.studies import tasks

@@ -17,7 +17,7 @@ from pmr.scene import Scene
 from pmr.scene.hoist import ROPE, ROPE_FORCE
 from pmr.simulation import Excitation
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.march import March
+from pmr.simulation.native.systems import March
 from pmr.system.terms import hoist_of
 
 HEIGHT, X, Y, Z, ALONG, ACROSS, FORCE = range(7)

@@ -24,6 +24,7 @@ from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.free_motion import with_free_motion
 from pmr.simulation.stepping import TimeStepping
+from pmr.system.states import displacements
 
 #: Number of instants at which outputs are written; all steps if there are fewer.
 INSTANTS = 101
@@ -68,7 +69,7 @@ def reference(drivers: Drivers, scene: StoredScene) -> Reference:
     free = bool(system.hoist) or drivers.has_free_motion
     initial = None if free else systems.static_start(system, reached) if scene.static else {}
     trajectory = systems.simulate_form(SystemForm(system, drivers.forms), reached, initial)
-    y = list(systems.displacements(system, trajectory).values())
+    y = list(displacements(system, trajectory).values())
     z, v = (
         np.hstack([getattr(trajectory.bodies[name], what) @ form.inverse.T for name, form in drivers.forms.items()])
         for what in "qv"

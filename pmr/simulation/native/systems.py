@@ -3,6 +3,8 @@
 The bodies' M, K and D never change, so each body is diagonalised once; only the multipliers of the m contacts couple
 the bodies, by one m x m solve in each step (`pmr.kernel`, docs/system_of_bodies.md).  A body may be reduced or of full
 order, up to some thousand coordinates: the same loop is the reference for the error of a reduction.
+
+`March` is one simulation by the kernel: its start, its steps block by block, and its energy balance.
 """
 
 from __future__ import annotations
@@ -10,20 +12,24 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
+from numpy.typing import NDArray
 
-from pmr.files.arrays import Array, Indices
-from pmr.simulation.excitation import Excitation
-from pmr.simulation.native.form import SystemForm
+from pmr.errors import SimulationError
+from pmr.files.arrays import Array
+from pmr.kernel._native import lib
+from pmr.kernel.kernel import Signals
+from pmr.kernel.state import Record, Settings, State, StepError
+from pmr.simulation import balance, contact_step
+from pmr.simulation.excitation import Excitation, first_moves, side_positions
+from pmr.simulation.native.form import SystemForm, begin, driver_signals, path_text, step_failure
 from pmr.simulation.native.form import start_of as start_of
 from pmr.simulation.native.form import static_start as static_start
-from pmr.simulation.native.march import March, Steps
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress, Recorder, SimulationEnd
-from pmr.system.polynomials import apply_table, select_columns, select_rows
-from pmr.system.states import SystemTrajectory
+from pmr.system.states import SystemTrajectory, displacements
 from pmr.system.system import System
 
 
@@ -35,6 +41,255 @@ class Observation:
     y: Array  # (T, o) m
     multipliers: Array  # (T, m) N
     seconds: float  # wall time of solver and outputs
+
+
+#: Most steps in one call of the kernel, between which the user can interrupt; fewer if divided steps take long.
+BLOCK = 16384
+#: After a call that takes less than this many seconds, calls take more steps.
+BRIEF = 0.05
+#: Samples of drivers that are computed at once: number of times, and least number of steps.
+TIMES, FINE = 2048, 64
+#: Most numbers recorded in one call of the kernel: fewer steps if there are more coordinates.
+RECORDED = 2**22
+
+
+class Steps(NamedTuple):
+    """T consecutive steps; the first one is the last step of the `Steps` before, or the start.
+
+    The arrays are valid until the next steps are taken: copy what you keep.
+    """
+
+    z: Array  # (T, modes): modal coordinates
+    v: Array  # (T, modes): rates of the modal coordinates
+    multipliers: Array  # (T, m) N
+    energy: Array  # (T, 2) J: stored energy, and work since the start
+    drivers: Array  # (T, N)
+    peaks: Array | None = None  # (T, m) N: largest force within the step, if steps may be divided
+    parts: NDArray[np.int32] | None = None  # (T,): number of parts of each step
+    impulses: Array | None = None  # (T, m) N s: impulse in the step, if contacts only push
+    friction: Array | None = None  # (T, n) N: of the pads that rub
+    hoist: Array | None = None  # (T, 10): outputs of a hoist
+
+    def at(self, rows: NDArray[np.int64] | slice) -> Steps:
+        """Return the steps that `rows` chooses: numbers (k,), counted from 0, or a slice."""
+        return Steps._make(None if array is None else array[rows] for array in self)
+
+
+class March:
+    """One simulation by the kernel; arguments and errors are those of `pmr.simulation.SystemSimulator`.
+
+    If `initial` is None, the simulation starts as ``excitation.start`` says.
+    """
+
+    def __init__(
+        self, form: SystemForm, excitation: Excitation, initial: Mapping[str, InitialState] | None = None
+    ) -> None:
+        """Start the kernel for the system in `form` under the excitation, in the states `initial` of bodies by name.
+
+        If `initial` is None, the simulation starts as the excitation says.
+        """
+        system, stepping, kernel = form.system, excitation.stepping, form.kernel
+        self.form, self.excitation, self.t = form, excitation, excitation.times
+        if system.on_one_path and excitation.paths:
+            (body,) = system.bodies.values()
+            excitation.path_within(body.domain)  # raises the error of a path out of its range
+        self.x = side_positions(system, excitation)
+        self.pushing = ~np.isnan(form.modal.clearance)
+        parts: tuple[int, ...] = (1,)
+        omega = 0.0
+        if self.pushing.any():
+            if not (stepping.parts or stepping.schedule):
+                omega = contact_step.contact_frequency(form.modal, excitation)
+            parts = contact_step.part_counts(omega, stepping)
+        self.finest = parts[-1]
+        self._schedule = np.array(stepping.schedule, np.int32) if stepping.schedule else None
+        x = side_positions(form.modal, excitation, first_moves(excitation))
+        # names of rigid rows that move: their forces are not damped
+        self._growing = list(form.refuse_unsupported(x, stepping.rho_inf).rigid_moving_rows)
+        self._signals: Signals | None
+        self._stored, self._work = np.zeros(len(self.t)), np.zeros(len(self.t))
+        self.state = State(kernel, Settings(stepping.step, stepping.rho_inf, parts, omega))
+        self._drivers, self._sampling = driver_signals(form, excitation), 0.0
+        frame = form.frame
+        self._frame = frame if frame is not None and frame.drives(excitation) else None
+        try:
+            self._signals = Signals(self._drivers if self._frame is None else self._frame.signals)
+        except NotImplementedError:
+            self._frame = self._signals = None
+        zero = self.sample_drivers(0, 0, 1)[0] if self._frame is None else self._frame.motions(excitation, 0.0).ravel()
+        self._zero = zero  # motions of the frame, or drivers, at t = 0
+        try:
+            self._begun = begin(form, self._start, excitation, initial)
+        except StepError as error:
+            raise self._failure(error, 0) from None
+
+    def _start(self, kind: Literal["rest", "given", "equilibrium"], *modes: Array) -> None:
+        """Set the kernel's state to t = 0: at rest, in a given state or in equilibrium, as `kind` says.
+
+        `modes` are the modal coordinates and rates of a given state, and empty for others.  Raises a StepError if the
+        kernel can't start so.
+        """
+        self._sampling = 0.0  # s: time spent to sample drivers, in the steps that follow
+        if self._frame is None:
+            self.state.start(kind, self._zero, *modes)
+        else:
+            self.state.start_in_frame(kind, self._zero, None, *modes)
+
+    def restart(self) -> None:
+        """Set the kernel's state to t = 0 again."""
+        self._start(*self._begun)
+
+    def run(self, take: Callable[[int, Steps], None], progress: Progress | None = None) -> SimulationEnd:
+        """Take all steps, and check the energy at the end; return the solver's time and the surplus of energy.
+
+        `take` is called for some consecutive steps at a time, with the number of the first one and their `Steps`.
+        `progress`, if it is not None, is called with the share of steps that are done.  Raises GrowthError if more than
+        the share `balance.GROWN` of the largest energy comes from neither loads nor contacts that travel.
+        """
+        paths, inputs, least = self.form.kernel.paths, self.form.kernel.inputs, 0.0
+
+        def record_block(first: int, steps: Steps) -> None:
+            """Store energies and work of some steps and hand these to `take`; `first` is the first record's number."""
+            nonlocal least
+            at = slice(first, first + len(steps.z))
+            self._stored[at], self._work[at] = steps.energy.T
+            loads = steps.drivers[:, paths : paths + inputs]
+            least = max(least, balance.round_off(self.form.mobility, loads, float(self.t[1])))
+            take(first, steps)
+
+        seconds = self.observe(1, record_block, progress)
+        surplus = balance.energy_surplus(self._stored, self._work, least, since_start=bool(self.pushing.any()))
+        balance.refuse_growth(surplus, "march", self._growing)
+        return SimulationEnd(seconds, surplus)
+
+    def rerun(self) -> float:
+        """Take all steps once more from the start, without output; return the solver's time in s."""
+        self.restart()
+        return self.observe(1, lambda first, steps: None)
+
+    def observe(self, every: int, take: Callable[[int, Steps], None], progress: Progress | None = None) -> float:
+        """Take all steps, and return the solver's time in s; records of each `every`-th step are passed to `take`.
+
+        `take` is called with the number of the first of some consecutive records, and with the records; the first one
+        is the last record of the call before, or the start.  The energy is not checked.  `progress`, if it is not None,
+        is called with the share of steps that are done.
+        """
+        count = (len(self.t) - 1) // every
+        most = max(1, min(BLOCK // every, RECORDED // (2 * self.form.kernel.modes), count))
+        record = Record(self.form.kernel, most + 1, self._record_names)
+        room = self._record_arrays(record)
+        first, seconds, size = 1, 0.0, max(1, most // self.finest)  # a step in parts takes as long as so many
+        while first <= count:
+            last = min(first + size, count + 1)
+            begun = perf_counter()
+            self._advance((first - 1) * every, last - first, every, record)
+            passed = perf_counter() - begun
+            steps = room.at(slice(last - first + 1))
+            for forces in (steps.multipliers, steps.peaks):
+                if forces is not None and self.pushing.any():
+                    without_pull(forces, self.pushing)
+            take(first - 1, steps)
+            for array in room if last <= count else ():
+                if array is not None:
+                    array[0] = array[last - first]
+            if progress is not None:
+                progress((last - 1) / count)
+            first, seconds, size = last, seconds + passed, min(2 * size, most) if passed < BRIEF else size
+        return seconds - self._sampling
+
+    @property
+    def _record_names(self) -> tuple[str, ...]:
+        """Names of the arrays of `Steps` that are recorded at each step; further ones depend on what the system has."""
+        of_parts = ("peaks", "parts") if self.finest > 1 else ()
+        impulses = ("impulses",) if self.pushing.any() else ()
+        friction = ("friction",) if self.form.kernel.pads else ()
+        hoist = ("hoist",) if self.form.kernel.hoist else ()
+        return ("z", "v", "multipliers", "energy", "drivers", *of_parts, *impulses, *friction, *hoist)
+
+    def _record_arrays(self, record: Record) -> Steps:
+        """Return the arrays of a record for some steps, with the present state in the first row of each array.
+
+        Impulses have no value in the first row, as they belong to steps.
+        """
+        arrays: dict[str, Any] = dict(record.arrays)
+        for name, array in arrays.items():
+            if name != "impulses":
+                array[0] = getattr(self.state, "multipliers" if name == "peaks" else name)
+        if "parts" in self._record_names:
+            record.parts[0] = 1
+            arrays["parts"] = record.parts
+        return Steps(**arrays)
+
+    def _advance(self, first: int, rows: int, every: int, record: Record) -> None:
+        """Take `rows` times `every` steps after the step number `first`, and record each `every`-th step.
+
+        The states are recorded in the rows 1 to `rows` of `record`; row 0 is the state at the step `first`, which does
+        not change.  Raises SimulationError if a step fails or a state is not finite.
+        """
+        steps = rows * every
+        schedule = None if self._schedule is None else self._schedule[first : first + steps]
+        try:
+            if self._signals is not None:
+                self.state.advance(self._signals, steps, record, 1, every, schedule)
+            else:
+                self._advance_sampled(first, steps, every, schedule, record)
+        except StepError as error:
+            finite = np.isfinite(record["z"][: rows + 1]).all(axis=1)
+            if error.failure == lib.PMR_NOT_FINITE and not finite.all():
+                where = self._step_text((first // every + int(np.argmin(finite))) * every)
+                raise SimulationError(f"march failed at {where}: not finite") from None
+            raise self._failure(error, self.state.step_number + 1) from None
+
+    def _advance_sampled(
+        self, first: int, steps: int, every: int, schedule: NDArray[np.int32] | None, record: Record
+    ) -> None:
+        """Take `steps` steps after number `first`, with drivers sampled in Python at the points that the parts need.
+
+        The record gets a row for every `every` steps.  `schedule` (steps,) are the numbers of parts of each step; None
+        leaves them to the kernel.
+        """
+        taken, per = 0, self.state.settings.parts[0]
+        while taken < steps:
+            skip = -taken % every  # steps up to the next record, if a call ended between two records
+            count, each = (every * max(1, max(FINE, TIMES // per) // every), every) if skip == 0 else (skip - 1, skip)
+            if skip == 1:
+                count = each = 1
+            end = min(steps, taken + count)
+            parts = None if schedule is None else schedule[taken:end]
+            if parts is not None:
+                per = int(np.lcm.reduce(parts))
+            u = self.sample_drivers(first + taken, first + end, per)
+            done, needed = self.state.advance_sampled(u, per, record, 1 + taken // every, each, parts)
+            taken, per = taken + done, needed or max(self.state.settings.parts[0], per // 2)
+
+    def sample_drivers(self, first: int, last: int, per: int) -> Array:
+        """Values (K, N) of the drivers from step `first` to step `last`, at `per` evenly spaced times in each step.
+
+        K is (last - first) per + 1.
+        """
+        begun = perf_counter()
+        t = np.arange(first * per, last * per + 1) * (float(self.t[1]) / per)
+        u = np.column_stack([np.empty((len(t), 0)), *(signal.value(t) for signal in self._drivers)])
+        self._sampling += perf_counter() - begun
+        return u
+
+    def _failure(self, error: StepError, step: int) -> SimulationError:
+        """Return the error, in words for a user, for the `error` of the kernel in the step number `step`."""
+        x = side_positions(self.form.modal, self.excitation, [step])[0]
+        return step_failure(self._step_text(step), self.form, error, x)
+
+    def _step_text(self, step: int) -> str:
+        """Text with number and time of a step, and the path coordinates."""
+        number = f"step {step}, " if step else ""
+        return f"{number}t = {self.t[step]:g} s{path_text(tuple(self.excitation.paths), self.excitation.s[step])}"
+
+
+def without_pull(multipliers: Array, pushing: NDArray[np.bool_]) -> None:
+    """Set negative forces of contacts that only push to zero in `multipliers` (T, m) in N, in place.
+
+    Negative forces of such contacts, the mask `pushing` (m,), are round-off of other forces.
+    """
+    np.maximum(multipliers, np.where(pushing, 0.0, -np.inf), out=multipliers)
 
 
 def simulate(
@@ -138,104 +393,3 @@ def observe(
 
     seconds = march.observe(every, record_outputs)
     return Observation(march.t[::every], y, forces, seconds + evaluated)
-
-
-def displacements(
-    system: System, trajectory: SystemTrajectory, outputs: Sequence[int] | None = None
-) -> dict[str, Array]:
-    """Outputs O q + W f - X lambda (T, o) of each body by name, with the effect of the moments of friction.
-
-    `trajectory` has a body's coordinates q, its loads f and the contact forces lambda on the body.  `outputs` are
-    ascending indices among the outputs of all bodies, one body after the other; None returns all.
-    """
-    outputs_of_bodies, first = {}, 0
-    for name, chosen in outputs_by_body(system, outputs).items():
-        body, motion = system.bodies[name], trajectory.bodies[name]
-        last = first + len(body.input_names)
-        turned = None if trajectory.moments is None else system.side_multipliers(name, trajectory.moments)
-        loads = trajectory.loads[:, first:last]
-        deformed = deformation(system, name, motion.s, motion.multipliers, loads, chosen, turned)
-        O = body.outputs[chosen]
-        from_modes = np.asarray((O @ motion.q.T).T) if sp.issparse(O) else motion.q @ O.T
-        outputs_of_bodies[name], first = from_modes if deformed is None else from_modes + deformed, last
-    return outputs_of_bodies
-
-
-def outputs_by_body(system: System, outputs: Sequence[int] | None) -> dict[str, Indices | slice]:
-    """Indices (k,) of the chosen `outputs` among the outputs of each body alone, or a slice, by the body's name.
-
-    `outputs` are ascending indices among the outputs of all bodies, one body after the other; None selects all.
-    """
-    ends = np.cumsum([0, *(body.outputs.shape[0] for body in system.bodies.values())])
-    if outputs is None:
-        return dict.fromkeys(system.bodies, slice(None))
-    split = np.split(np.asarray(outputs, np.int64), np.searchsorted(outputs, ends[1:-1]))
-    return {name: numbers - first for name, numbers, first in zip(system.bodies, split, ends, strict=False)}
-
-
-def deformation(
-    system: System,
-    name: str,
-    x: Array,
-    multipliers: Array,
-    loads: Array,
-    chosen: Indices | slice = slice(None),
-    moments: Array | None = None,
-) -> Array | None:
-    """Outputs W f - X lambda (T, o) by one body's residual flexibility, under loads f and contact forces lambda.
-
-    None is returned if the body has no residual flexibility.
-
-    Parameters
-    ----------
-    name : str
-        Name of the body.
-    x : (T, sides) array, m
-        Positions of the contact sides on the body.
-    multipliers : (T, sides) array, N
-        Contact forces on these sides.
-    loads : (T, i) array
-        Loads on the body.
-    chosen : (o,) array of int, or slice
-        Numbers of outputs.
-    moments : (T, sides) array, N m, optional
-        Moments of friction at the sides (`pmr.system.contacts`); they add X' times the moments to the outputs, with the
-        derivative X' of X by the position.
-    """
-    body = system.bodies[name]
-    points = [side.place for side in system.sides if side.place.body == name]
-    if system.on_one_path:  # all rows are at the position of the one that moves
-        if body.flexibility is None:
-            return None
-        rows, moving = (
-            [body.row_names.index(place.row) for place in points],
-            [place.path is not None for place in points],
-        )
-        X = select_rows(select_columns(body.flexibility.outputs, rows), chosen)
-        s = x[:, moving.index(True)] if any(moving) else np.full(len(x), body.domain[0])
-        return np.asarray(loads @ body.flexibility.direct[chosen].T - apply_table(X, s, multipliers))
-    residual = None if body.carriers is None else body.carriers.flexibility
-    if residual is None:
-        return None
-    direct, X = np.asarray(loads @ residual.direct[chosen].T), residual.outputs.T[:, chosen]
-    if not X.shape[1]:
-        return direct
-    shares, touched = list[Array](), list[Indices]()
-    for derivative, acting in ((0, multipliers), *([] if moments is None else [(1, -moments)])):
-        staying = np.zeros((len(points), X.shape[1]))
-        for k, (place, at) in enumerate(zip(points, x.T, strict=True)):
-            stays = bool((at == at[0]).all())
-            on, weights = system.row(place).touched_weights(at[:1] if stays else at, derivative)
-            if stays:
-                staying[k] = weights[0] @ X[on[0]]
-            else:
-                shares.append(weights * acting[:, k, None])
-                touched.append(on)
-        direct -= acting @ staying
-    return direct - _weighted_sum(np.hstack(shares), np.hstack(touched), X) if shares else direct
-
-
-def _weighted_sum(weights: Array, touched: Indices, X: Array) -> Array:
-    """Sums (T, o) over d of the rows of X (K, o) with indices `touched` (T, d), times `weights` (T, d)."""
-    ends = np.arange(len(weights) + 1) * weights.shape[1]
-    return np.asarray(sp.csr_matrix((weights.ravel(), touched.ravel(), ends), (len(weights), len(X))) @ X)

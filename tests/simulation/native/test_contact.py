@@ -18,7 +18,7 @@ from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native.form import failure_reason
-from pmr.simulation.native.march import without_pull
+from pmr.simulation.native.systems import without_pull
 from pmr.system.body import Trajectory, pushing_rows
 
 CLEARANCE = 1e-3

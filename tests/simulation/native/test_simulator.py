@@ -15,7 +15,7 @@ from pmr.files.arrays import Array
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, SmoothRamp, Step
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.modal import modal_form
-from pmr.simulation.native import march as marching
+from pmr.simulation.native import systems as marching
 from pmr.system.body import FullBody, SlidingBody, Trajectory
 from pmr.system.carriers import Flexibility
 from pmr.system.rows import Rows, fixed_row, sparse_row
