@@ -21,8 +21,7 @@ from pmr.scene.frame import BaseMotion
 from pmr.scene.mechanism import AXIAL, TIPPING_MARGIN, stress_terms
 from pmr.scene.signals import SignalBase
 from pmr.simulation import Excitation
-from pmr.simulation.excitation import side_positions
-from pmr.simulation.frame import term_signals
+from pmr.simulation.excitation import side_positions, term_signals
 from pmr.simulation.frame_motion import FrameRotation
 from pmr.simulation.statics.equilibrium import HeldSystem
 from pmr.system.assembly import Assembly

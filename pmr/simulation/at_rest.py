@@ -25,7 +25,7 @@ from pmr.scene.frame import BaseMotion
 from pmr.scene.keys import SLIDER
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.signals import Constant, SignalBase
-from pmr.simulation.frame import term_signals
+from pmr.simulation.excitation import term_signals
 from pmr.simulation.reactions import is_reaction, outputs_of, with_forces_at_pivot, with_support_reactions
 from pmr.system.assembly import Assembly
 from pmr.system.body import Trajectory

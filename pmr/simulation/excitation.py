@@ -1,4 +1,4 @@
-"""Excitation of a simulation: signals of paths, loads and terms, sampled on the time grid, and simulator options."""
+"""Excitation of a simulation: signals of paths, loads, terms and a hoist on the time grid, and simulator options."""
 
 from __future__ import annotations
 
@@ -12,16 +12,34 @@ import numpy as np
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.files.arrays import Array, Indices
 from pmr.scene import Scene
-from pmr.scene.choice import is_accelerated
+from pmr.scene.choice import inertia_fields, is_accelerated
+from pmr.scene.frame import INERTIA
+from pmr.scene.hoist import ROPE
 from pmr.scene.keys import SLIDER as SLIDER
 from pmr.scene.keys import input_name
-from pmr.scene.members import EXTENSION, members
+from pmr.scene.mechanism import FrameTerm, frame_terms
+from pmr.scene.members import EXTENSION, Member, member_at, members
 from pmr.scene.run_settings import Simulation
 from pmr.scene.signals import SignalBase
-from pmr.simulation.frame import hoist_signals, inertia_loads, load_signals, term_signals
-from pmr.simulation.frame_motion import Acceleration, computed_inputs, computed_parts
+from pmr.simulation.frame import (
+    FrameAmplitude,
+    accelerating_signals,
+    extensions_up_to,
+    frame_amplitude,
+    load_signals,
+    products_of,
+    section_acceleration,
+)
+from pmr.simulation.frame_motion import (
+    Acceleration,
+    Product,
+    computed_inputs,
+    computed_parts,
+    rotation_products,
+)
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.system import Body, BodySystem, System
+from pmr.system.terms import frame_quantities
 
 Load = TypeVar("Load")
 
@@ -235,3 +253,55 @@ def first_moves(excitation: Excitation) -> Indices:
 def side_velocities(system: BodySystem[Body], excitation: Excitation) -> Array:
     """Velocities (sides,) in m/s of the sides of all contacts at t = 0."""
     return system.side_rates({name: float(path.rate(0.0)) for name, path in excitation.paths.items()})
+
+
+def hoist_signals(scene: Scene) -> dict[str, SignalBase]:
+    """Signals of all that drives the hoist of a scene, by name; empty without a hoist (`pmr.system.terms`)."""
+    if scene.hoist is None:
+        return {}
+    signals = {ROPE: scene.hoist.rope_signal, **scene.hoist.wind_signals}
+    if scene.frame is None:
+        return signals
+    return signals | {
+        name: frame_amplitude(scene, (Product(1.0, (quantity,)),), **accelerating_signals(scene, 0))
+        for name, quantity in frame_quantities(scene).items()
+    }
+
+
+def inertia_loads(scene: Scene, member: Member) -> dict[str, SignalBase]:
+    """Amplitudes of the inertia inputs of a section in a frame, by the inputs' names; empty without such inputs."""
+    return {
+        INERTIA + field: section_acceleration(scene, member.number, field, -1.0) for field in inertia_fields(member)
+    }
+
+
+def term_signals(scene: Scene, which: Iterable[FrameTerm] | None = None) -> dict[str, SignalBase]:
+    """Amplitudes of terms (`pmr.scene.mechanism`) by the term's name: of those in `which`, or of all if it is None."""
+    return {term.name: _term_signal(scene, term) for term in (frame_terms(scene) if which is None else which)}
+
+
+def _term_signal(scene: Scene, term: FrameTerm) -> SignalBase:
+    """Amplitude of one term of the scene."""
+    if term.kind == "field":
+        return section_acceleration(scene, term.number, term.component)
+    if term.kind == "load":
+        return load_signals(scene, member_at(scene, term.number))[term.component]
+    if term.kind == "cylinder":
+        carried = scene.names.index(term.carried_section)
+        return _over_length(scene, section_acceleration(scene, carried, term.component, -1.0), term)
+    if term.kind == "cylinder load":
+        load = load_signals(scene, member_at(scene, scene.names.index(term.carried_section)))[term.component]
+        return _over_length(scene, load, term)
+    return frame_amplitude(scene, rotation_products(term.kind, term.component))
+
+
+def _over_length(scene: Scene, of: SignalBase, term: FrameTerm) -> FrameAmplitude:
+    """Amplitude of the force of a cylinder, the one of `term`, divided by the cylinder's length.
+
+    The force is caused by `of`, which is a load on what the cylinder carries, or an acceleration of what it carries.
+    """
+    name, over = input_name(term.carried_section, term.component), ("over", term.number)
+    products = tuple(product.times(1.0, over) for product in products_of(of, name))
+    if not isinstance(of, FrameAmplitude):
+        return frame_amplitude(scene, products, loads=((name, of),), paths=extensions_up_to(scene, term.number))
+    return of.model_copy(update={"products": products, "paths": of.paths or extensions_up_to(scene, term.number)})

@@ -1,4 +1,4 @@
-r"""Accelerations that a moving frame gives the sections of a boom, as amplitudes of constant fields.
+r"""Loads on the sections of a boom in a frame: by its acceleration, as amplitudes of constant fields, and by wind.
 
 With the tail of a section at X on the boom's axis e_x, the tail of the base section at p from the pivot, the vertical
 e_Z, the acceleration g of gravity, and the angular velocity :math:`\omega` and acceleration :math:`\alpha` of the frame
@@ -11,30 +11,27 @@ e_Z, the acceleration g of gravity, and the angular velocity :math:`\omega` and 
 is the acceleration of a section's points r, which are at rest in the section, minus the acceleration of gravity; u'' is
 the acceleration of the pivot if the base moves.  It consists of a constant field and, for each pair of axes j and k, of
 the field r_k along e_j with the factor A_jk.  The inertia loads are minus these fields.  The axes are those of
-`pmr.scene.frame`.
+`pmr.scene.frame`.  Wind is a profile over the height above the ground (`WindOnSection`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import SkipValidation
+from pydantic import BaseModel, ConfigDict, SkipValidation
 
 from pmr.files.arrays import Array
 from pmr.scene import Scene
-from pmr.scene.built import Load
-from pmr.scene.choice import inertia_fields, input_directions, rope_pulls
-from pmr.scene.frame import INERTIA
-from pmr.scene.hoist import ROPE
+from pmr.scene.built import POLYNOMIALS, PRESSED, Load
+from pmr.scene.choice import input_directions, rope_pulls
 from pmr.scene.joints import ScaledSignal
 from pmr.scene.keys import Direction, input_name
-from pmr.scene.mechanism import FrameTerm, frame_terms
-from pmr.scene.members import Member, member_at
+from pmr.scene.members import Member
 from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.signals.base import Strand
 from pmr.simulation.frame_motion import (
@@ -46,10 +43,7 @@ from pmr.simulation.frame_motion import (
     Quantity,
     evaluate,
     field_products,
-    rotation_products,
 )
-from pmr.simulation.wind import WindOnSection
-from pmr.system.terms import frame_quantities
 
 
 @lru_cache(maxsize=2)
@@ -207,34 +201,21 @@ def rope_load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
             shares = enumerate(-weight * part * hangs for part in pull.lever)
             products = [Product(share, (("gravity",), ("turned", 2, k))) for k, share in shares if share]
             products += [Product(line, (("gravity",),))] if line else []
-            signals[pull.load.name] = _frame_amplitude(scene, tuple(products), gravity=gravity.signal)
+            signals[pull.load.name] = frame_amplitude(scene, tuple(products), gravity=gravity.signal)
         else:
             ratio = line + hangs * weight * float(np.dot(pull.lever, gravity.direction))
             signals[pull.load.name] = ScaledSignal(signal=gravity.signal, ratio=ratio, offset=0.0)
     return signals
 
 
-def hoist_signals(scene: Scene) -> dict[str, SignalBase]:
-    """Signals of all that drives the hoist of a scene, by name; empty without a hoist (`pmr.system.terms`)."""
-    if scene.hoist is None:
-        return {}
-    signals = {ROPE: scene.hoist.rope_signal, **scene.hoist.wind_signals}
-    if scene.frame is None:
-        return signals
-    return signals | {
-        name: _frame_amplitude(scene, (Product(1.0, (quantity,)),), **_accelerating(scene, 0))
-        for name, quantity in frame_quantities(scene).items()
-    }
-
-
 def _ground_force_component(scene: Scene, member: Member, load: Load, part: Direction) -> FrameAmplitude:
     """Component `part` (an axis of the body) of a load along a ground axis."""
     name = input_name(scene.names[member.number], load.name)
     turned = ("turned", "xyz".index(load.direction), "xyz".index(part))
-    return _frame_amplitude(scene, (Product(1.0, (turned, ("load", name))),), loads=((name, load.signal),))
+    return frame_amplitude(scene, (Product(1.0, (turned, ("load", name))),), loads=((name, load.signal),))
 
 
-def _frame_amplitude(scene: Scene, products: Products, **signals: Any) -> FrameAmplitude:
+def frame_amplitude(scene: Scene, products: Products, **signals: Any) -> FrameAmplitude:
     """Signal that is the sum of `products` of the quantities of a scene's frame.
 
     `signals` are the fields of `FrameAmplitude`, other than angles, from which these quantities follow.
@@ -245,7 +226,7 @@ def _frame_amplitude(scene: Scene, products: Products, **signals: Any) -> FrameA
     return FrameAmplitude(products=products, **about, **signals)
 
 
-def _accelerating(scene: Scene, number: int) -> dict[str, Any]:
+def accelerating_signals(scene: Scene, number: int) -> dict[str, Any]:
     """Signals other than the frame's angles that accelerate section `number`, as fields of `FrameAmplitude`.
 
     The keys are ``gravity``, ``base`` and ``paths``.
@@ -253,11 +234,11 @@ def _accelerating(scene: Scene, number: int) -> dict[str, Any]:
     return {
         "gravity": scene.gravity.signal if scene.gravity else Constant(amount=0.0),
         "base": base_accelerations(scene),
-        "paths": _extensions(scene, number),
+        "paths": extensions_up_to(scene, number),
     }
 
 
-def _extensions(scene: Scene, number: int) -> tuple[SignalBase, ...]:
+def extensions_up_to(scene: Scene, number: int) -> tuple[SignalBase, ...]:
     """Extensions in m of all sections up to section `number`, in their order."""
     return tuple(scene.extension(k) for k in range(1, number + 1))
 
@@ -280,45 +261,122 @@ def base_accelerations(scene: Scene) -> tuple[SignalBase, ...]:
 def section_acceleration(scene: Scene, number: int, field: str, factor: float = 1.0) -> FrameAmplitude:
     """Signal of a component `field` of the acceleration field of section `number`, times `factor`."""
     assert scene.frame is not None  # of a scene that has one
-    about = _accelerating(scene, number)
+    about = accelerating_signals(scene, number)
     products = field_products(field, number, scene.frame.tail_position, bool(about["base"]), factor)
-    return _frame_amplitude(scene, products, **about)
+    return frame_amplitude(scene, products, **about)
 
 
-def inertia_loads(scene: Scene, member: Member) -> dict[str, SignalBase]:
-    """Amplitudes of the inertia inputs of a section in a frame, by the inputs' names; empty without such inputs."""
-    return {
-        INERTIA + field: section_acceleration(scene, member.number, field, -1.0) for field in inertia_fields(member)
-    }
+#: Points of Gauss on each side of the height up to which the pressure is constant.
+POINTS = 32
 
 
-def term_signals(scene: Scene, which: Iterable[FrameTerm] | None = None) -> dict[str, SignalBase]:
-    """Amplitudes of terms (`pmr.scene.mechanism`) by the term's name: of those in `which`, or of all if it is None."""
-    return {term.name: _term_signal(scene, term) for term in (frame_terms(scene) if which is None else which)}
+class ExposedSection(BaseModel):
+    """A section of a boom and what is around it."""
+
+    model_config = ConfigDict(frozen=True)
+
+    paths: tuple[SignalBase, ...]  # m: extensions up to that of the section
+    pivot: tuple[float, float, float]  # m: from the pivot to the tail of the base
+    length: float  # m
+    around: float  # m: length of the section around it; 0 for the base
 
 
-def _term_signal(scene: Scene, term: FrameTerm) -> SignalBase:
-    """Amplitude of one term of the scene."""
-    if term.kind == "field":
-        return section_acceleration(scene, term.number, term.component)
-    if term.kind == "load":
-        return load_signals(scene, member_at(scene, term.number))[term.component]
-    if term.kind == "cylinder":
-        carried = scene.names.index(term.carried_section)
-        return _over_length(scene, section_acceleration(scene, carried, term.component, -1.0), term)
-    if term.kind == "cylinder load":
-        load = load_signals(scene, member_at(scene, scene.names.index(term.carried_section)))[term.component]
-        return _over_length(scene, load, term)
-    return _frame_amplitude(scene, rotation_products(term.kind, term.component))
+class WindOnSection(FrameSignal):
+    r"""Amplitude in N/m of one polynomial of the wind on one section, along one of its axes.
 
+    With the pressure q of the wind at the height Z above the ground, and the component e along an axis y or z of a
+    section of the horizontal unit vector in which the wind blows, the force per length along this axis is
 
-def _over_length(scene: Scene, of: SignalBase, term: FrameTerm) -> FrameAmplitude:
-    """Amplitude of the force of a cylinder, the one of `term`, divided by the cylinder's length.
+    .. math:: w(x) = c\, d\, q(Z(x))\, e\, |e|, \qquad q = q_r(t) \bigl(\max(Z, Z_{least}) / Z_r\bigr)^{2 p}
 
-    The force is caused by `of`, which is a load on what the cylinder carries, or an acceleration of what it carries.
+    on the part of the section that is outside of the section around it, and 0 elsewhere.  It is replaced by its
+    projection on Legendre polynomials of the length L,
+
+    .. math:: w \approx \sum_j w_j P_j(2 x / L - 1), \qquad w_j = \frac{2 j + 1}{L} \int w\, P_j(2 x / L - 1)\, dx
+
+    which has the same force and the same moment.  The component of the pressure's velocity along the axis of the
+    section exerts no force.  The motion of the boom itself against the air is left out.
     """
-    name, over = input_name(term.carried_section, term.component), ("over", term.number)
-    products = tuple(product.times(1.0, over) for product in products_of(of, name))
-    if not isinstance(of, FrameAmplitude):
-        return _frame_amplitude(scene, products, loads=((name, of),), paths=_extensions(scene, term.number))
-    return of.model_copy(update={"products": products, "paths": of.paths or _extensions(scene, term.number)})
+
+    SAMPLES: ClassVar = 1001
+
+    angles: tuple[SignalBase, ...]  # rad: luffing and slewing, then those of a base that turns
+    section: ExposedSection
+    azimuth: float  # rad
+    factors: tuple[float, float]  # m: shape factor times depth along y and along z
+    load: Load  # signal of the pressure in Pa at the reference height, and profile over the height
+    above: float  # m: of the pivot above the ground
+    axis: str
+    degree: int
+
+    @classmethod
+    def of_load(cls, scene: Scene, member: Member, load: Load, name: str) -> Self:
+        """Amplitude of the input `name` (`pmr.scene.choice.input_directions`) of a load by wind.
+
+        The pivot is as high above the ground as the scene's ground says, unless the load states its own height.
+        """
+        frame, part, box = scene.frame, member.part, member.part.body.box
+        assert frame is not None  # as the checks say
+        depths = [load.depth or getattr(box, key) for key in ("height", "width")]
+        axis, degree = name.split(" ")[-2:]
+        above = load.above or (0.0 if frame.ground is None else frame.ground.height)
+        return cls(
+            angles=(*frame.angles, *frame.base_angles),
+            section=ExposedSection(
+                paths=tuple(scene.extension(k) for k in range(1, member.number + 1)),
+                pivot=frame.tail_position,
+                length=part.length,
+                around=scene.sections[member.number - 1].length if member.number else 0.0,
+            ),
+            azimuth=load.azimuth * (1.0 if frame.unit == "rad" else np.pi / 180.0),
+            factors=(load.shape * depths[0], load.shape * depths[1]),
+            load=load,
+            above=above,
+            axis=axis,
+            degree=int(degree),
+            step=scene.time.step,
+        )
+
+    @property
+    def signals(self) -> tuple[SignalBase, ...]:
+        return (self.load.signal, *self.angles, *self.section.paths)
+
+    def value(self, t: ArrayLike) -> Array:
+        at = np.asarray(t, float)
+        of_all = self.model_copy(update={"axis": "y", "degree": 0})
+        amplitudes = _amplitudes(of_all, at.ravel().tobytes())
+        return np.asarray(amplitudes[PRESSED.index(self.axis), self.degree].reshape(at.shape))
+
+    def highest_frequency(self, start: float, end: float) -> float:
+        """Sum of the highest frequencies in Hz of pressure, angles and extensions from `start` to `end` in s."""
+        return sum(signal.highest_frequency(start, end) for signal in self.signals)
+
+
+@lru_cache(maxsize=8)
+def _amplitudes(wind: WindOnSection, t: bytes) -> Array:
+    """Amplitudes (2, `POLYNOMIALS`, T) in N/m of all polynomials of the wind along y and z, at T times.
+
+    `t` holds the times in s as the bytes of an array.
+    """
+    times, section, load = np.frombuffer(t), wind.section, wind.load
+    luffing, slewing, *rocking = wind.angles
+    turning = FrameRotation.from_signals(luffing, slewing, times, rocking)
+    blown = turning.rotation[:, 0] * np.cos(wind.azimuth) + turning.rotation[:, 1] * np.sin(wind.azimuth)
+    up, extensions = turning.up, [path.value(times) for path in section.paths]
+    tail = wind.above + up @ np.array(section.pivot) + up[:, 0] * np.sum([np.zeros(len(times)), *extensions], axis=0)
+    hidden = np.clip(section.around - extensions[-1], 0.0, section.length) if extensions else np.zeros(len(times))
+    level = np.abs(up[:, 0]) < 1e-12
+    bend = np.where(level, hidden, (load.least - tail) / np.where(level, 1.0, up[:, 0]))
+    bend = np.clip(bend, hidden, section.length)
+    points, weights = np.polynomial.legendre.leggauss(POINTS)
+    total = np.zeros((POLYNOMIALS, len(times)))
+    for first, last in ((hidden, bend), (bend, np.full(len(times), section.length))):
+        x = ((first + last)[:, None] + (last - first)[:, None] * points) / 2.0
+        height = np.maximum(tail[:, None] + up[:, :1] * x, load.least)
+        pressure = (height / load.reference) ** (2.0 * load.exponent) * weights * (last - first)[:, None] / 2.0
+        for degree in range(POLYNOMIALS):
+            shape = np.polynomial.legendre.legval(2.0 * x / section.length - 1.0, np.eye(POLYNOMIALS)[degree])
+            total[degree] += (2 * degree + 1) / section.length * np.sum(pressure * shape, axis=1)
+    total *= load.signal.value(times)
+    across = np.array([factor * blown[:, 1 + k] * np.abs(blown[:, 1 + k]) for k, factor in enumerate(wind.factors)])
+    return np.asarray(across[:, None, :] * total)

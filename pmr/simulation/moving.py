@@ -32,10 +32,9 @@ from pmr.scene.mechanism import frame_terms
 from pmr.scene.members import members
 from pmr.scene.signals import Constant, Signal, SignalBase
 from pmr.simulation.excitation import SLIDER, Excitation
-from pmr.simulation.frame import base_accelerations, load_signals, products_of
+from pmr.simulation.frame import WindOnSection, base_accelerations, load_signals, products_of
 from pmr.simulation.frame_motion import Acceleration, Product, Products
 from pmr.simulation.stepping import TimeStepping
-from pmr.simulation.wind import WindOnSection
 from pmr.system.contacts import ALONE
 from pmr.system.system import System
 

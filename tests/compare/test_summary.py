@@ -18,7 +18,7 @@ from pmr.scene import Scene
 from pmr.scene.keys import ALONE
 from pmr.scene.mechanism import stress_terms
 from pmr.simulation import Excitation
-from pmr.simulation.frame import term_signals
+from pmr.simulation.excitation import term_signals
 from pmr.simulation.native.systems import March
 from pmr.simulation.statics.equilibrium import geometric_stiffness
 from pmr.system.assembly import Assembly

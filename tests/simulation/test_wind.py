@@ -16,8 +16,7 @@ from pmr.scene.checks import check_scene
 from pmr.scene.files import stored_scene
 from pmr.scene.ground import Ground
 from pmr.scene.members import member_at
-from pmr.simulation.frame import load_signals
-from pmr.simulation.wind import WindOnSection
+from pmr.simulation.frame import WindOnSection, load_signals
 from pmr.studies.tasks import scene_arguments, scene_of
 
 LENGTHS, OUT, PIVOT, ABOVE = (6.0, 5.5), 3.7, (0.4, 0.0, 0.3), 1.8
