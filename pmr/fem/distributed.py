@@ -160,7 +160,7 @@ def local_csr(A: PETSc.Mat) -> sp.csr_matrix:
 
 
 def without_zeros(A: PETSc.Mat) -> PETSc.Mat:
-    """Copy of the sparse matrix A without the zeros that it stores; A is freed. Collective."""
+    """Copy of the sparse matrix A without the zeros that it stores; A is freed.  Collective."""
     rows: sp.csr_matrix = local_csr(A)
     rows.eliminate_zeros()
     result = sparse(rows, A, columns=A.getLocalSize()[1])

@@ -152,7 +152,7 @@ def model_order(model: FiniteElementModel, space: FunctionSpace) -> Indices:
 
 
 def project_matrix(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
-    """Product P^T A P, whose rows are distributed as the columns of P; A is freed. Collective."""
+    """Product P^T A P, whose rows are distributed as the columns of P; A is freed.  Collective."""
     product = A.PtAP(P)
     result = product.copy()  # a PETSc product keeps its factors in memory as long as it lives
     free_objects(product, A)

@@ -122,7 +122,7 @@ def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat) -> 
 
 
 def _constrain_matrix(A: PETSc.Mat, T: sp.csr_matrix, addition: sp.csr_matrix) -> PETSc.Mat:
-    """Sum of T^T A T and `addition`, with consecutive rows on each rank; A is freed. Collective."""
+    """Sum of T^T A T and `addition`, with consecutive rows on each rank; A is freed.  Collective."""
     low, high = share(T.shape[1], A.comm.tompi4py())
     is_identity = T.shape[0] == T.shape[1] and (T != sp.eye(T.shape[0], format="csr")).nnz == 0
     P = None if is_identity else sparse(T[slice(*A.getOwnershipRange())], A, columns=int(high - low))

@@ -32,7 +32,7 @@ POINTS, DOUBT = 5, 2.0
 def first_load(
     used: UsedShares, top: float, *, grows: bool = False, guess: float = np.nan, at_once: bool = True
 ) -> float:
-    """Return the least load in kg in (0, top] at which the `used` share of a limit reaches 1.
+    """Return the least load in kg in (0, top] at which the used share of a limit, by the function `used`, reaches 1.
 
     The result is 0 if the share is 1 or more without a load, and NaN if the share is below 1 at all loads tried.
 
@@ -89,7 +89,7 @@ def _find_root(used: UsedShares, points: list[Point], tolerance: float) -> float
 
 
 class RootEstimate(NamedTuple):
-    """Load in kg at which an interpolating polynomial has share 1, and its change by the last degree in kg."""
+    """Load in kg at which an interpolating polynomial has the share 1, and its change by the highest degree in kg."""
 
     load: float
     change: float
@@ -135,7 +135,7 @@ JUST_BELOW = 1e-6
 
 @dataclass(frozen=True)
 class Place:
-    """A boom in the `k`-th of `postures`, in one load case.
+    """A boom in one posture, the `k`-th of `postures`, and in one load case.
 
     `amounts` holds one number for each of ``postures.loads``: the factors on the weights of boom and machine and on the
     load that is searched for, and the scene's other loads in N or N m.

@@ -37,9 +37,9 @@ TASKS_IN_LINE = 4  # tasks that a line of progress names
 
 @dataclass(frozen=True)
 class Progress:
-    """Progress of a study: how many tasks are done, failed or skipped, and how many there are, with times in s.
+    """Progress of a study: how many tasks are done, how many failed or were skipped, how many there are, and times.
 
-    `elapsed` is the time since the call began.
+    `elapsed` is the time in s since the call began, `remaining` the estimated time in s until its end.
     """
 
     done: int
@@ -103,10 +103,11 @@ def compute_results(project: Project, folder: Path, pool: Pool, watch: Watch) ->
 
 
 def run_tasks(tasks: Mapping[str, Task], store: Store, pool: Pool, watch: Watch) -> dict[str, Failure]:
-    """Compute `tasks`, each as soon as all results that the task needs are stored; return the failures by task digest.
+    """Compute `tasks`, each as soon as all results that it needs are stored; return the failures by the tasks' digests.
 
-    `tasks` are those that `open_tasks` returned.  Results are written into the store; `pool` runs the tasks.  The call
-    blocks until all tasks have ended; `watch` is called with the progress whenever a task ends, and every second.
+    `tasks` are those that `open_tasks` returned, by digest.  A task that needs a failed one is skipped, which counts as
+    a failure with the status ``skipped``.  Results are written into the store; `pool` runs the tasks.  The call blocks
+    until all tasks have ended; `watch` is called with the progress whenever a task ends, and every second.
     """
     waiting, code, begin = dict(tasks), code_of_tasks(), time.monotonic()
     running: dict[Future[Failure | None], str] = {}
@@ -178,7 +179,11 @@ def _rename_runs(name: str, results: StudyResults) -> list[RunRecord]:
 
 
 def _study_summary(study: StudyBase, results: StudyResults) -> dict[str, Any]:
-    """Return the entries of a study in summary.json: its keys, published values and, if complete, its figures."""
+    """Return the entries of a study in summary.json.
+
+    They are ``asked`` (the study's own keys), ``figures`` (numbers about all runs; empty unless all runs are done),
+    ``source``, ``published``, ``remarks`` and ``hints``.
+    """
     base = set(StudyBase.model_fields)
     keys = {name: value for name, value in study.model_dump(mode="json").items() if name not in base | FILES}
     figures = dict(study.figures(results)) if results.is_complete else {}
@@ -200,7 +205,7 @@ COLLECTION = "collection"
 
 
 class Collection(SceneTable):
-    """Several studies in one call: `files`, and the keys to `change` in each, by its file's name without suffix."""
+    """Several studies in one call: their `files`, and keys to `change` in each, by the file's name without suffix."""
 
     kind: Literal["collection"] = Field(description="Several studies in one call")
     title: str = Field(description="For reports")

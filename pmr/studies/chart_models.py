@@ -208,7 +208,7 @@ def _missing_model(reason: str) -> TaskResult:
 
 @dataclass(frozen=True)
 class ComparedModel:
-    """Postures of another model, its name `label`, and the factor `share` that makes a difference to it an error."""
+    """Postures with another model, its name `label`, and `share`, the factor from a difference to it to an error."""
 
     postures: PostureMatrices
     label: str
@@ -217,11 +217,12 @@ class ComparedModel:
 
 @dataclass(frozen=True)
 class ChartModels:
-    """Postures of the reduced model (`reduced`) and of the models with which it is compared.
+    """Postures of a chart with the reduced model (`reduced`) and with the models that it is compared with.
 
-    A model that is missing is None.  `enriched` is the reduced model with attachment modes.  `with_tip_mass` is the
-    reduced model of a run with a mass at the tip.  `comparisons` has other models by the part of the error that they
-    tell: under ``model`` a richer structural model, under ``mesh`` a reduced model on a finer or coarser mesh.
+    The postures with a model that is missing are None.  `enriched` is the reduced model with attachment modes.
+    `with_tip_mass` is the reduced model of a run with a mass at the tip.  `comparisons` has other models by the part of
+    the error that they tell: under ``model`` a richer structural model, under ``mesh`` a reduced model on a finer or
+    coarser mesh.
     """
 
     reduced: PostureMatrices

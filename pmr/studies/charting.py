@@ -72,7 +72,7 @@ class Chart:
         )
 
     def passed_limits(self, at: PostureMatrices, k: int) -> NDArray[np.bool_]:
-        """Return whether each of l limits is exceeded without a load in c cases, (c, l), at the k-th posture of `at`.
+        """Return whether each of l limits is exceeded without a load in each of c cases, (c, l), at posture k of `at`.
 
         The last column, stability, is true in cases in which the boom has no stable equilibrium; in these cases all
         other columns are false.
@@ -85,9 +85,9 @@ class Chart:
         return is_passed
 
     def least_loads(self, loads: Array) -> Array:
-        """Return for each of l limits the smallest of its `loads` (c, l) in kg over c cases (l,).
+        """Return the smallest load (l,) in kg of each of l limits, from the `loads` (c, l) in kg in c cases.
 
-        It is `up_to` for a limit whose loads are all NaN.
+        The smallest load is `up_to` for a limit whose loads are all NaN.
         """
         return np.asarray(np.nan_to_num(np.fmin.reduce(loads), nan=self.up_to))
 
@@ -287,7 +287,8 @@ def left_out_of_chart(scene: Scene, limits: Sequence[Limit]) -> dict[str, str]:
 def chart_definitions(scene: Scene, point: tuple[float, float, float] | None = None) -> dict[str, str]:
     """Return what a chart of a scene calls load, radius, height and boom length, as text by subject.
 
-    The load hangs at `point` in m in the axes of the last section; None stands for the tip.
+    The load hangs at `point` in m in the axes of the last section; None stands for the tip.  Masses of the last section
+    that are no payload are named with the load.
     """
     last = scene.sections[-1]
     remaining = [f"{mass.name}, {mass.mass:g} kg" for mass in last.masses if not mass.payload]
@@ -352,10 +353,10 @@ def _least_case(loads: Array) -> NDArray[np.int64]:
 
 
 def case_amount(case: Summary, part: str) -> float:
-    """Return the amount of a component in a load case; 0 for a component that the case does not name.
+    """Return the amount of the component `part` in a load case; 0 for a component that the case does not name.
 
-    The component `part` is a weight or the load, whose amount is a factor, or a load of the scene with an amount in N
-    or N m.
+    A component is a weight or the load that is searched for, whose amount is a factor, or a load of the scene, whose
+    amount is in N or N m.
     """
     key = {WEIGHT: "weight", MACHINE_WEIGHT: "machine", HOOK: "load"}.get(part)
     return float(case["loads"].get(part, 0.0) if key is None else case[key])

@@ -56,12 +56,12 @@ class ChartLoads:
 
     @cached_property
     def lower(self) -> Array:
-        """Loads less their errors (..., l) in kg; a limit that is not reached has the load `up_to`."""
+        """Loads (..., l) in kg less their errors; a limit that is not reached has the load `up_to`."""
         return np.asarray(np.nan_to_num(self.load, nan=self.up_to) - np.nan_to_num(self.error))
 
     @cached_property
     def lower_bound(self) -> Array:
-        """Load (...,) in kg that all limits allow at least, less their errors; 0 where none is allowed."""
+        """Load (...,) in kg that all limits allow at least, less the errors; 0 where this is negative."""
         return np.maximum(self.lower.min(axis=-1), 0.0)
 
     @cached_property

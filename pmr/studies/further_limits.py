@@ -301,7 +301,7 @@ class TippingMoments:
         return np.asarray(np.where(held > 0.0, factor * load / np.where(held > 0.0, held, 1.0), np.inf).max(axis=1))
 
     def overturning_load(self, states: LoadedStates, factor: float) -> float:
-        """Return a load in kg whose moment is the load's own moment plus the moment of the boom divided by `factor`.
+        """Return the load in kg whose moment is that of the acting load plus the boom's moment divided by `factor`.
 
         Both moments are absolute values about the worst edge; `states` hold one state.
         """

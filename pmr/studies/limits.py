@@ -67,7 +67,7 @@ MOST_NUMBERS = 2**27
 
 @dataclass(frozen=True)
 class Kind:
-    """A quantity that a chart can limit, which its file names with ``of``.
+    """A quantity that a chart can limit, and how the used share of a limit on it is computed.
 
     Attributes
     ----------
@@ -276,7 +276,7 @@ class Limit(SceneTable):
 
     @property
     def kind(self) -> Kind:
-        """The entry of `KINDS` for the quantity that is limited."""
+        """Entry of `KINDS` for the quantity that is limited."""
         return KINDS[self.of]
 
     @property
@@ -421,7 +421,7 @@ class Limit(SceneTable):
 
 
 def _forms_and_loads(states: LoadedStates) -> Iterator[tuple[Form, float]]:
-    """Iterate over pairs, one for each state: the `Form` of its closed contacts, and its load in kg."""
+    """Yield a pair for each state: the `Form` of its closed contacts, and its load in kg."""
     return zip(states.forms, states.load.tolist(), strict=True)
 
 

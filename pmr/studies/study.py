@@ -185,7 +185,7 @@ def _check_record(record: Mapping[str, Scalar]) -> dict[str, Scalar]:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """One run: the `parameters` that were varied, its `status`, and its numbers, `figures`.
+    """One run of a study: the `parameters` that were varied, its `status`, and the numbers that it gave, `figures`.
 
     `status` is ``"done"``, ``"failed"`` or ``"skipped"``.  Unless it is ``"done"``, `figures` are empty, `reason` says
     why in one line, and `detail` says it at length.  `file` is the path of the run's arrays, relative to the study's
@@ -230,7 +230,7 @@ class CountedWarning:
 
     @classmethod
     def of_runs(cls, texts: Mapping[str, str]) -> CountedWarning:
-        """Count warnings of one kind; `texts` are their texts by the keys of the runs.
+        """Join the warnings of one kind; `texts` are their texts by the keys of the runs.
 
         The worst text has the largest figure behind "up to"; without such figures it is the text of the first run.
         """

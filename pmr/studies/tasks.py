@@ -87,7 +87,7 @@ class Failure:
         return cls(" ".join(f"{type(error).__name__}: {error}".split()), "".join(traceback.format_exception(error)))
 
     def of_skipped(self, key: str) -> Failure:
-        """Return the failure of a task that is skipped because the task `key`, which is needed, has this failure."""
+        """Return the failure of a task that is skipped because it needs the task `key`, which has this failure."""
         reason = self.reason if self.status == "skipped" else f"needs {key}, which failed: {self.reason}"
         return Failure(reason, status="skipped")
 

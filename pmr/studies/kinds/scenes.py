@@ -39,7 +39,7 @@ COMPARED_FREQUENCIES = 3
 
 @dataclass(frozen=True)
 class ScenePoint:
-    """One run: changes of a scene, words for these in the task's key, and the changed values by column of the table."""
+    """One run of a parameter study: changes of a scene, words for them in the task's key, and the table's columns."""
 
     changes: tuple[Change, ...]
     words: tuple[str, ...]
@@ -81,7 +81,7 @@ def _lists(tables: Mapping[str, object], prefix: str) -> Iterator[tuple[str, Seq
 
 
 def _nest(key: str, value: object) -> dict[str, Any]:
-    """Return nested tables with a value at a dotted key."""
+    """Return tables, each within the one before, that hold a value at a dotted key."""
     first, _, following = key.partition(".")
     return {first: _nest(following, value) if following else value}
 
