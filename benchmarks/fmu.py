@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks import beams
 from benchmarks.timing import Times, side_by_side
-from pmr.export.fmi.fmu import PLATFORMS, write_fmu
+from pmr.export.fmi import PLATFORMS, write_fmu
 from pmr.export.fmi.variables import ORDERS
 from pmr.pipeline import reduce
 from pmr.scene import load_any

@@ -17,7 +17,7 @@ from pmr.export.formats import BODY_FORMATS, FORMATS, ONE_BODY, Options, write
 from pmr.files.whole import finish_swap, replacement_folder
 
 if TYPE_CHECKING:
-    from pmr.export.fmi.fmu import UnitObserver
+    from pmr.export.fmi import UnitObserver
 
 _SAYS = "; ".join(f"{name}: {target_format.description}" for name, target_format in FORMATS.items())
 
@@ -80,7 +80,7 @@ def read_unit_observer(file: Path, model: Path) -> UnitObserver:
     """
     import numpy as np
 
-    from pmr.export.fmi.fmu import UnitObserver
+    from pmr.export.fmi import UnitObserver
     from pmr.observe.linear import gravity_of, select_outputs
     from pmr.observe.measured import ObserverFile
     from pmr.scene.files import stored_scene

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from pmr.errors import InputError, environment, similar_name_hint
 
 if TYPE_CHECKING:
-    from pmr.export.fmi.fmu import UnitObserver
+    from pmr.export.fmi import UnitObserver
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def _exudyn(model: Path, target: Path, options: Options) -> Path:
 
 def _fmu(model: Path, target: Path, options: Options) -> Path:
     """Write a model as an FMU, with the `options` for FMUs, and return the file's path."""
-    fmu, version = import_module("pmr.export.fmi.fmu"), options.fmi or "3"
+    fmu, version = import_module("pmr.export.fmi"), options.fmi or "3"
     platforms = fmu.selected_platforms(options.platforms, version)
     written: Path = fmu.write_fmu(model, target, version, platforms, bool(options.sources), options.observer)
     return written

@@ -15,7 +15,7 @@ import pmr
 from pmr import InputError, System
 from pmr.compare import forces as ropes
 from pmr.export.exudyn_script import write_exudyn_script
-from pmr.export.fmi.fmu import fmu_contents
+from pmr.export.fmi import fmu_contents
 from pmr.fullmodel.build import build_bodies, models_of
 from pmr.pipeline.full_order import FullOrder
 from pmr.report import forces as reported

@@ -19,7 +19,7 @@ from oracle import flexible, rich_body
 
 from pmr import ReducedModel, System
 from pmr.export.exudyn_script import script_data
-from pmr.export.fmi.fmu import fmu_contents
+from pmr.export.fmi import fmu_contents
 from pmr.export.formats import Options, write
 from pmr.kernel.kernel import Kernel
 from pmr.scene.signals import Sine, SmoothRamp

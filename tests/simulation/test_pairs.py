@@ -17,8 +17,8 @@ from random_stands import rope_on_machine, unbalanced
 import pmr
 from pmr import InputError, Response, System
 from pmr.compare.evaluation import evaluate_motion
-from pmr.export.fmi.fmu import fmu_contents
-from pmr.export.fmi.reference import input_cubics
+from pmr.export.fmi import fmu_contents
+from pmr.export.fmi.description import input_cubics
 from pmr.export.fmi.variables import Drivers, Identifiers
 from pmr.files.arrays import Array
 from pmr.kernel.further import ground_outputs

@@ -22,7 +22,7 @@ from ways.subjects import Refused, Subject, command, refusals
 
 import pmr
 from pmr import ReducedModel, System
-from pmr.export.fmi.fmu import fmu_contents
+from pmr.export.fmi import fmu_contents
 from pmr.export.formats import BODY_FORMATS, FORMATS
 from pmr.files.arrays import Array
 from pmr.fullmodel.build import full_model

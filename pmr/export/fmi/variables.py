@@ -214,7 +214,7 @@ def variables(
     nominal: Array,
     further: Callable[[Identifiers, int], Iterator[Variable]] | None = None,
 ) -> list[Variable]:
-    """All variables of a system, with start and nominal values as described for `pmr.export.fmi.fmu.system_file`.
+    """All variables of a system, with start and nominal values as described for `pmr.export.fmi.system_file`.
 
     `start` and `nominal` are (variables,).  The variables are in ascending order of their value references.  The last
     variables are those that `further`, unless it is None, yields; their value references begin with its second
@@ -259,6 +259,28 @@ def rate_unit(unit: str, order: int) -> str:
     what, over, exponent = (unit or "1").partition("/s")
     power = order + (int(exponent or 1) if over else 0)
     return f"{what}/s{power if power > 1 else ''}"
+
+
+#: Exponents of the SI base units of each unit, and its factor where that is not 1.
+_UNITS: dict[str, dict[str, float]] = {
+    "1": {},
+    "s": {"s": 1},
+    "m": {"m": 1},
+    "m/s": {"m": 1, "s": -1},
+    "m/s2": {"m": 1, "s": -2},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "N m": {"kg": 1, "m": 2, "s": -2},
+    "Pa": {"kg": 1, "m": -1, "s": -2},
+    "mm": {"m": 1, "factor": 0.001},
+    "rad": {"rad": 1},
+    "K": {"K": 1},
+    "m3": {"m": 3},
+    "N/m": {"kg": 1, "s": -2},
+    "kg": {"kg": 1},
+}
+UNITS = _UNITS | {
+    rate_unit(unit, order): was | {"s": was.get("s", 0) - order} for unit, was in _UNITS.items() for order in (1, 2, 3)
+}
 
 
 def _drivers(drivers: Drivers) -> Iterator[Variable]:

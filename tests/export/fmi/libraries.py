@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pmr.export.fmi import fmu
-from pmr.export.fmi.fmu import Contents
+from pmr.export import fmi
+from pmr.export.fmi import Contents
 from pmr.files.arrays import Array
 
 _UINT, _SIZE, _DOUBLES = ctypes.c_uint32, ctypes.c_size_t, ctypes.POINTER(ctypes.c_double)
@@ -40,8 +40,8 @@ class Library:
 
 def loaded(unit: Contents, folder: Path, version: str) -> Library:
     """Unpack the contents of an FMU in a folder and load the package's binary for it."""
-    (host,) = fmu.selected_platforms("host", "3")
-    library = Path(fmu.__file__).parent / "binaries" / host.folder_3 / f"pmr_fmi{host.suffix}"
+    (host,) = fmi.selected_platforms("host", "3")
+    library = Path(fmi.__file__).parent / "binaries" / host.folder_3 / f"pmr_fmi{host.suffix}"
     resources = folder / f"fmi {version}" / "resources"
     resources.mkdir(parents=True)
     (resources / "system.pmr").write_bytes(unit.system)

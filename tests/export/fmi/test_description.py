@@ -13,7 +13,7 @@ from export.fmi.units import BOOM, BOTH_WAYS, LOADS, RINGS, STEP, body_alone
 
 import pmr
 from pmr import InputError, ReducedModel, System
-from pmr.export.fmi.fmu import Contents, fmu_contents
+from pmr.export.fmi import Contents, fmu_contents
 from pmr.export.fmi.variables import Drivers
 from pmr.reduction.bodies import Reduction
 from pmr.simulation import Excitation, TimeStepping

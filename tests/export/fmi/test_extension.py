@@ -9,7 +9,7 @@ from export.fmi.libraries import CallError, Instance, loaded
 from free_extension import free, scene, system
 
 import pmr
-from pmr.export.fmi.fmu import fmu_contents
+from pmr.export.fmi import fmu_contents
 from pmr.simulation.moving import read_scene
 from pmr.system.system import System
 

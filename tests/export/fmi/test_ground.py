@@ -12,7 +12,7 @@ from simulation.test_pairs import PLAIN
 
 import pmr
 from pmr import SimulationError, System
-from pmr.export.fmi.fmu import fmu_contents
+from pmr.export.fmi import fmu_contents
 from pmr.simulation.moving import read_scene
 
 pytestmark = pytest.mark.slow  # a boom is reduced

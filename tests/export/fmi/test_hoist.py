@@ -12,7 +12,7 @@ from hoists import cantilever
 
 import pmr
 from pmr import InputError, Stepper, System
-from pmr.export.fmi.fmu import fmu_contents
+from pmr.export.fmi import fmu_contents
 from pmr.export.fmi.variables import Drivers
 from pmr.scene import Scene
 from pmr.scene.hoist import OUTPUTS, ROPE_FORCE, WINCH_PULLS

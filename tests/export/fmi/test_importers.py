@@ -19,9 +19,9 @@ from simulation.native import test_stepper_luffing
 
 from benchmarks.fmu import Timed
 from pmr import ReducedModel, Stepper, System, reduce, scene
-from pmr.export.fmi import fmu
-from pmr.export.fmi.fmu import PLATFORMS
-from pmr.export.fmi.reference import reference
+from pmr.export import fmi
+from pmr.export.fmi import PLATFORMS
+from pmr.export.fmi.description import reference
 from pmr.export.fmi.variables import Drivers
 from pmr.files.arrays import Array
 from pmr.scene.signals import Ramp, SignalBase
@@ -67,10 +67,10 @@ def exported(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     folder = tmp_path_factory.mktemp(request.param)
     model = reduce(scene.load(ROOT / "workflows" / f"{request.param}.toml", CASES[request.param])).reduced
     npz, files = model.save(folder / "reduced.npz"), {}
-    for version in fmu.VERSIONS:
+    for version in fmi.VERSIONS:
         everywhere = request.param == "evolved_residual" and version == "3"  # one library has both versions
         target = folder / f"body_{version}.fmu"
-        files[version] = fmu.write_fmu(npz, target, version, COMPILED if everywhere else PLATFORMS[:1])
+        files[version] = fmi.write_fmu(npz, target, version, COMPILED if everywhere else PLATFORMS[:1])
     return Exported(model, files)
 
 
@@ -99,7 +99,7 @@ def under(python: Path, *arguments: str) -> Any:
     return json.loads(done.stdout.splitlines()[-1])
 
 
-@pytest.mark.parametrize("version", fmu.VERSIONS)
+@pytest.mark.parametrize("version", fmi.VERSIONS)
 def test_fmpy_finds_nothing_and_steps_as_march_does(exported: Exported, fmpy: Path, version: str) -> None:
     file = str(exported.files[version])
     assert under(fmpy, "validate", file) == []
@@ -113,7 +113,7 @@ def test_fmpy_finds_nothing_and_steps_as_march_does(exported: Exported, fmpy: Pa
 def test_a_boom_steps_under_fmpy_as_march_does(sections: str, version: str, fmpy: Path, tmp_path: Path) -> None:
     """From a saved system, its extensions as inputs; on pads that push, in the parts that these take."""
     found = reduce(scene.load_any(ROOT / "workflows" / f"boom_{sections}.toml", ["time.end=1.0"]))
-    file = fmu.write_fmu(found.system.save(tmp_path / "system.npz"), tmp_path / "boom.fmu", version, PLATFORMS[:1])
+    file = fmi.write_fmu(found.system.save(tmp_path / "system.npz"), tmp_path / "boom.fmu", version, PLATFORMS[:1])
     assert under(fmpy, "validate", str(file)) == []
     seen = under(fmpy, "steps", str(file))
     assert seen["steps"] == read_scene(found.system, "system").excitation.stepping.steps
@@ -130,7 +130,7 @@ def test_a_crane_in_a_loop_under_fmpy_is_that_with_a_stepper(fmpy: Path, tmp_pat
     """
     changes = ["compare.against=[]", "section.mesh.elements=6", "frame.second_order=true", *AT_ONCE]
     system = reduce(scene.load_any(plain_machines.CRANE, changes)).system
-    file = fmu.write_fmu(system.save(tmp_path / "system.npz"), tmp_path / "crane.fmu", "3", PLATFORMS[:1])
+    file = fmi.write_fmu(system.save(tmp_path / "system.npz"), tmp_path / "crane.fmu", "3", PLATFORMS[:1])
     looped = [under(fmpy, "loop", str(file))]
     looped.append(under(fmpy, "loop_of_two", str(file), str(valve.written(tmp_path / "valve.fmu"))))
     stepper = Stepper(system, loop.STEP, {"middle": 0.6, "fly": 0.6}, rho_inf=0.9, outputs=loop.READ)
@@ -146,10 +146,10 @@ def test_a_crane_in_a_loop_under_fmpy_is_that_with_a_stepper(fmpy: Path, tmp_pat
             np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-6 * np.abs(other).max())
 
 
-@pytest.mark.parametrize("version", fmu.VERSIONS)
+@pytest.mark.parametrize("version", fmi.VERSIONS)
 def test_a_crane_that_luffs_by_itself_steps_under_fmpy_as_in_its_run(version: str, fmpy: Path, tmp_path: Path) -> None:
     _, system = test_stepper_luffing.boom("opening")
-    file = fmu.write_fmu(system.save(tmp_path / "system.npz"), tmp_path / "crane.fmu", version, PLATFORMS[:1])
+    file = fmi.write_fmu(system.save(tmp_path / "system.npz"), tmp_path / "crane.fmu", version, PLATFORMS[:1])
     assert under(fmpy, "validate", str(file)) == []
     seen = under(fmpy, "steps", str(file))
     assert seen["m"] < 1e-6
@@ -161,7 +161,7 @@ def test_another_importer_steps_as_march_does(exported: Exported, fmpy: Path) ->
     assert under(fmpy, "cosim", str(exported.files["2"])) < 1e-9
 
 
-@pytest.mark.parametrize("version", fmu.VERSIONS)
+@pytest.mark.parametrize("version", fmi.VERSIONS)
 def test_model_exchange_under_cvode(exported: Exported, fmpy: Path, version: str, tmp_path: Path) -> None:
     """Against march with a hundredth of the step, which is off by some 1e-7 m itself."""
     excitation = read_scene(System.of(exported.model), "model").excitation
@@ -177,7 +177,7 @@ def test_model_exchange_under_cvode(exported: Exported, fmpy: Path, version: str
     assert under(fmpy, "cvode", str(exported.files[version]), str(tmp_path / "fine.npz")) < 1e-6
 
 
-@pytest.mark.parametrize("version", fmu.VERSIONS)
+@pytest.mark.parametrize("version", fmi.VERSIONS)
 def test_every_binary_exports_the_interface(exported: Exported, fmpy: Path, version: str) -> None:
     found = under(fmpy, "symbols", str(exported.files[version]))
     assert len(found) in (1, len(COMPILED))
@@ -196,7 +196,7 @@ def test_the_self_check_of_the_manual_on_the_tutorials_boom(
     monkeypatch.chdir(tmp_path)
     assert run_command("new", "boom", "mine").returncode == 0
     model = reduce(scene.load(Path("mine") / "scene.toml")).reduced
-    fmu.write_fmu(model.save(tmp_path / "reduced.npz"), "boom.fmu", platforms=PLATFORMS[:1])
+    fmi.write_fmu(model.save(tmp_path / "reduced.npz"), "boom.fmu", platforms=PLATFORMS[:1])
     programs = {"PATH": f"{fmpy.parent}:/usr/bin:/bin"}
     assert [command.split()[0] for command in commands] == ["python", "fmpy"]
     for command in (*(shlex.split(line) for line in commands), ["python", "-c", check]):
@@ -213,7 +213,7 @@ def test_the_boom_of_the_manual_is_driven_under_fmpy(fmpy: Path, tmp_path: Path)
     page = (ROOT / "docs" / "fmu.md").read_text().split("## Drive a boom with FMPy")[1]
     (drive,) = re.findall(r"^```python\n(.*?)^```$", page.split("\n## ")[0], flags=re.S | re.M)
     system = reduce(scene.load_any(ROOT / "workflows" / "boom_three.toml", ["time.end=0.5"])).system
-    fmu.write_fmu(system.save(tmp_path / "system.npz"), tmp_path / "three.fmu", platforms=PLATFORMS[:1])
+    fmi.write_fmu(system.save(tmp_path / "system.npz"), tmp_path / "three.fmu", platforms=PLATFORMS[:1])
     done = subprocess.run([str(fmpy), "-c", drive], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     known = read_scene(system, "system")

@@ -12,7 +12,7 @@ from turning_cylinder import Rigid, boom
 
 import pmr
 from pmr import SimulationError, System
-from pmr.export.fmi.fmu import fmu_contents
+from pmr.export.fmi import fmu_contents
 from pmr.scene import Scene
 from pmr.simulation.moving import read_scene
 

@@ -13,8 +13,8 @@ import pmr
 from pmr import InputError, System
 from pmr.cli.export import read_unit_observer
 from pmr.compare.simulated import excitation_of_scene
-from pmr.export.fmi import fmu
-from pmr.export.fmi.fmu import fmu_contents, write_fmu
+from pmr.export import fmi
+from pmr.export.fmi import fmu_contents, write_fmu
 from pmr.files.arrays import Array
 from pmr.observe.measured import ObserverFile
 from pmr.observe.observer import Estimates
@@ -94,7 +94,7 @@ def instance_of(case: Case, folder: Path, version: str) -> tuple[Instance, list[
     return Instance(library), [name for name in inputs if name not in measured], measured, estimated
 
 
-@pytest.mark.parametrize("version", fmu.VERSIONS)
+@pytest.mark.parametrize("version", fmi.VERSIONS)
 def test_estimates_are_those_in_python_to_the_last_bit(case: Case, tmp_path: Path, version: str) -> None:
     """One step later, as rates need the step behind; also after a state that was saved, and after a reset."""
     instance, inputs, measured, estimated = instance_of(case, tmp_path, version)
@@ -142,13 +142,13 @@ def test_the_command_writes_it_and_other_formats_refuse_an_observer(case: Case, 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("version", fmu.VERSIONS)
+@pytest.mark.parametrize("version", fmi.VERSIONS)
 def test_fmpy_finds_nothing_and_has_the_same_estimates(case: Case, tmp_path: Path, version: str) -> None:
     python = ROOT / ".venv-fmi" / "bin" / "python"
     if not python.exists():
         pytest.skip("FMPy is not installed: make test does it")
     observer = read_unit_observer(case.sensors, case.model)
-    file = write_fmu(case.model, tmp_path / "observer.fmu", version, fmu.PLATFORMS[:1], observer=observer)
+    file = write_fmu(case.model, tmp_path / "observer.fmu", version, fmi.PLATFORMS[:1], observer=observer)
     data = tmp_path / "data.npz"
     np.savez(data, inputs=case.inputs, measured=case.measured, step=H)
     script = str(Path(__file__).with_name("under_fmpy.py"))

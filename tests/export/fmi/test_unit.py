@@ -17,8 +17,8 @@ from export.fmi.units import LOADS, PATH, STEP, provided
 from oracle import flexible, rich_body
 
 from pmr import InputError, ReducedModel, System
-from pmr.export.fmi import fmu
-from pmr.export.fmi.fmu import PLATFORMS, Contents, fmu_contents, selected_platforms
+from pmr.export import fmi
+from pmr.export.fmi import PLATFORMS, Contents, fmu_contents, selected_platforms
 from pmr.export.formats import Options, write
 from pmr.files.arrays import Array
 from pmr.kernel.kernel import Kernel
@@ -172,10 +172,10 @@ def test_anything_else_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("version", "count"), [("2", 3), ("3", 5)])
 def test_each_has_its_place_in_the_archive(tmp_path: Path, monkeypatch, version: str, count: int) -> None:
-    monkeypatch.setattr(fmu, "library_bytes", lambda platform: platform.target.encode())
+    monkeypatch.setattr(fmi, "library_bytes", lambda platform: platform.target.encode())
     model = provided(flexible(rich_body(), 6), PATH, LOADS)
     system = System.of(model)
-    file = fmu.write_fmu(system.save(tmp_path / "system.npz"), tmp_path / "boom.fmu", version)
+    file = fmi.write_fmu(system.save(tmp_path / "system.npz"), tmp_path / "boom.fmu", version)
     places = {one.folder_2 if version == "2" else one.folder_3: one for one in PLATFORMS}
     with zipfile.ZipFile(file) as archive:
         binaries = [name for name in archive.namelist() if name.startswith("binaries/")]
@@ -188,10 +188,10 @@ def test_each_has_its_place_in_the_archive(tmp_path: Path, monkeypatch, version:
 
 def test_without_binary_or_compiler_it_says_what_to_install(monkeypatch) -> None:
     (other,) = (one for one in PLATFORMS if one.folder_3 == "aarch64-darwin")
-    monkeypatch.setattr(fmu, "_HERE", Path("nowhere"))
+    monkeypatch.setattr(fmi, "_HERE", Path("nowhere"))
     monkeypatch.setitem(sys.modules, "ziglang", None)
     with pytest.raises(InputError, match="ziglang"):
-        fmu.library_bytes(other)
+        fmi.library_bytes(other)
 
 
 @pytest.mark.slow
@@ -200,7 +200,7 @@ def test_sources_that_come_along_compile_to_the_unit(tmp_path: Path, version: st
     """As an importer compiles them: the files that are listed, with no option but that for a shared library."""
     system = System.of(provided(flexible(rich_body(), 6), PATH, LOADS))
     saved = system.save(tmp_path / "system.npz")
-    file = fmu.write_fmu(saved, tmp_path / "body.fmu", version, PLATFORMS[:1], sources=True)
+    file = fmi.write_fmu(saved, tmp_path / "body.fmu", version, PLATFORMS[:1], sources=True)
     with zipfile.ZipFile(file) as archive:
         archive.extractall(tmp_path / "unit")
     described = tmp_path / "unit" / ("modelDescription.xml" if version == "2" else "sources/buildDescription.xml")

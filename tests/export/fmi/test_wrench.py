@@ -10,7 +10,7 @@ from export.fmi.libraries import Instance, loaded
 
 import pmr
 from pmr import System
-from pmr.export.fmi.fmu import fmu_contents
+from pmr.export.fmi import fmu_contents
 from pmr.scene import load_any
 from pmr.simulation.moving import read_scene
 

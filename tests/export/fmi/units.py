@@ -13,7 +13,7 @@ from oracle import flexible, project, rich_body
 
 import pmr
 from pmr import ReducedModel, System
-from pmr.export.fmi.fmu import fmu_contents
+from pmr.export.fmi import fmu_contents
 from pmr.export.fmi.variables import Drivers
 from pmr.files.arrays import Array
 from pmr.scene.signals import Chirp, Ramp, SignalBase, Sine, SmoothRamp

@@ -10,7 +10,7 @@ from oil_boom import FOOT, LUG, RIGID, UP_AND_DOWN, oil
 
 import pmr
 from pmr import InputError, System
-from pmr.export.fmi.reference import reference
+from pmr.export.fmi.description import reference
 from pmr.export.fmi.variables import Drivers, variables
 from pmr.kernel.machine import CYLINDER_COLUMNS
 from pmr.kernel.state import StepError
