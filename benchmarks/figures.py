@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from benchmarks.scale import own_memory
-from pmr.report.figures.canvas import SERIES, WIDE, add_legend, curve_style, log_axis, log_x, make_sheet, octave_axis
+from pmr.report.figures import SERIES, WIDE, add_legend, curve_style, log_axis, log_x, make_sheet, octave_axis
 from pmr.report.numbers import power_of_ten
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from benchmarks import figures, messages
 from benchmarks.scale import own_memory
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
-from pmr.report.figures.canvas import drawing
+from pmr.report.figures import drawing
 from pmr.report.numbers import SPACE, format_input, format_quantity, significant
 
 STAGES = {

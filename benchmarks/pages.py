@@ -9,7 +9,7 @@ from benchmarks import figures
 from benchmarks.page_of_scale import scale, shares
 from benchmarks.waited_for import allowed
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
-from pmr.report.figures.canvas import drawing
+from pmr.report.figures import drawing
 from pmr.report.numbers import SPACE, format_input, format_percent, format_quantity, significant
 
 WAYS = {

@@ -26,7 +26,7 @@ from pmr.kernel import state
 from pmr.kernel._native import ffi, lib
 from pmr.report import album, document
 from pmr.report.blocks import Drawing
-from pmr.report.figures.canvas import drawing
+from pmr.report.figures import drawing
 from pmr.scene import Scene
 from pmr.system.body import FullBody
 from pmr.system.reduced_model import ReducedModel

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from pmr.report.figures.canvas import style
+from pmr.report.figures import style
 from pmr.report.figures.histories import Timeline, history_figure
 from pmr.results import RunResult
 

@@ -15,7 +15,7 @@ from pmr.report.blocks import Picture
 from pmr.report.columns import rope_places
 from pmr.report.moving_bodies import Block, Moment, MovingBodies, pad_blocks
 from pmr.report.numbers import SPACE, format_quantity, prose
-from pmr.report.renderer import Piece, Shot, Vector, frame_shots, render_shot
+from pmr.report.player import Piece, Shot, Vector, frame_shots, render_shot
 from pmr.report.subject import is_alone, walls_clause
 from pmr.results.quantities import stress_name
 from pmr.scene.members import body_ring

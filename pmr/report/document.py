@@ -20,7 +20,7 @@ from pmr.errors import escape_controls
 from pmr.errors.environment import import_package
 from pmr.files.whole import replacement_folder
 from pmr.report.blocks import END_OF_SCREEN, REPORT_FILES, SCREEN, Chapter, Drawing, ReportFiles
-from pmr.report.figures.canvas import FONT
+from pmr.report.figures import FONT
 from pmr.report.sections import chapter
 from pmr.results import RunResult
 

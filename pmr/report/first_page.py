@@ -10,7 +10,17 @@ from pmr.files.arrays import Summary
 from pmr.report import overview, sentences, trust
 from pmr.report.blocks import Table
 from pmr.report.columns import axis_points, is_round_off, tip_displacements
-from pmr.report.extremes import (
+from pmr.report.largest_forces import force_rows
+from pmr.report.numbers import (
+    SPACE,
+    format_input,
+    format_length,
+    format_percent,
+    format_quantity,
+    format_time,
+    significant,
+)
+from pmr.report.sentences import (
     LargestValue,
     LargestValues,
     angles_clause,
@@ -21,16 +31,6 @@ from pmr.report.extremes import (
     position_text,
     two_decimals,
     value_at,
-)
-from pmr.report.largest_forces import force_rows
-from pmr.report.numbers import (
-    SPACE,
-    format_input,
-    format_length,
-    format_percent,
-    format_quantity,
-    format_time,
-    significant,
 )
 from pmr.report.subject import (
     crossing,

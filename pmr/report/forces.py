@@ -10,10 +10,10 @@ import numpy as np
 from pmr.files.arrays import Summary
 from pmr.report.blocks import Block, Drawing, Grid
 from pmr.report.columns import Force, forces_of
-from pmr.report.extremes import Measured, extremes_grid, extremes_of
-from pmr.report.figures.canvas import drawing
+from pmr.report.figures import drawing
 from pmr.report.figures.histories import output_figure, panel_figure
 from pmr.report.numbers import format_quantity, format_time, prose
+from pmr.report.sentences import Measured, extremes_grid, extremes_of
 from pmr.report.subject import (
     drive_of,
     force_words,

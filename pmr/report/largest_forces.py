@@ -9,9 +9,9 @@ import numpy as np
 
 from pmr.files.arrays import Summary
 from pmr.report import trust
-from pmr.report.extremes import LargestValue, LargestValues, extreme_clause, largest_value, value_at
 from pmr.report.numbers import SPACE, format_length, format_percent, format_quantity, significant
 from pmr.report.overview import format_range
+from pmr.report.sentences import LargestValue, LargestValues, extreme_clause, largest_value, value_at
 from pmr.report.subject import (
     drive_of,
     has_free_luffing,

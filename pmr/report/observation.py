@@ -17,7 +17,7 @@ from pmr.files.arrays import Array, Summary
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, Notices
 from pmr.report.columns import spread_indices
 from pmr.report.document import ReportFiles, render, with_date, write_page
-from pmr.report.figures.canvas import HALF, INK, LIMIT, MUTED, SERIES, add_legend, bins_of, drawing, make_axes
+from pmr.report.figures import HALF, INK, LIMIT, MUTED, SERIES, add_legend, bins_of, drawing, make_axes
 from pmr.report.figures.histories import BAND
 from pmr.report.numbers import SPACE, format_percent, format_quantity, prose, significant, unit_for
 from pmr.results.quantities import unit_text

@@ -21,8 +21,7 @@ from pmr.report.columns import (
     undrawn_sentence,
 )
 from pmr.report.errors import error_table, is_compared
-from pmr.report.figures import histories, shapes, space
-from pmr.report.figures.canvas import drawing, section_colours
+from pmr.report.figures import drawing, histories, section_colours, shapes, space
 from pmr.report.figures.histories import line_figure
 from pmr.report.moving_bodies import MovingBodies
 from pmr.report.numbers import SPACE, format_input, prose, significant, with_sign

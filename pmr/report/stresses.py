@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from pmr.files.arrays import Summary
 from pmr.report import sentences
 from pmr.report.blocks import Block, Drawing, Grid
-from pmr.report.extremes import Measured, extremes_grid
-from pmr.report.figures import histories, shapes
-from pmr.report.figures.canvas import drawing
+from pmr.report.figures import drawing, histories, shapes
 from pmr.report.numbers import NOTHING, SPACE, format_time, significant, unit_for
+from pmr.report.sentences import Measured, extremes_grid
 from pmr.results import Response, RunResult
 from pmr.results.quantities import stress_remark
 from pmr.results.response import Extremes

@@ -7,8 +7,7 @@ import pytest
 
 from pmr import RunResult
 from pmr.report.columns import axis_points
-from pmr.report.figures import space
-from pmr.report.figures.canvas import style
+from pmr.report.figures import space, style
 from pmr.report.moving_bodies import Block, MovingBodies, body_surface, build_surroundings, cell_stresses
 from pmr.report.player import body_motion
 from pmr.results.field_series import THICK, Grid

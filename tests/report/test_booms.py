@@ -9,8 +9,7 @@ from pmr import RunResult
 from pmr.report import errors, sections, trust
 from pmr.report.document import render_runs as render
 from pmr.report.document import write_report
-from pmr.report.figures import histories
-from pmr.report.figures.canvas import style
+from pmr.report.figures import histories, style
 from pmr.report.figures.histories import stress_figure, stress_histories
 from pmr.report.sections import chapter as case
 from pmr.report.sentences import peak_clause

@@ -11,8 +11,7 @@ from matplotlib.axis import Axis
 from pmr import RunResult, report
 from pmr.report.blocks import Drawing
 from pmr.report.columns import tip_displacements
-from pmr.report.figures import shapes
-from pmr.report.figures.canvas import (
+from pmr.report.figures import (
     HALF,
     PENS,
     SHADE,
@@ -21,6 +20,7 @@ from pmr.report.figures.canvas import (
     log_axis,
     make_sheet,
     octave_axis,
+    shapes,
     style,
     svg,
 )

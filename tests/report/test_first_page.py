@@ -17,12 +17,10 @@ from pmr.report.blocks import Chapter, Drawing, KeyNumber, Notices, Table
 from pmr.report.document import drawn_text
 from pmr.report.document import render_runs as rendered
 from pmr.report.errors import rows as error_rows
-from pmr.report.extremes import LargestValue, largest_value
-from pmr.report.figures import space
-from pmr.report.figures.canvas import INK
+from pmr.report.figures import INK, space
 from pmr.report.first_page import first_page_tables, largest_value_rows, overload_sentences
 from pmr.report.sections import accuracy_block, chapter
-from pmr.report.sentences import key_numbers
+from pmr.report.sentences import LargestValue, key_numbers, largest_value
 from pmr.report.subject import play_clause, walls_clause
 from pmr.report.trust import LEAST, certainty_rows, summed_errors
 from pmr.results import Response, RunResult

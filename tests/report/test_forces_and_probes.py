@@ -13,7 +13,7 @@ from pmr import RunResult
 from pmr.report import forces as drawn
 from pmr.report import stresses
 from pmr.report.errors import rows as error_rows
-from pmr.report.figures.canvas import section_colours
+from pmr.report.figures import section_colours
 from pmr.report.figures.shapes import envelope_figure
 from pmr.report.forces import contact_block
 from pmr.report.stresses import section_force_block

@@ -8,7 +8,7 @@ import pytest
 
 import pmr
 from pmr import RunResult
-from pmr.report import extremes, forces, sections
+from pmr.report import forces, sections, sentences
 from pmr.report.columns import rope_axis
 from pmr.report.figures import space
 from pmr.report.figures.space import space_drawings
@@ -43,7 +43,7 @@ def test_a_vehicle_is_told_by_its_place_on_the_bridge_and_counts_with_its_mass()
     assert f", 10{SPACE}m from its tail, " in carries["largest deflection of bridge"]
     assert carries["lowest natural frequency"].endswith(f"with vehicle at 10{SPACE}m")
     assert not any("without coordinates along x" in warning for warning in result.summary["warnings"])
-    assert extremes.then_words(result) == ", and the place of vehicle then"
+    assert sentences.then_words(result) == ", and the place of vehicle then"
 
 
 def test_what_hangs_on_the_hoist_stands_on_the_first_page() -> None:

@@ -16,9 +16,8 @@ from pmr import RunResult
 from pmr.report import album, columns, player, sections, subject
 from pmr.report import forces as loads
 from pmr.report.document import render_runs
-from pmr.report.figures import histories
+from pmr.report.figures import WIDE, histories, make_axes, style
 from pmr.report.figures import space as figures
-from pmr.report.figures.canvas import WIDE, make_axes, style
 from pmr.report.figures.histories import Timeline
 from pmr.report.moving_bodies import MovingBodies
 from pmr.report.sections import chapter

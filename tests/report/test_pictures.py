@@ -11,7 +11,7 @@ from pmr import scene as scenes
 from pmr.report import album as pictures
 from pmr.report.document import render_runs as render
 from pmr.report.moving_bodies import MovingBodies, body_surface
-from pmr.report.renderer import Piece, Shot, frame_shots, render_shot
+from pmr.report.player import Piece, Shot, frame_shots, render_shot
 from pmr.report.sections import chapter as case
 from pmr.results import BodyResult, Paths
 from pmr.results.field_series import THICK

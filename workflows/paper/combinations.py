@@ -17,7 +17,7 @@ from nested_models import TREATMENTS, combination, errors
 from published import COMBINATIONS, EXPLAINED, TREATED
 
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
-from pmr.report.figures.canvas import SHADE, WIDE, add_legend, curve_style, drawing, log_axis, make_sheet
+from pmr.report.figures import SHADE, WIDE, add_legend, curve_style, drawing, log_axis, make_sheet
 from pmr.report.numbers import format_input, format_percent
 
 SETTINGS = {"scene": "paper_evolved", "combinations": [[5, 6], [15, 1], [10, 10]], "fewest": 3}

@@ -20,7 +20,7 @@ from pmr.compare.errors import absolute_error, relative_error
 from pmr.compare.responses import march_once, simulate_cable
 from pmr.compare.summary import warnings_of_response
 from pmr.report.blocks import Block, Chapter, KeyNumber, Notices
-from pmr.report.figures.canvas import WIDE, add_legend, curve_style, drawing, log_axis, log_x, make_sheet
+from pmr.report.figures import WIDE, add_legend, curve_style, drawing, log_axis, log_x, make_sheet
 from pmr.report.numbers import format_length
 from pmr.scene import Scene
 from pmr.scene.hints import hints

@@ -21,7 +21,7 @@ from nested_models import TREATMENTS, combination, errors
 from published import ERROR_MAP, EXPLAINED, TREATED
 
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
-from pmr.report.figures.canvas import HALF, INK, MUTED, WIDE, drawing, make_sheet
+from pmr.report.figures import HALF, INK, MUTED, WIDE, drawing, make_sheet
 from pmr.report.numbers import format_input, format_percent
 
 #: Pools hold `smallest_pool` to `largest_pool` snapshots; errors are averaged over the `averaged` largest numbers of

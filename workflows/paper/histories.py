@@ -17,7 +17,7 @@ from published import histories
 import pmr
 from pmr.compare.errors import nrms
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
-from pmr.report.figures.canvas import SHADE, WIDE, add_legend, curve_style, drawing, make_sheet
+from pmr.report.figures import SHADE, WIDE, add_legend, curve_style, drawing, make_sheet
 from pmr.report.numbers import format_length, format_percent
 
 SETTINGS = {"scenes": ["paper_simple", "paper_evolved"]}

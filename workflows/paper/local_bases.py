@@ -31,7 +31,7 @@ from scipy.interpolate import CubicSpline
 import pmr
 from pmr.compare.errors import nrms
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
-from pmr.report.figures.canvas import WIDE, add_legend, curve_style, drawing, log_axis, make_sheet
+from pmr.report.figures import WIDE, add_legend, curve_style, drawing, log_axis, make_sheet
 from pmr.report.numbers import format_percent
 
 SETTINGS = {"scenes": ["simple_residual", "evolved_residual"], "coordinates": [2, 3, 4, 5, 6, 8, 10, 12, 16, 20]}

@@ -29,7 +29,7 @@ from matplotlib.lines import Line2D
 import pmr
 from pmr.compare.errors import nrms
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
-from pmr.report.figures.canvas import WIDE, curve_style, drawing, log_axis, log_x, make_sheet
+from pmr.report.figures import WIDE, curve_style, drawing, log_axis, log_x, make_sheet
 from pmr.report.numbers import format_percent, significant
 from pmr.scene import Scene
 

@@ -22,7 +22,7 @@ import pmr
 from pmr.compare.outputs import run_from_start
 from pmr.compare.responses import simulate_cable
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
-from pmr.report.figures.canvas import INK, MUTED, WIDE, add_legend, drawing, log_x, make_sheet
+from pmr.report.figures import INK, MUTED, WIDE, add_legend, drawing, log_x, make_sheet
 from pmr.report.numbers import SPACE, format_input, format_percent, format_quantity, significant
 from pmr.scene.signals import SignalBase
 from pmr.simulation import Excitation

@@ -36,7 +36,7 @@ from pmr.compare.outputs import divide_steps, run_from_start
 from pmr.compare.summary import warnings_of_response
 from pmr.reduction.bodies import reduce_bodies, reduce_body
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, Notices
-from pmr.report.figures.canvas import WIDE, curve_style, drawing, log_axis, log_x, make_sheet
+from pmr.report.figures import WIDE, curve_style, drawing, log_axis, log_x, make_sheet
 from pmr.report.numbers import format_input, format_percent, format_quantity
 from pmr.report.studies import study_chapter
 from pmr.report.studies.finished import FinishedStudy

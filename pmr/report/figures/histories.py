@@ -14,7 +14,7 @@ from pmr.files.arrays import Array
 from pmr.report import subject
 from pmr.report.blocks import Drawing
 from pmr.report.columns import ResponseFunction, extreme_indices, interpolate
-from pmr.report.figures.canvas import (
+from pmr.report.figures import (
     HALF,
     INK,
     PENS,

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pmr.errors import escape_controls, letters
 from pmr.files.arrays import Array
 from pmr.report.columns import spread_indices
-from pmr.report.figures.canvas import (
+from pmr.report.figures import (
     INK,
     MUTED,
     ROW,

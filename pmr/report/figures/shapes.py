@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from pmr.report.columns import spread_indices
-from pmr.report.figures.canvas import (
+from pmr.report.figures import (
     HALF,
     INK,
     MUTED,
@@ -29,7 +29,7 @@ from pmr.report.figures.canvas import (
     section_colours,
 )
 from pmr.report.numbers import format_input, prose, share_captured, unit_for
-from pmr.report.renderer import RAMP
+from pmr.report.player import RAMP
 from pmr.report.subject import crossing, moving_part, reach
 from pmr.results import FrequencyResponse, RunResult, Shapes
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pmr.files.arrays import Array
 from pmr.report.blocks import Drawing
 from pmr.report.columns import axis_points, body_axes, frame_rotations, rope_axis, spread_indices
-from pmr.report.figures.canvas import (
+from pmr.report.figures import (
     HALF,
     INK,
     LIMIT,

@@ -9,7 +9,7 @@ import numpy as np
 
 from pmr.files.arrays import Array, Summary
 from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, KeyNumber, Table
-from pmr.report.figures.canvas import drawing
+from pmr.report.figures import drawing
 from pmr.report.figures.load_chart import (
     LINES,
     NOT_PERMITTED,

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pmr.report.blocks import Block, Chapter, Drawing, Grid, KeyNumber
-from pmr.report.figures.canvas import WIDE, add_legend, curve_style, drawing, log_axis, log_x, make_axes, make_panels
+from pmr.report.figures import WIDE, add_legend, curve_style, drawing, log_axis, log_x, make_axes, make_panels
 from pmr.report.numbers import SPACE, prose, unit_for
 from pmr.report.studies import tables
 from pmr.report.studies.finished import FinishedStudy

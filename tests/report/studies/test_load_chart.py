@@ -8,7 +8,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from pmr.report.figures.canvas import style
+from pmr.report.figures import style
 from pmr.report.figures.load_chart import (
     LINES,
     NOT_PERMITTED,
