@@ -12,7 +12,7 @@ from random_machines import GIVING, SHELLS, G, random_machine
 from pmr import InputError
 from pmr.results.quantities import LIMITED
 from pmr.scene import Scene
-from pmr.studies.chart_rows import check_at_rest
+from pmr.studies.chart_draft import check_at_rest
 from pmr.studies.limits import KINDS, Limit
 
 pytestmark = pytest.mark.slow

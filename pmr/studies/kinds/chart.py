@@ -25,9 +25,9 @@ from pmr.scene.members import members
 from pmr.scene.tomlfiles import Change
 from pmr.simulation.statics.postures import HOOK, with_hook
 from pmr.studies import tasks
+from pmr.studies.chart_draft import Range, check_at_rest, check_slewing, extension_rows
 from pmr.studies.chart_models import compute_postures, compute_richer_postures
 from pmr.studies.chart_points import Stop, replaced_mass_warnings
-from pmr.studies.chart_rows import Range, check_at_rest, check_slewing, extension_rows
 from pmr.studies.charting import allow_row
 from pmr.studies.duty import CLASSES, NOT_LIMITED, ChartLoads, DutyTable, Hoist, LeastLoads, LoadCase, hoisting_factor
 from pmr.studies.limits import STABILITY, STABILITY_WORDS, Limit
