@@ -92,7 +92,11 @@ def largest_value_rows(result: RunResult) -> Rows:
 
 
 def _largest_values_table(result: RunResult) -> Table:
-    """Table of largest values, with a heading above the first row of each kind; no headings if all are of one kind."""
+    """Table of largest values; a heading stands above the first row of each kind.
+
+    All rows with an allowed value are one kind, with the heading `USED_UP`.  The kinds of other rows follow from the
+    parts that they belong to (`HEADINGS`).  If all rows are of one kind, the table has no headings.
+    """
     headings, rows = dict[str, str](), largest_values(result)
     for row in rows:
         heading = USED_UP if row.share is not None else _heading(row)
@@ -157,11 +161,13 @@ def _largest_values(result: RunResult) -> LargestValues:
 
 
 def _stress_rows(result: RunResult) -> LargestValues:
-    """Yield a row with the largest von Mises stress and its share of the yield stress.
+    """Yield one to three rows on the largest von Mises stress and on its share of the yield stress.
 
-    If the largest share of the yield stress occurs at another point than the largest stress, it has its own row.
-    Stresses of beams lack local bending.  So their share is stated only if it is above 1, and as a lower bound.  If the
-    stress of a shell is known, its row comes before that of the beams.
+    For beams, the first row is that of the stress in walls at pads, if a shell computed it.  Then comes the row of the
+    model's largest stress.  If another point has the largest share of the yield stress, the share has a row of its own
+    after it.  Stresses of beams lack the local bending of walls; so their share is stated as a lower bound, and only if
+    it is above 1.  If no stress was computed, there is one row that says so and names the table of the scene that asks
+    for it.
     """
     summary = result.summary
     largest = summary.get("max_von_mises", {}).get("reduced")

@@ -84,7 +84,7 @@ def rope_forces(summary: Summary) -> list[Measured]:
 
 
 def support_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block about supports; None if the run has none.
+    """Build the block about supports; None if no support is elastic and no rigid support bears a force.
 
     It has figures of the forces of elastic supports over time, and tables of extremes for elastic and rigid supports.
     `prefix` begins the identifiers of the figures.

@@ -106,7 +106,10 @@ def _allowed_forces_words(result: RunResult) -> str:
 
 
 def _support_use_rows(result: RunResult) -> LargestValues:
-    """Yield a row with the support of whose allowed force the largest share is used; none without an allowed force."""
+    """Yield a row on the support that uses the largest share of its allowed force: the share, the force, the time.
+
+    Nothing is yielded if no support with an allowed force has a force in the summary.
+    """
     extremes = {of["name"]: Extremes.from_summary(of) for of in result.summary.get("supports", ())}
     allowed = {
         name: support.allowed_force
@@ -201,9 +204,10 @@ def _forces_by_kind_rows(result: RunResult) -> LargestValues:
 
 
 def _dynamic_factor_rows(result: RunResult) -> LargestValues:
-    """Yield a row with the largest forces of this motion as multiples of those at rest in the same posture.
+    """Yield one row that lists the dynamic factors: largest forces of this motion over those at rest.
 
-    The force of a support is its resultant where this has a factor, else its largest component.
+    Those at rest are in the same posture, under the same loads.  Nothing is yielded if the summary has no
+    ``dynamic_factors``.  If supports have factors of their resultants, those of their components are left out.
     """
     rows = result.summary.get("dynamic_factors", ())
     hidden = "reaction" if any(row["kind"] == "resultant" for row in rows) else ""

@@ -237,7 +237,7 @@ def response_block(result: RunResult, prefix: str) -> Block | None:
 
 
 def origin_block(result: RunResult) -> Block:
-    """Build the block on the origin of a result: its scene, sizes and times of the run, and the machine.
+    """Build the last block: the scene's input, wall times, commit, date, machine, sizes and software of the run.
 
     Empty tables are left out.
     """

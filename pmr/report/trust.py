@@ -251,10 +251,10 @@ def _reason_without_model_error(model: Mapping[str, object]) -> str:
 
 
 def _errors_by_label(part: Mapping[str, float | None]) -> dict[str, float]:
-    """Relative errors of one source, by the labels of the quantities in which they are measured, the largest first.
+    """Relative errors of one source, the largest first, by the labels of the quantities, such as that of the tip.
 
-    `part` is the mapping of this source in the summary; its keys are kinds of errors.  Other keys, and values that are
-    None, are left out.
+    `part` holds these errors in a summary by the kind of quantity, such as ``tip``.  Keys that are no such kinds, and
+    errors that are None, are left out.
     """
     kinds = ("beam", "largest", *COMPARED[2:], "probe", "tip")
     errors = {QUANTITIES[kind].label: error for kind in kinds if (error := part.get(kind)) is not None}

@@ -283,7 +283,8 @@ class Box(BoxProfile):
     def _thicken(self, profile: BoxProfile, doublers: dict[int, Doubler]) -> BoxProfile:
         """Return a profile whose walls are thicker by the `doublers`, which are given by their number in the box.
 
-        If the profile has no room for them, the error is about the first one with which it has none.
+        If the profile has no room for all of them, an error of the key of the first doubler that does not fit is
+        raised.
         """
         names: dict[WallName, None] = dict.fromkeys(
             (*self._face_names, *HALVES)

@@ -128,7 +128,10 @@ class Body(Geometry):
 
     @model_validator(mode="after")
     def _check_thickness(self) -> Body:
-        """Refuse a box together with a thickness or a profile, as these describe the same."""
+        """Refuse more than one description of the shape: a box, a profile or a mover; and a box with a thickness.
+
+        A box has the thickness of its walls itself.
+        """
         if self.box is not None and self.thickness is not None:
             raise ValueError("give box.wall or thickness, one of them")
         if sum(description is not None for description in (self.box, self.profile, self.mover)) > 1:

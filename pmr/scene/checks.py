@@ -336,7 +336,7 @@ def check_exclusions(scene: Scene) -> None:
 
 
 def check_wind(scene: Scene) -> None:
-    """Refuse wind together with a motion that is computed."""
+    """Refuse wind together with a motion that is computed: of a machine, a luffing angle or an extension."""
     for member in members(scene) if scene.computed_key is not None else ():
         for k, load in enumerate(member.part.loads):
             if load.acts == "wind":

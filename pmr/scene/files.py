@@ -117,10 +117,11 @@ class UnusedKey:
 
 
 def check_unused(file: TomlFile, scene: Scene) -> None:
-    """Refuse the first key without effect that is set by an option, or in this file together with the deciding key.
+    """Raise an InputError for the first key without effect that this file or an option sets.
 
-    The deciding key is `UnusedKey.decided_by`.  Keys taken over from a file that this one extends, from the table
-    common to all sections, or from the grid of a study may have an effect elsewhere and pass.
+    If a second key takes away the effect (`UnusedKey.decided_by`), a key of this file is refused only if this file sets
+    the second key as well.  Keys taken over from a file that this one extends, from the table common to all sections,
+    or from the grid of a study may have an effect elsewhere and pass.
     """
     if "sections" not in file.data:
         _refuse_any(file, "", file.data, _refused_body_keys(member_at(scene)))
@@ -133,10 +134,10 @@ def check_unused(file: TomlFile, scene: Scene) -> None:
 
 
 def _refuse_any(file: TomlFile, prefix: str, content: Mapping[str, object], unused_keys: Iterator[UnusedKey]) -> None:
-    """Refuse the first of `unused_keys` in the table `content` that an option or this file sets with its deciding key.
+    """Raise an InputError for the first of `unused_keys` in the table `content` that an option or this file sets.
 
-    A key that another file sets, or whose deciding key another file sets, passes (see `check_unused`).  `prefix` is put
-    before the keys of the table; it is the key of the table in the file with a dot, or empty.
+    A key of this file passes if another file sets the key that takes away its effect (see `check_unused`).  `prefix` is
+    put before the keys of the table; it is the key of the table in the file with a dot, or empty.
     """
     for unused in unused_keys:
         if not _has_key(content, unused.key):
@@ -207,7 +208,11 @@ def _unused_joint_keys(scene: Scene, number: int) -> Iterator[UnusedKey]:
 
 
 def _unused_simulation_keys(scene: Scene) -> Iterator[UnusedKey]:
-    """Yield keys without effect in the tables of comparison and simulation."""
+    """Yield keys without effect in the tables of comparison and simulation.
+
+    They are the elements of an ANCF cable without this reference, settings of Newton's method without Exudyn, and a
+    play of pads where no pad only pushes or the pads have a clearance already.
+    """
     if "ancf" not in scene.compare.against:
         yield UnusedKey("compare.ancf_elements", "compare.against", "compare.against names no ANCF reference")
     if not any(name.startswith("exudyn") for name in (*scene.simulation.simulators, scene.simulation.full)):

@@ -164,7 +164,11 @@ def _has_jump(angle: SignalBase, t: float) -> bool:
 
 
 def still_rotation(scene: Scene) -> Array:
-    """Rotation (3, 3) from axes of a boom without a frame into those of the ground; Z is opposite to the weight."""
+    """Rotation (3, 3) from the axes of a boom without a frame into the axes X, Y, Z of the ground.
+
+    Z is opposite to the weight, and X is the boom's x projected to the horizontal.  For a vertical boom, X is the
+    boom's z.
+    """
     assert scene.gravity is not None  # as the checks say
     up, ahead = -np.array(scene.gravity.direction), np.eye(3)[0]
     ahead = ahead - (ahead @ up) * up
@@ -184,7 +188,7 @@ class PlaceOnBoom(NamedTuple):
 
 
 def rope_places(scene: Scene) -> list[PlaceOnBoom]:
-    """Places of the head and of the winch of a scene's hoist."""
+    """Places of a scene's hoist on boom or machine: that of the head, then that of the winch."""
     assert scene.hoist is not None
     tail = np.zeros(3) if scene.frame is None else np.array(scene.frame.tail_position)
     places = {name: (m.number, place) for m in members(scene) for name, place in m.rope_places.items()}

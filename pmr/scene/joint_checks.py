@@ -383,7 +383,10 @@ def check_section(scene: Scene, number: int) -> None:
 
 
 def _check_overlaps_and_friction(scene: Scene) -> None:
-    """Refuse rigid overlaps unless all are planar beams, and friction where sections can't move along the boom."""
+    """Refuse a rigid overlap of a section that is no planar beam, and friction of pads that nothing rubs on.
+
+    Pads rub on a section only if its model has displacements along the boom.
+    """
     for number in range(1, len(scene.sections)):
         member = member_at(scene, number)
         if scene.joint(number).rigid_overlap and not is_planar(member):

@@ -102,10 +102,12 @@ def cylinder_force_names(scene: Scene) -> tuple[str, ...]:
 
 
 def pin_and_cylinder(scene: Scene) -> PinAndCylinder | None:
-    """Return the rigid pin and the only other support across the boom; None if anything else holds the base.
+    """Return a base's pin and the support that stands for the luffing cylinder; None unless just these hold it.
 
-    The pin holds x and z at one place of the base.  A real boom turns about the pivot, so the pin is there, wherever it
-    is in the model.  Where several supports act across the boom alone, that at the cylinder's lug stands for it.
+    The pin consists of rigid supports along x and along z at one place of the base.  The other support is the only
+    further one that holds z; it is at the cylinder's lug, or else holds z alone.  Any further support of the base, a
+    pad or a sliding point makes the result None, and so does a scene without a luffing cylinder or with one that holds
+    the base by its own stiffness.  The model may have its pin away from the pivot, about which a real boom turns.
     """
     base, at_lug = members(scene)[0], supports_at_lug(scene)
     if scene.frame is None or scene.frame.cylinder is None or scene.holding_cylinder is not None:
@@ -188,7 +190,7 @@ def _cylinder_wrench(body: str, cylinder: LuffingCylinder, angle: Array) -> Cont
 def _force_names(body: str, what: str) -> tuple[str, ...]:
     """Return the names that a force between a body and the ground may have; `what` is the force's name at the body.
 
-    The names are those of a force of the body, of a contact, and of the reaction of a permanent row.
+    The names are those of an output of the body, of a contact of the system, and of the reaction of a rigid support.
     """
     return (
         qualified_name(body, force_name(what)),

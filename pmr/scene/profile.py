@@ -230,7 +230,10 @@ SURFACES = {"middle": 0.0, "outer": -1.0, "inner": 1.0}
 
 
 def _allow_sizes(schema: Schema) -> None:
-    """Allow in a JSON schema, which is changed in place, sizes of the outer or inner surface."""
+    """Change the JSON schema of a profile in place: add the key ``sizes``.
+
+    The key names the surface of the walls whose dimensions a scene gives.
+    """
     about = "Surface of the walls that width, height, radius and chamfer are of; all else follows from the mid-surface"
     sizes = {"enum": list(SURFACES), "default": "middle", "type": "string", "description": about}
     schema["properties"] |= {"sizes": sizes}
@@ -375,7 +378,11 @@ class BoxProfile(SceneTable):
 
 
 def _check_chamfers(profile: BoxProfile) -> None:
-    """Refuse chamfers along one axis alone, wider than half the width, or together higher than the profile."""
+    """Refuse chamfers that do not fit into the profile.
+
+    A chamfer has to cut along y and along z, or not at all, at most half the width along y; along z, those at bottom
+    and top together must not exceed the height.
+    """
     cuts = profile.cut("bottom"), profile.cut("top")
     wide = any(bool(y) != bool(z) or y > profile.width / 2.0 + profile.negligible for y, z in cuts)
     if wide or sum(z for _, z in cuts) > profile.height + profile.negligible:

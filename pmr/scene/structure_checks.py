@@ -131,7 +131,7 @@ def _check_places(member: Member) -> None:
 
 
 def _check_sliding_points(member: Member) -> None:
-    """Refuse sliding points of models other than planar beams, with moving pads, off the body, or at a support."""
+    """Refuse sliding points on a model other than a planar beam, beside moving pads, off the body, or at a support."""
     length = member.part.body.length
     if not member.points:
         return

@@ -37,7 +37,7 @@ ANGLES = 1001
 
 
 class ListSignal(SignalBase):
-    """Signal with a list of values, at rest at each value; the times 0, 1, 2 ... are the numbers of the values."""
+    """Signal with one value of a list at each of the times 0, 1, 2 ...; its rate is 0 at all times."""
 
     values: tuple[float, ...]
     acceleration: float = 0.0  # second rate at each value, in the unit of the values
@@ -51,11 +51,11 @@ class ListSignal(SignalBase):
         return np.array(self.values)[np.clip(np.asarray(t, float).astype(int), 0, last)]
 
     def rate(self, t: ArrayLike) -> Array:
-        """Rate 0 of the list's signal at the times t (...), in the shape of t."""
+        """Rate of the signal at the times t (...), which is 0, in the shape of t."""
         return np.zeros(np.shape(t))
 
     def second_rate(self, t: ArrayLike) -> Array:
-        """Second rate of the list's signal at the times t (...): the constant `acceleration`, in the shape of t."""
+        """Second rate of the signal at the times t (...): the constant `acceleration`, in the shape of t."""
         return np.full(np.shape(t), self.acceleration)
 
 
@@ -120,7 +120,7 @@ def constant_inclination(base: BaseMotion | None) -> BaseMotion | None:
 
 
 def accelerate_angle(still: Scene, angle: str) -> Scene:
-    """The scene `still`, made by `scene_at_rest`, with an acceleration of 1 rad/s^2 of an angle.
+    """Return the scene `still`, made by `scene_at_rest`, with an acceleration of 1 rad/s^2 of one of its two angles.
 
     `angle` is ``luffing`` or ``slewing``.
     """
@@ -130,11 +130,12 @@ def accelerate_angle(still: Scene, angle: str) -> Scene:
 
 
 def amplitudes_at_rest(scene: Scene, extensions: Mapping[str, Array], luffing: float) -> Array:
-    """Amplitudes c (P, k) of the scene's k terms at rest in P postures.
+    """Amplitudes c (P, k) of the k terms of a scene's moving frame, for a boom at rest in P postures.
 
-    The postures have extensions (P,) in m by name and a `luffing` angle in rad.  The weight acts in full.  Loads along
-    x have their smallest value in the scene's time, all other loads their largest, since these values compress the boom
-    most.  For a scene without terms, k is 0.
+    A term is a matrix of the system times an amplitude that varies in time, such as the geometric stiffness by the
+    weight (`pmr.system.terms`).  The postures have extensions (P,) in m by name and a `luffing` angle in rad.  The
+    weight acts in full.  Loads along x have their smallest value in the scene's time, all other loads their largest,
+    since these values compress the boom most.  For a scene without terms, k is 0.
     """
     if not list(frame_terms(scene)):
         return np.empty((len(next(iter(extensions.values()))), 0))
@@ -162,8 +163,9 @@ def _signal_of(values: Array | float) -> SignalBase:
 class RestRows:
     """Coefficients of r forces at one posture, for n coordinates, m contact forces, i loads and w components of load.
 
-    The matrices are those of the module's docstring.  `outputs` describe the forces; `coordinates` is R_q (r, n),
-    `contacts` R_lambda (r, m), `loads` R_f (r, i), and `parts` (w, r, n) holds R_w for each component.
+    The r forces are those on supports and on the machine, and the matrices are those of the module's docstring.
+    `outputs` describe the forces; `coordinates` is R_q (r, n), `contacts` R_lambda (r, m), `loads` R_f (r, i), and
+    `parts` (w, r, n) holds R_w for each component.
     """
 
     outputs: tuple[Output, ...]
@@ -179,7 +181,7 @@ class RestRows:
 
     @classmethod
     def stack(cls, rows: Sequence[RestRows]) -> RestRows:
-        """Stack `rows`, the coefficients at P postures, with an axis of P in front of each array; without `outputs`."""
+        """Stack `rows`, the coefficients at P postures: each array gets an axis of P in front, `outputs` is empty."""
         return cls((), *map(np.array, zip(*(at.arrays for at in rows), strict=True)))
 
 

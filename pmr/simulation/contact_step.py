@@ -213,5 +213,5 @@ class StepParts:
 
     @property
     def steps(self) -> int:
-        """Number of all parts of all steps, N - 1."""
+        """Number of parts of all steps together, N - 1."""
         return len(self.numbers) - 1

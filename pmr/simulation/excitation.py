@@ -296,7 +296,7 @@ def _term_signal(scene: Scene, term: FrameTerm) -> SignalBase:
 
 
 def _over_length(scene: Scene, of: SignalBase, term: FrameTerm) -> FrameAmplitude:
-    """Amplitude of the force of a cylinder, the one of `term`, divided by the cylinder's length.
+    """Amplitude of the force in the cylinder of `term`, divided by the cylinder's length.
 
     The force is caused by `of`, which is a load on what the cylinder carries, or an acceleration of what it carries.
     """

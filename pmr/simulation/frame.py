@@ -163,7 +163,10 @@ class FrameAmplitude(FrameSignal):
 
 
 def products_of(signal: SignalBase, name: str) -> Products:
-    """Products of the signal of an input or a term; a signal that is no `FrameAmplitude` is the load `name` itself."""
+    """Products whose sum is the signal of an input or a term.
+
+    A signal that is no `FrameAmplitude` has one product: the load `name` itself.
+    """
     return signal.products if isinstance(signal, FrameAmplitude) else (Product(1.0, (("load", name),)),)
 
 

@@ -60,7 +60,7 @@ class Derived(SignalBase):
 
 
 class FrameSignal(Derived):
-    """A signal that follows from the frame's angles and paths."""
+    """A signal that follows from the frame's angles and from paths, which are extensions of sections."""
 
     SAMPLES: ClassVar = 10_001  #: number of samples among which the smallest and largest value are searched
 
@@ -156,7 +156,7 @@ class FrameRotation:
         return cls(rate * e, second * e, along + cosine * (np.eye(3) - along) + sine * skew(e))
 
     def carry(self, inner: FrameRotation) -> FrameRotation:
-        """Rotation of a frame that turns by `inner` on one that turns by this rotation."""
+        """Rotation of a frame that turns by `inner` relative to a frame that turns by this rotation."""
         velocity, acceleration = (
             np.einsum("tji,tj->ti", inner.rotation, vectors) for vectors in (self.velocity, self.acceleration)
         )
@@ -202,7 +202,7 @@ def evaluate(products: Products, quantity: Callable[[Quantity], Array], t: Array
 
 
 def field_products(field: str, number: int, pivot: Sequence[float], shaken: bool, factor: float) -> Products:
-    r"""Products of one component of the acceleration field of section `number`, times `factor`.
+    r"""Products whose sum is one component of the acceleration field of section `number`, times `factor`.
 
     The frame of the boom has the unit vectors :math:`e_x`, :math:`e_y` and :math:`e_z` along its axes and the angular
     velocity :math:`\omega`; the accelerations of its points change from point to point by the gradient A.  The pivot is
@@ -213,7 +213,8 @@ def field_products(field: str, number: int, pivot: Sequence[float], shaken: bool
     .. math:: g\, e_Z + \ddot u + \ddot X e_x + 2\, \omega \times \dot X e_x + A\, (p + X e_x)
 
     `field` is ``x``, ``y`` or ``z`` for the component of this vector along the axis, or two axes such as ``xz`` for the
-    component A_xz of the gradient.  The acceleration of the pivot is left out unless `shaken`.
+    component A_xz of the gradient.  The acceleration of the pivot is left out unless `shaken`.  A product is a number
+    times quantities such as an angular velocity, by their names (`Quantity`).
     """
     along = "xyz".index(field[0])
     if len(field) == 2:
@@ -258,7 +259,7 @@ _QUINTIC = np.linalg.inv(_ENDS.astype(float))
 
 @dataclass(frozen=True, eq=False)
 class MotionSamples:
-    """Computed motion of a machine in one direction, or of an extension; only the same object counts as equal.
+    """Computed motion of a machine in one direction, or of an extension; each object is equal to itself alone.
 
     The N `times` are t = 0 and the ends of all T - 1 steps.  If steps are divided into parts, they are t = 0 and the
     ends of all parts.

@@ -334,7 +334,7 @@ class FreeBase:
         return loads
 
     def inertia(self, motion: FrameMotion, driven: Array, extended: Extensions, loads: Array) -> Array:
-        """The `loads` (i,) with the inertia inputs replaced by the loads of the frame's accelerations.
+        """The `loads` (i,) on all inputs, in which those on inertia inputs follow from the frame's accelerations.
 
         `motion` is that of the frame, and the sections are `extended`.  `driven` (6,) is the acceleration of O and the
         angular acceleration of the frame.

@@ -43,7 +43,11 @@ _SIGNAL: TypeAdapter[Any] = TypeAdapter(Signal)
 
 @dataclass(frozen=True)
 class StoredScene:
-    """A scene stored in a model's file: its title, and its excitation with a load for each of the system's i inputs."""
+    """A scene stored in a model's file: its title, and its excitation with a load for each of the system's i inputs.
+
+    `scene` is the scene of a boom, with what is free held where it begins; `free_scene` is that scene with the free
+    luffing angle or extension.  Each of the two is None if there is no such scene.
+    """
 
     title: str
     excitation: Excitation
@@ -304,9 +308,10 @@ class MovingFrame:
         return tuple(signals[name] for name in self.drivers)
 
     def drives(self, excitation: Excitation) -> bool:
-        """Whether an excitation's paths, loads and amplitudes of terms are those of the scene, on its time grid.
+        """Whether the paths, loads, terms and hoist of an excitation are those of the scene.
 
-        The result is False if a part of the frame's motion is computed.
+        The scene's signals are taken on the time grid of the excitation.  The result is False without a frame, and if a
+        part of the frame's motion is computed.
         """
         if self.scene.frame is None or self.scene.computed_key is not None:
             return False
@@ -335,7 +340,10 @@ def _products(
 
 
 def _scene_loads(scene: Scene) -> dict[str, SignalBase]:
-    """Signals of the loads by input name, as they are written in the scene, and of the gravity."""
+    """Signals by name of all that a scene prescribes as loads, in the axes in which it states them.
+
+    They are loads of sections, rope and wind of a hoist, what drives cylinders, and gravity.
+    """
     signals = dict[str, SignalBase]()
     for name, member in zip(scene.names, members(scene), strict=True):
         as_written = {load.name: load.signal for load in member.part.loads if load.acts != "wind"}

@@ -88,9 +88,10 @@ STEPS_A_PERIOD = 7
 
 
 def describe_lost_features(signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
-    """Warnings, one line for each feature of a signal that is lost between the steps.
+    """Warnings on what the steps do not resolve of signals, one line for each lost feature; empty if nothing is lost.
 
-    `signals` are pairs of a name and a signal, `stepping` the time grid.  The list is empty if nothing is lost.
+    A feature is a tone that has too few steps in a period, or the course of a signal at a break between two steps.
+    `signals` are pairs of a name and a signal, `stepping` the time grid.
     """
     return [f"{name}: {what}" for name, signal in signals for what in _describe_loss(signal, stepping)]
 
@@ -114,7 +115,10 @@ def is_aliased(signal: SignalBase, stepping: TimeStepping) -> bool:
 
 
 def _describe_loss(signal: SignalBase, stepping: TimeStepping) -> Iterator[str]:
-    """Yield a line for each tone of a signal that is too fast for the steps, and a line for its largest overshoot."""
+    """Yield a line for each tone of a signal that is too fast for the steps, then one for its largest overshoot.
+
+    An overshoot of at most the share `UNSEEN` of the signal's range has no line.
+    """
     h = stepping.step
     for part in signal.parts:
         f = part.highest_frequency(0.0, stepping.end)

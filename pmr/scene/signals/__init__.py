@@ -130,7 +130,7 @@ class SmoothRamp(_Knots):
 
 
 def _allow_file(schema: Schema) -> None:
-    """Allow in a JSON schema, which is changed in place, a file instead of times and values."""
+    """Change the JSON schema of a table of values in place: a key ``file`` may replace ``times`` and ``values``."""
     about = "CSV file with two columns, time in s and value, in place of times and values"
     schema["properties"]["file"] = {"type": "string", "format": "path", "description": about, "default": None}
     schema["required"] = []

@@ -65,7 +65,7 @@ from pmr.system.system import System
 
 
 def add_extended(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
-    """Add nodes and items of the bodies without contacts; the contacts are added with the base."""
+    """Add nodes and items of the bodies without contacts, and return them; the contacts are added with the base."""
     steps = Steps(held=bool(Contacts(equations, inputs).rigid.any()))
     jacobian, force = zero_jacobian(equations, steps), equations.B @ np.array(inputs.loads(0.0))
     items = add_bodies(mbs, equations, inputs, start, forceVector=force, jacobianUserFunction=jacobian)

@@ -113,9 +113,11 @@ class SystemForm:
         return Assembly(self.modal)
 
     def refuse_unsupported(self, x: Array, rho_inf: float) -> SimulatorNeeds:
-        """Return what the kernel has to support with the sides of `modal` at x (T, sides) in m; raise InputErrors.
+        """Return what the kernel has to support, and raise an InputError if it does not support a part of this.
 
-        `rho_inf` is the spectral radius.  Raises the errors of `pmr.scene.choice.refuse_unsupported`.
+        The contacts are those of `modal`, the system in modes, with their sides at x (T, sides) in m; the first of the
+        T rows decides which contacts are rigid.  `rho_inf` is the spectral radius.  The errors are those of
+        `pmr.scene.choice.refuse_unsupported`.
         """
         needs = needs_of(self.modal, self.assembly.contact_rows(x[0], effects=False).rigid, x, rho_inf)
         refuse_unsupported("march", needs)

@@ -235,7 +235,11 @@ class MachineRun:
         )
 
     def _start(self) -> None:
-        """Set the initial state: that of the scene, or equilibrium on the machine's springs."""
+        """Set the initial state of machine and boom.
+
+        If the scene starts in equilibrium, the machine's springs and the boom are in equilibrium with weight and loads.
+        Otherwise the machine begins with the motion that the scene states, and the boom undeformed and at rest.
+        """
         motion = self._given.copy()
         motion[:2, self._free] += self._fill_in_start[:, self._free]
         if self._in_balance:

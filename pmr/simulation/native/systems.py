@@ -199,7 +199,11 @@ class March:
 
     @property
     def _record_names(self) -> tuple[str, ...]:
-        """Names of the arrays of `Steps` that are recorded at each step; further ones depend on what the system has."""
+        """Names of the arrays of `Steps` that are recorded at each step.
+
+        Modal coordinates, rates, contact forces and energies always are; the other arrays depend on what the system
+        has.
+        """
         of_parts = ("peaks", "parts") if self.finest > 1 else ()
         impulses = ("impulses",) if self.pushing.any() else ()
         friction = ("friction",) if self.form.kernel.pads else ()

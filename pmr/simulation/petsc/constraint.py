@@ -46,7 +46,12 @@ class Prediction:
 
     @classmethod
     def from_shares(cls, factors: SchemeFactors, share: Array, force: Array) -> Prediction:
-        """Contributions (n,) to the next prediction by the variables `share` (n,) and accelerations `force` (n,)."""
+        """Contributions (n,) to the prediction of the next state by the last acceleration or by past contact forces.
+
+        `force` (n,) is this acceleration or the acceleration by these forces, and `share` (n,) is its part in the
+        variable a of the scheme.  Both enter the predicted coordinates, velocities and a with factors of the scheme,
+        from `factors`.
+        """
         return cls(
             q=factors.z_from_share * share + factors.z_from_force * force,
             v=factors.v_from_share * share + factors.v_from_force * force,

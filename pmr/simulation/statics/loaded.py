@@ -150,7 +150,7 @@ class Condensed:
 
 
 class UnstressedFlexibility(NamedTuple):
-    """Flexibility L L^T of a structure without geometric stiffness."""
+    """Flexibility A = L L^T (n, n) of a structure without geometric stiffness, and related matrices."""
 
     root: Array  # L (n, r)
     G: tuple[
@@ -241,7 +241,11 @@ class Form:
 
     @cached_property
     def _unstressed(self) -> UnstressedFlexibility:
-        """Flexibility without geometric stiffness."""
+        """Flexibility L L^T (n, n) without geometric stiffness: displacements by unit forces on coordinates.
+
+        The closed contacts hold the structure.  With L, the result has L^T G L of the fixed loads and of the load that
+        grows, and the contact forces by unit forces on coordinates.
+        """
         e, n = self.equations, len(self.equations.K)
         Z = BorderedMatrix(e.K, self._rows.C, self._rows.F).inverse()
         size, Q = np.linalg.eigh((Z[:n, :n] + Z[:n, :n].T) / 2.0)
