@@ -11,7 +11,7 @@ from random_machines import G, random_machine
 from pmr import Response
 from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.forces import rope_forces
-from pmr.compare.moving_frame import second_order_effect
+from pmr.compare.second_order import second_order_effect
 from pmr.files import npz
 from pmr.files.arrays import Array
 from pmr.reduction.bodies import join_bodies, reduce_bodies

@@ -1,15 +1,14 @@
-"""A boom in a frame that moves: effects of second order, buckling, the frame's angles, and the energy in space."""
+"""A boom in a frame that moves: angles, loads on the ground, buckling, and the energy in space with what changes it."""
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pmr.compare.outputs import run_from_start
+from pmr.compare.second_order import SECOND_ORDER_LIMIT, SecondOrderEffect, second_order_effect
 from pmr.errors import InputError
 from pmr.files.arrays import Array
 from pmr.results import Frequencies, Response
@@ -17,18 +16,16 @@ from pmr.results.response import Extremes
 from pmr.results.run import SummaryPart
 from pmr.scene import Scene
 from pmr.scene.built import force_name
-from pmr.scene.frame import BaseMotion
-from pmr.scene.mechanism import AXIAL, TIPPING_MARGIN, stress_terms
-from pmr.scene.signals import SignalBase
+from pmr.scene.frame import INERTIA, BaseMotion, Frame
+from pmr.scene.keys import input_name
+from pmr.scene.mechanism import TIPPING_MARGIN, FrameTerm, frame_terms
 from pmr.simulation import Excitation
-from pmr.simulation.excitation import side_positions, term_signals
+from pmr.simulation.balance import row_products, step_means
 from pmr.simulation.frame_motion import FrameRotation
-from pmr.simulation.statics.equilibrium import HeldSystem
-from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
-from pmr.system.from_scene import system_of
+from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
-from pmr.system.terms import Term, terms_of
+from pmr.system.terms import Term
 
 #: Motion across the plane of luffing counts as zero up to this share of the motion in the plane.
 ACROSS = 1e-9
@@ -184,136 +181,206 @@ def ground_part(scene: Scene, response: Response) -> SummaryPart:
     )
 
 
-_log = logging.getLogger(__name__)
-#: Number of times, ends included, at which the effect of second order is computed.
-STRESSED_TIMES = 41
-#: Change of the stiffness, as a share of it, above which ``auto`` keeps second order, and a warning is given without
-#: it.
-SECOND_ORDER_LIMIT = 2e-3
+#: Coordinates in which fields are linear, "" for constant fields.
+OVER = ("", "x", "y", "z")
 
 
 @dataclass(frozen=True)
-class SecondOrderEffect:
-    """Effect of axial forces and of the frame's speed on stiffness at some times of a run."""
+class SpaceEnergy:
+    """Energy in J of a boom in space at the times t in s, and work in J since the start, (T,) each.
 
-    t: Array  # (T,) s
-    factors: Array  # (T,) on all axial forces at which the boom would buckle; inf if nothing presses
-    shares: Array  # (T,) of the stiffness that second order changes (`second_order_effect`)
+    `drive_work` is the work of the frame's drives, `other_work` the work of all other loads and contacts.
+    """
 
-    @property
-    def least_factor(self) -> float:
-        """Smallest buckling factor at these times."""
-        return float(self.factors.min())
-
-    @property
-    def t_least_factor(self) -> float:
-        """Time in s at which the buckling factor first comes within a relative 1e-9 of its smallest value.
-
-        A boom at rest keeps its factor, so that among later times round-off alone would decide.
-        """
-        return float(self.t[np.argmax(self.factors <= self.least_factor * (1.0 + 1e-9))])
+    t: Array
+    energy: Array
+    drive_work: Array
+    other_work: Array
 
     @property
-    def largest_share(self) -> float:
-        """Largest share by which the stiffness changes at these times."""
-        return float(self.shares.max())
-
-    @property
-    def t_largest_share(self) -> float:
-        """Time in s of the largest share by which the stiffness changes."""
-        return float(self.t[np.argmax(self.shares)])
-
-    @property
-    def matters(self) -> bool:
-        """Whether second order changes the stiffness by more than `SECOND_ORDER_LIMIT`; true for NaN."""
-        return not self.largest_share <= SECOND_ORDER_LIMIT
+    def residual_energy(self) -> Array:
+        """Change of energy (T,) in J since the start less all work: lost by damping, or an error of the step."""
+        return self.energy - self.energy[0] - self.drive_work - self.other_work
 
 
-def second_order_effect(scene: Scene, bodies: Mapping[str, SlidingBody]) -> SecondOrderEffect:
-    r"""Buckling factors and changes of stiffness by second order over a run in a scene with a frame.
+def energy_in_space(scene: Scene, system: System, excitation: Excitation, run: SystemTrajectory) -> SpaceEnergy:
+    r"""Energy of a scene with a frame, and work of its drives, each less that of the same boom if it were rigid.
 
-    Axial forces and the frame's speed add :math:`\sum_k c_k G_k` to the stiffness K, with the amplitude c_k and the
-    matrix G_k of each term k.  The share by which they change the stiffness at a time is the largest share of the
-    strain energy that they add to, or take from, any motion q,
+    The work of a step is that of the mean forces over the step, which is of second order in the step.
 
     .. math::
-        \max_q \frac{\lvert q^T \sum_k c_k G_k\, q \rvert}{q^T K q}, \qquad C q = F \lambda,
+        E = \int \rho\, \bigl( V \cdot (\dot u + \omega \times u) + g\, e_Z \cdot u \bigr)
+        + \tfrac12 \int \rho\, |\dot u + \omega \times u|^2 + U, \\
+        \dot W = \int \rho\, \bigl( V \cdot \ddot u + 2 c \cdot \dot u + (\dot c + g\, \dot e_Z) \cdot u \bigr)
+        + \int \rho\, (\ddot u + 2 \omega \times \dot u + \dot\omega \times u) \cdot (\omega \times u) + f \cdot \dot u
 
-    with contact rows C, compliance F and contact forces :math:`\lambda`.  All contacts are taken as closed.  `bodies`
-    are the models of all bodies, by name.  For a load P along a column that buckles at P_cr it is P / P_cr.
+    with the energy E, the work W, the density :math:`\rho`, the displacement u relative to the frame, the angular
+    velocity :math:`\omega` of the frame, gravity g, the vertical e_Z, the strain energy U and the loads f.  A point at
+    rest in the frame has the velocity V = v_0 + omega x (p + X e_x + r) + X' e_x, and c = V x omega.  Here v_0 is the
+    velocity of the pivot, p the position of the base's tail relative to the pivot, X the position of the section's tail
+    along the boom's axis e_x, and r the position of the point relative to that tail.
 
-    If second order is left out, the relative error of a static deflection is that share.  A vibration then lags by
-    :math:`\pi` times that share (as a phase in rad) in each period.  The measurements in docs/moving_frame.md are the
-    base of `SECOND_ORDER_LIMIT`.
-
-    Raises an InputError if contacts do not hold the bodies.
+    W is done by the drives of the frame and of the extensions, which move all mass at its deflected position, by loads,
+    and by contacts that travel.  V is affine in r, so only the momenta of u with the fields of `pmr.simulation.frame`
+    are needed.  With second order u includes the lengths by which sections and cylinders get shorter along the axis as
+    they bend.  Without second order, integrals of products of two u are left out, except that of |u'|^2, as in the
+    equations of motion.
     """
-    terms = list(stress_terms(scene))
-    system = replace(system_of(_with_second_order(scene, False), bodies), terms=terms_of(scene, bodies, terms))
-    signals, excitation = term_signals(scene, terms), Excitation.from_scene(_with_second_order(scene, False))
-    return stiffness_changes(system, excitation, signals, [term.name for term in terms if term.kind in AXIAL])
+    account = _EnergyBalance(scene, run)
+    for name, body in system.bodies.items():
+        account.add_fields(name, body, system)
+    terms, amplitudes = {term.name: term for term in frame_terms(scene)}, excitation.amplitudes(system.term_names)
+    for term, c in zip(system.terms, amplitudes.T, strict=True):
+        account.add_term(terms[term.name], term, c)
+    for number, name in enumerate(scene.names):
+        account.add_momentum(number, account.moments[name])
+    return SpaceEnergy(run.t, account.energy, _cumulative_work(account.drives), _cumulative_work(account.others))
 
 
-def stiffness_changes(
-    system: System, excitation: Excitation, signals: Mapping[str, SignalBase], axial: Sequence[str]
-) -> SecondOrderEffect:
-    """Effect of the terms of a `system` on its stiffness, as in `second_order_effect`, which has the errors.
+def energy_part(scene: Scene, system: System, excitation: Excitation, run: SystemTrajectory | None) -> SummaryPart:
+    """Entry ``energy`` of summary.json in J, changes from the start to the end; empty if the scene has no frame.
 
-    `signals` are the amplitudes of the terms by their names, `axial` the names of the terms of axial forces.
+    If `run` is None, because its states were not kept, the motion is simulated again, which takes microseconds a step.
     """
-    assembly, x = Assembly(system), side_positions(system, excitation)
-    steps = _second_order_steps(excitation)
-    rows = assembly.contact_rows_over_time(x[steps])
-    factors, shares = np.full(len(steps), np.inf), np.zeros(len(steps))
-    for k, step in enumerate(steps):
-        with np.errstate(divide="ignore", invalid="ignore"):  # cylinders may have the length 0
-            c = {name: float(signal.value(excitation.times[step])) for name, signal in signals.items()}
-        if not np.isfinite(list(c.values())).all():
-            continue
-        held = HeldSystem(assembly, rows.at_time(k))
-        factors[k] = held.factors({name: c[name] for name in axial})[0]
-        either = [held.factors({name: way * amount for name, amount in c.items()}) for way in (1, -1)]
-        shares[k] = 1.0 / np.min(either)
-    return SecondOrderEffect(excitation.times[steps], factors, shares)
+    if scene.frame is None:
+        return SummaryPart()
+    energies = energy_in_space(scene, system, excitation, run or run_from_start(system, excitation))
+    change, lost = energies.energy[-1] - energies.energy[0], -energies.residual_energy[-1]
+    ends = {"change": change, "drives": energies.drive_work[-1], "others": energies.other_work[-1], "lost": lost}
+    return SummaryPart({"energy": {key: float(value) for key, value in ends.items()}})
 
 
-def _second_order_steps(excitation: Excitation) -> NDArray[np.int64]:
-    """Ascending numbers (S,) of the steps at which second order is computed, at most `STRESSED_TIMES`.
+@dataclass(frozen=True)
+class _Moments:
+    """Integrals `u` (T, 4, 3) over a section of rho u_j times 1, x, y, z for j = x, y, z, and their `rate` (T, 4, 3).
 
-    Steps near a kink of an extension are left out: the acceleration of the kink lasts one step and is no lasting load.
+    u is the displacement of a section relative to the frame, rho its density.
     """
-    steps = np.unique(np.linspace(0, excitation.stepping.steps, STRESSED_TIMES).astype(np.int64))
-    kinks = [t for path in excitation.paths.values() for t in path.kinks(excitation.stepping.end)]
-    near_kink = np.abs(np.subtract.outer(excitation.times[steps], kinks)) < 2.0 * excitation.stepping.step
-    return steps[~near_kink.any(axis=1)]
+
+    u: Array
+    rate: Array
 
 
-def decide_second_order(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Scene:
-    """Return the scene with or without second order, if its frame leaves the choice open (``auto``).
+class _EnergyBalance:
+    """Balance over T steps: energy (T,) in J, and work of each of T - 1 steps in J.
 
-    Any other scene is returned unchanged.  Second order is included if it matters (`SecondOrderEffect.matters`), or if
-    contacts do not hold the bodies.
+    Bodies are added first, then terms of second order, then momenta.
     """
-    if scene.frame is None or scene.frame.second_order != "auto":
-        return scene
-    try:
-        effect = second_order_effect(scene, bodies)
-    except InputError:  # nothing holds the bodies: there is no stiffness to compare with
-        return _with_second_order(scene, True)
-    chosen = "kept" if effect.matters else "left out"
-    _log.info("second order is %s: stiffness changes by %.2g %%", chosen, 100.0 * effect.largest_share)
-    return _with_second_order(scene, effect.matters)
+
+    def __init__(self, scene: Scene, run: SystemTrajectory) -> None:
+        """Begin the balance of a scene's `run` of T steps with the energy and work in the moving frame."""
+        assert scene.frame is not None  # `energy_in_space` is for scenes with a frame
+        self._scene, self._run = scene, run
+        self._turning = FrameRotation.from_signals(*scene.frame.angles, run.t, scene.frame.base_angles)
+        self._base = np.einsum("tji,tj->ti", self._turning.rotation, _pivot_velocity(scene.frame, run.t))
+        none = np.zeros((len(run.t), len(OVER), 3))
+        self.moments = {name: _Moments(none.copy(), none.copy()) for name in scene.names}
+        self.energy, self.drives, self.others = run.energy.copy(), np.zeros(len(run.t) - 1), np.diff(run.work)
+
+    def add_fields(self, name: str, body: SlidingBody, system: System) -> None:
+        """Set the moments of the body `name`, in place, and subtract the work of its inertia loads from `others`.
+
+        Inertia loads are forces in the frame only; in space they do no work.
+        """
+        moments, motion = self.moments[name], self._run.bodies[name]
+        for column, of_input in enumerate(body.input_names):
+            if of_input.startswith(INERTIA):
+                field, b = of_input.removeprefix(INERTIA), np.asarray(body.B)[:, column]
+                at = slice(None), OVER.index(field[1:]), "xyz".index(field[0])
+                moments.u[at], moments.rate[at] = motion.q @ b, motion.v @ b
+                load = self._run.loads[:, system.input_names.index(input_name(name, of_input))]
+                self.others -= step_means(load) * np.diff(moments.u[at])
+
+    def add_term(self, frame_term: FrameTerm, term: Term, c: Array) -> None:
+        """Add energy and work of a term of second order with the amplitudes c (T,).
+
+        Terms of loads are skipped: their work is part of the work of the loads.
+        """
+        if frame_term.kind in ("load", "cylinder load"):  # part of the work of the loads
+            return
+        q, v = (np.hstack([getattr(self._run.bodies[name], what) for name in term.bodies]) for what in "qv")
+        G, V = ((0.0 * q.T if A is None else A @ q.T).T for A in (term.stiffness, term.damping))
+        damped = 0.0 * q if term.damping is None else (term.damping @ v.T).T
+        self.others += row_products(step_means(c[:, None] * (G + damped)), np.diff(q, axis=0))
+        if frame_term.kind in ("field", "cylinder"):
+            self._add_shortening(frame_term, c, row_products(q, G) / 2.0, row_products(v, G))
+        elif frame_term.kind == "rotation":
+            self.energy += c / 2.0 * row_products(v, V)
+            self.drives += step_means(c) / 2.0 * row_products(np.diff(v, axis=0), step_means(V))
+        elif frame_term.kind == "carried":
+            self.energy -= c / 2.0 * row_products(q, G)
+            by_motion = 2.0 * step_means(c) * row_products(np.diff(q, axis=0), step_means(G))
+            self.drives -= by_motion + np.diff(c) / 2.0 * row_products(step_means(q), step_means(G))
+
+    def _add_shortening(self, frame_term: FrameTerm, c: Array, bent: Array, rate: Array) -> None:
+        """Add to the moments the displacement of a section along its axis, as the section bends or its cylinder leans.
+
+        `bent` and `rate` (T,) are q^T G q / 2 and its rate, with the matrix G of the term and its amplitude c (T,).
+        """
+        if frame_term.kind == "cylinder":  # a cylinder of length L that leans by d shortens by d^2 / 2 L
+            extension = self._scene.extension(frame_term.number)
+            length, longer = extension.value(self._run.t), extension.rate(self._run.t)
+            self.drives -= step_means(c * bent * longer / length) * np.diff(self._run.t)
+            bent, rate = -bent / length, -rate / length + bent * longer / length**2
+        moments = self.moments[frame_term.carried_section or frame_term.bodies[0]]
+        over = OVER.index(frame_term.component[1:])
+        moments.u[:, over, 0] += bent
+        moments.rate[:, over, 0] += rate
+
+    def add_momentum(self, number: int, moments: _Moments) -> None:
+        """Add those parts of the energy and the work of a section that are linear in its displacements.
+
+        `number` is that of the section, and `moments` are the integrals of its displacements.
+        """
+        t, omega, gravity = self._run.t, self._turning.velocity, self._scene.gravity
+        weight = (gravity.signal.value(t) if gravity else 0.0 * t)[:, None] * self._turning.up
+        V = _speeds(self._scene, omega, number, t)
+        V[:, 0] += self._base
+        c = np.cross(V, omega[:, None])
+        self.energy += _contract(V, moments.rate) + _contract(c, moments.u) + row_products(weight, moments.u[:, 0])
+        by_rates, by_motion = (
+            _contract(step_means(a), np.diff(b, axis=0)) for a, b in ((V, moments.rate), (c, moments.u))
+        )
+        self.drives += by_rates + 2.0 * by_motion
+        lifted = row_products(np.diff(weight, axis=0), step_means(moments.u[:, 0]))
+        self.drives += _contract(np.diff(c, axis=0), step_means(moments.u)) + lifted
 
 
-def with_choice_of_terms(scene: Scene, terms: Sequence[Term]) -> Scene:
-    """Scene with second order in place of ``auto``: true if a system has `terms` of second order, false if not.
+def _speeds(scene: Scene, omega: Array, number: int, t: Array) -> Array:
+    """Velocities (T, 4, 3), at times t (T,), of points at rest in the frame, without the velocity of the pivot.
 
-    A scene that does not leave the choice to ``auto`` is returned unchanged.
+    First comes the velocity at the tail of the section with this `number` in m/s, then its slopes over x, y and z in
+    1/s.  `omega` (T, 3) in rad/s is the angular velocity of the frame.
     """
-    open_ = scene.frame is not None and scene.frame.second_order == "auto"
-    return _with_second_order(scene, bool(terms)) if open_ else scene
+    assert scene.frame is not None
+    place, out = np.zeros((len(t), 3)) + scene.frame.tail_position, np.zeros((len(t), 3))
+    for k in range(1, number + 1):
+        place[:, 0] += scene.extension(k).value(t)
+        out[:, 0] += scene.extension(k).rate(t)
+    tail = np.cross(omega, place) + out
+    return np.stack([tail, *(np.cross(omega, axis) for axis in np.eye(3))], axis=1)
 
 
-def _with_second_order(scene: Scene, second_order: bool) -> Scene:
-    """The scene with `second_order` as the choice in its frame."""
-    return scene.with_keys(frame={"second_order": second_order})
+def _pivot_velocity(frame: Frame, t: Array) -> Array:
+    """Velocity (T, 3) in m/s of the pivot at times t (T,), along the axes of the ground.
+
+    Accelerations of the base are integrated.
+    """
+    velocity = np.zeros((len(t), 3))
+    if frame.base is not None:
+        for k, axis in enumerate("xyz"):
+            if axis in frame.base.motions:
+                velocity[:, k] += frame.base.motions[axis].rate(t)
+            if axis in frame.base.accelerations:
+                velocity[:, k] += _cumulative_work(step_means(frame.base.accelerations[axis].value(t)) * np.diff(t))
+    return velocity
+
+
+def _contract(a: Array, b: Array) -> Array:
+    """Sums (T,) over i and j of the products a_ij b_ij of two arrays a and b (T, i, j)."""
+    return np.asarray(np.einsum("tij,tij->t", a, b))
+
+
+def _cumulative_work(work: Array) -> Array:
+    """Sum (T,) of the work of all steps, (T - 1,), up to each time."""
+    return np.append(0.0, np.cumsum(work))

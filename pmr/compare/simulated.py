@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pmr.compare.evaluation import append_machine
-from pmr.compare.moving_frame import decide_second_order, with_choice_of_terms
 from pmr.compare.responses import Simulation, refuse_growth, simulate_by
+from pmr.compare.second_order import decide_second_order, with_choice_of_terms
 from pmr.errors import InputError
 from pmr.errors.environment import Clock
 from pmr.results import Response

@@ -33,11 +33,11 @@ from pmr.compare.frequencies import (
     result_paths,
     way_points,
 )
-from pmr.compare.moving_frame import frame_part, ground_part, with_choice_of_terms
+from pmr.compare.moving_frame import energy_part, frame_part, ground_part
 from pmr.compare.outputs import has_impulsive_force, section_columns
 from pmr.compare.responses import Simulations, check_installed, simulate
+from pmr.compare.second_order import with_choice_of_terms
 from pmr.compare.simulated import excitation_of_scene, with_models_of
-from pmr.compare.space_energy import energy_part
 from pmr.compare.strength import dynamic_factors_part, fatigue_part, missed_stress_part
 from pmr.compare.trust import (
     RingingReference,

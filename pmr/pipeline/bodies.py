@@ -16,8 +16,8 @@ from pmr.compare.error_parts import (
 )
 from pmr.compare.evaluation import SimulatedSystem
 from pmr.compare.frequencies import WayPoints, frequencies_on_way, way_points
-from pmr.compare.moving_frame import decide_second_order
 from pmr.compare.responses import Simulations, compared_quantities, simulate
+from pmr.compare.second_order import decide_second_order
 from pmr.compare.strength import utilisation_part
 from pmr.compare.summary import (
     comparison_part,

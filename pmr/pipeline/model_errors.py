@@ -13,7 +13,7 @@ from typing import Any
 
 from pmr.compare import mesh_part
 from pmr.compare.model_part import FREQUENCIES, Motion, frequency_error, largest_model_error, model_budget
-from pmr.compare.moving_frame import decide_second_order as with_order
+from pmr.compare.second_order import decide_second_order as with_order
 from pmr.errors import ConvergenceError, InputError, NotHeldError, SimulationError, call_on_first_rank
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI

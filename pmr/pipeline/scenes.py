@@ -13,11 +13,11 @@ import numpy as np
 
 from pmr.compare import mesh_part
 from pmr.compare.accuracy import accuracy_summary, accuracy_warnings
-from pmr.compare.axial_forces import axial_part
 from pmr.compare.forces import pad_extremes
 from pmr.compare.frequencies import frequency_part, response_on_way, result_paths
 from pmr.compare.play import simulate_varied_play
 from pmr.compare.responses import Simulation, check_installed, check_memory, memory_warnings
+from pmr.compare.second_order import axial_part
 from pmr.compare.summary import origin_part, reliability_part, simulation_part, theory_part
 from pmr.compare.trust import budget_warnings, quantities_not_covered
 from pmr.errors import InputError, SimulationError, call_on_first_rank, environment

@@ -79,7 +79,7 @@ class Energy:
     """Kinetic, strain and external energy in J over time, each (T,), relative to the axes that move with the boom.
 
     In a moving frame the kinetic energy is that of the motion relative to the boom's rigid motion, and the boom's
-    weight and inertia are loads.  `pmr.compare.space_energy.energy_in_space` returns energy and work in space, less
+    weight and inertia are loads.  `pmr.compare.moving_frame.energy_in_space` returns energy and work in space, less
     those of the same boom if it were rigid.
 
     The external energy is minus the work of the loads.  With a hoist the strain energy includes the kinetic energy of

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import pmr
-from pmr.compare.axial_forces import axial_part
-from pmr.compare.moving_frame import second_order_effect
+from pmr.compare.second_order import axial_part, second_order_effect
 from pmr.results.run import SummaryPart
 from pmr.scene import Scene
 from pmr.simulation import Excitation

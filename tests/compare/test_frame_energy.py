@@ -11,8 +11,8 @@ import pmr
 from pmr import Response, System
 from pmr import scene as scenes
 from pmr.compare.evaluation import evaluate_motion
+from pmr.compare.moving_frame import SpaceEnergy, energy_in_space
 from pmr.compare.simulated import excitation_of_scene
-from pmr.compare.space_energy import SpaceEnergy, energy_in_space
 from pmr.scene import Scene
 from pmr.simulation.frame_motion import FrameRotation
 from pmr.simulation.native import systems

@@ -9,8 +9,8 @@ import pmr
 from pmr import reduce, run
 from pmr import scene as scenes
 from pmr.compare import evaluation
-from pmr.compare.moving_frame import STRESSED_TIMES, second_order_effect
 from pmr.compare.responses import simulate
+from pmr.compare.second_order import STRESSED_TIMES, second_order_effect
 from pmr.compare.summary import origin_part
 from pmr.fullmodel.build import build, build_bodies, warnings
 from pmr.results.run import SummaryPart, combine_parts

@@ -13,8 +13,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import pmr
+from pmr.compare.moving_frame import energy_in_space
 from pmr.compare.outputs import run_from_start
-from pmr.compare.space_energy import energy_in_space
 from pmr.errors import InputError, SimulationError
 from pmr.files.arrays import Array
 from pmr.simulation import Excitation
