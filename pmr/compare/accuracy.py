@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pmr.compare import mesh_part
+from pmr.compare import other_runs
 from pmr.compare.accuracy_search import (
     explain_trial,
     find_best_affordable,
@@ -144,7 +144,7 @@ class Search:
             taken = {}
         return {kind: tolerance - taken.get(kind, 0.0) for kind in self.trials.wanted}
 
-    def compare_meshes(self, other: mesh_part.OtherMesh, on_other: Mapping[str, ReducedModel]) -> Search:
+    def compare_meshes(self, other: other_runs.OtherMesh, on_other: Mapping[str, ReducedModel]) -> Search:
         """Compute the error of the mesh, and return this search, which subtracts it from the tolerance from then on.
 
         `on_other` are models, by name of the body, of the scene that `scene_on_other_mesh` returns.  Raises InputError
@@ -152,7 +152,7 @@ class Search:
         """
         trial = self.trial
         theirs = trials_of(_with_step(self.scene, trial.steps), on_other)
-        self.mesh = mesh_part.mesh_errors(self.trials, theirs, trial.sizes, trial.steps, other.share)
+        self.mesh = other_runs.mesh_errors(self.trials, theirs, trial.sizes, trial.steps, other.share)
         return self
 
     def choose(self, mesh_reason: str | None) -> Choice:
@@ -182,13 +182,13 @@ class Search:
         return Choice(chosen, trials.models(trial.sizes), trial, self.mesh, mesh_reason, why, seconds)
 
 
-def scene_on_other_mesh(scene: Scene, trial: Trial) -> mesh_part.OtherMesh:
+def scene_on_other_mesh(scene: Scene, trial: Trial) -> other_runs.OtherMesh:
     """Scene with a trial's step on another mesh, for an estimate of the error of the scene's own mesh.
 
     A single body has `COORDINATES` coordinates, doubled until it has no fewer than the trial, so that most choices
     share one scene.  Raises an `InputError` with the reason if there is no other mesh.
     """
-    other = mesh_part.other_mesh(_with_step(scene, trial.steps))
+    other = other_runs.other_mesh(_with_step(scene, trial.steps))
     if len(scene.bodies) > 1:
         return other
     coordinates = COORDINATES

@@ -11,7 +11,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
-from pmr.compare import mesh_part
+from pmr.compare import other_runs
 from pmr.compare.model_part import FREQUENCIES, Motion, frequency_error, largest_model_error, model_budget
 from pmr.compare.second_order import decide_second_order as with_order
 from pmr.errors import ConvergenceError, InputError, NotHeldError, SimulationError, call_on_first_rank
@@ -228,7 +228,7 @@ def measure_mesh(
             return _unknown_model_error(error, label)
         return _model_budget(scene, other_motion, motion, label, comm)
 
-    return mesh_part.mesh_budget(scene, compare_scene)
+    return other_runs.mesh_budget(scene, compare_scene)
 
 
 def _unknown_model_error(error: Exception, label: str) -> dict[str, Any]:

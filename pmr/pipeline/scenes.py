@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pmr.compare import mesh_part
+from pmr.compare import other_runs
 from pmr.compare.accuracy import accuracy_summary, accuracy_warnings
 from pmr.compare.forces import pad_extremes
 from pmr.compare.frequencies import frequency_part, response_on_way, result_paths
-from pmr.compare.play import simulate_varied_play
+from pmr.compare.other_runs import simulate_varied_play
 from pmr.compare.responses import Simulation, check_installed, check_memory, memory_warnings
 from pmr.compare.second_order import axial_part
 from pmr.compare.summary import origin_part, reliability_part, simulation_part, theory_part
@@ -187,7 +187,7 @@ def _outcome(
         *(SummaryPart(warnings=build_warnings(structure)) for structure in structures),
         SummaryPart(warnings=free_motions),
         axial_part(scene, system, excitation, _body_masses(built)),
-        SummaryPart(warnings=mesh_part.mesh_warnings(scene)),
+        SummaryPart(warnings=other_runs.mesh_warnings(scene)),
         SummaryPart(probe_summary({name: body.structure.outputs for name, body in built.items()})),
         SummaryPart(summary_of_walls({name: body.structure.pads.walls for name, body in built.items()})),
         SummaryPart(_indentations(scene, system, built, responses)),
@@ -289,8 +289,8 @@ def _stress_at_pads(bodies: Bodies, motions: Motions, simulation: Simulation | N
 def _play(bodies: Bodies, motions: Motions, walls: Summary) -> Summary:
     """Return the entry ``play`` of the error budget: largest values of the reduced system with another play.
 
-    The keys are those of `pmr.compare.play.VariedPlay.summary`; ``reason`` is there instead if the system can't be
-    simulated.  `walls` is the stress in walls in the run.  The entry is missing if pads hold both ways.  Collective.
+    The keys are those of `pmr.compare.other_runs.VariedPlay.summary`; ``reason`` is there instead if the system can't
+    be simulated.  `walls` is the stress in walls in the run.  The entry is missing if pads hold both ways.  Collective.
     """
     comm, scene = next(iter(bodies.built.values())).model.comm, bodies.scene
     try:

@@ -66,14 +66,14 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
 
     The task's warnings are those warnings of a run that hold for the scene in all postures.
     """
-    from pmr.compare import mesh_part
+    from pmr.compare import other_runs
     from pmr.compare.drives import turning_warnings
     from pmr.fullmodel.build import warnings
 
     at = PostureSet.from_task(arguments["at"])
     scene = with_fields(tasks.scene_of(arguments), arguments.get("fields", ()), at.count)
     if arguments["error"]:  # attachment modes of the richer model need what an estimate needs
-        scene = mesh_part.with_estimates(scene, True)
+        scene = other_runs.with_estimates(scene, True)
     system = tasks.reduced_system(scene)
     reduced = PostureMatrices.from_scene(scene, system, at)
     reach = at.boom_length(scene)
@@ -91,14 +91,14 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
         arrays |= npz.record_arrays(postures_with_tip_mass(scene, at, arguments["up_to"]), "mass.")
         if all(traits_of(member).has_line for member in members(scene)):
             with suppress(InputError):  # a mesh that is read from a file has no other one
-                other = mesh_part.other_mesh(scene)
-                on_mesh = tasks.reduced_system(mesh_part.motion_only(other.scene))
+                other = other_runs.other_mesh(scene)
+                on_mesh = tasks.reduced_system(other_runs.motion_only(other.scene))
                 arrays |= npz.record_arrays(PostureMatrices.from_scene(scene, on_mesh, at), "mesh.")
                 arrays["mesh_share"] = np.array(other.share)
         full = tasks.full_system(scene)
         arrays["too_stiff"] = np.array(stiffness_excess(scene, better, full, at, arguments["up_to"]))
     of_structures = [line for body in tasks.bodies_of(scene).values() for line in warnings(body.structure)]
-    lines = dict.fromkeys((*of_structures, *mesh_part.mesh_warnings(scene), *turning_warnings(scene, at.luffing)))
+    lines = dict.fromkeys((*of_structures, *other_runs.mesh_warnings(scene), *turning_warnings(scene, at.luffing)))
     return TaskResult(arrays=arrays, warnings=tuple(lines))
 
 

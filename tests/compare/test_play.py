@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import pmr
-from pmr.compare.play import largest_sizes, simulate_varied_play
+from pmr.compare.other_runs import largest_sizes, simulate_varied_play
 from pmr.compare.simulated import excitation_of_scene
 from pmr.scene import Scene
 

@@ -8,7 +8,7 @@ import pytest
 
 import pmr
 from pmr import run
-from pmr.compare import mesh_part
+from pmr.compare import other_runs
 from pmr.compare.model_part import Motion
 from pmr.fem.compat import MPI
 from pmr.pipeline import model_errors as pipeline
@@ -97,7 +97,7 @@ def test_a_shell_is_compared_with_one_on_cells_twice_as_long(tmp_path: Path) -> 
     """Their difference is what it is taken to be off by: of first order, as under pads."""
     cells = ["mesh.size=0.15", "mesh.along=0.3", "recovery.stress=false", "reduction.estimate=false"]
     shell = pmr.load_scene("boom_shell", [*CHANGES, *cells])
-    coarse = mesh_part.motion_only(mesh_part.coarser_walls(shell))
+    coarse = other_runs.motion_only(other_runs.coarser_walls(shell))
     assert (coarse.mesh.size, coarse.mesh.along) == (0.3, 0.6) and coarse.only_section.reduction.estimate is False
     result = pmr.run(shell, measures=tmp_path).result
     summary = result.summary["budget"]
@@ -117,10 +117,10 @@ def test_another_process_computes_stresses_of_walls_that_stay_the_same_unless_it
 
 def test_walls_that_give_way_are_compared_with_those_of_coarser_cells_and_with_shells_on_their_own() -> None:
     give = scene("body.walls='give'", "mesh.size=0.1", "mesh.along=0.2")
-    coarse = mesh_part.other_mesh(give).scene
+    coarse = other_runs.other_mesh(give).scene
     assert (coarse.mesh.size, coarse.mesh.along, coarse.mesh.elements) == (0.2, 0.4, give.mesh.elements // 2)
     measured = {"beam": 0.25, "tip": None, "frequency": 0.1, "reaction": 0.05}
-    found = mesh_part.mesh_budget(give, lambda make, called: measured if make() != give else {})
+    found = other_runs.mesh_budget(give, lambda make, called: measured if make() != give else {})
     assert found == {"mesh": {"beam": 0.25, "frequency": 0.1, "reaction": 0.05}, "mesh_reason": None}
     for one, size, called in ((give, 0.1, "shell"), (scene(), 2.0 * scene().mesh.size, "coarse shell")):
         own, shell, name = model_comparison(one)
@@ -133,7 +133,7 @@ def test_the_mesh_of_a_beam_has_an_error_at_each_probe() -> None:
     """It is 4/3 of the difference to twice as many elements, over the RMS of the probe or 1 % of the largest stress."""
     probes = "probes=[{name='p',at=[4.0,0.15,0.2]},{name='d',at=[6.0,0.0,0.0],measures=['displacement']}]"
     coarse = scene("mesh.elements=12", "reduction.estimate=false", "time.end=0.5", probes)
-    systems = [(each, pmr.reduce(each).system) for each in (coarse, mesh_part.finer_beams(coarse))]
+    systems = [(each, pmr.reduce(each).system) for each in (coarse, other_runs.finer_beams(coarse))]
     (_, system), (own, finer) = systems[0], (pmr.simulate(*each) for each in systems)
     budget = pipeline.measure_mesh(coarse, system, own, MPI.COMM_WORLD, None)["mesh"]
     sizes = {name: np.sqrt(np.mean(own.other(name) ** 2)) for name in budget["probes"]}
@@ -157,8 +157,8 @@ def test_what_costs_more_has_to_be_asked_for() -> None:
 def test_elements_longer_than_two_pads_converge_with_the_first_order() -> None:
     """With 5, 10, 20 and 40 elements the tip is off by 2.1, 1.1, 0.30 and 0.05 %; pads are 0.3 m long."""
     for elements, share in ((5, 2.0), (9, 2.0), (11, 4.0 / 3.0), (40, 4.0 / 3.0)):
-        assert mesh_part.other_mesh(scene(f"mesh.elements={elements}")).share == pytest.approx(share)
-    assert mesh_part.other_mesh(pmr.load_scene("paper_simple", ["mesh.elements=4"])).share == pytest.approx(4.0 / 3.0)
+        assert other_runs.other_mesh(scene(f"mesh.elements={elements}")).share == pytest.approx(share)
+    assert other_runs.other_mesh(pmr.load_scene("paper_simple", ["mesh.elements=4"])).share == pytest.approx(4.0 / 3.0)
 
 
 @pytest.mark.slow
@@ -175,9 +175,9 @@ def test_a_python_run_measures_nothing_unasked() -> None:
     ],
 )
 def test_cells_that_are_long_beside_pads_are_warned_of(changes: list[str], said: str) -> None:
-    found = mesh_part.mesh_warnings(pmr.load_scene("boom_shell", changes))
+    found = other_runs.mesh_warnings(pmr.load_scene("boom_shell", changes))
     assert len(found) == bool(said) and said in "".join(found)
     shell = pmr.load_scene("boom_shell", changes)
-    budget = mesh_part.mesh_budget(shell, lambda make, called: {"beam": 0.1, "frequency": 0.013})["mesh"]
+    budget = other_runs.mesh_budget(shell, lambda make, called: {"beam": 0.1, "frequency": 0.013})["mesh"]
     assert budget.keys() == ({"beam"} if said else {"beam", "frequency"})
-    assert mesh_part.mesh_warnings(scene()) == []  # walls of these don't give way
+    assert other_runs.mesh_warnings(scene()) == []  # walls of these don't give way

@@ -16,7 +16,7 @@ from random_scenes import sliding_scene
 
 from pmr import InputError, reduce, run, simulate
 from pmr.cli.run import _tolerance_overrides
-from pmr.compare import mesh_part
+from pmr.compare import other_runs
 from pmr.compare.accuracy import Choice, accuracy_warnings
 from pmr.compare.error_parts import reduction_error
 from pmr.compare.errors import relative_error
@@ -75,7 +75,7 @@ def test_nodes_of_a_graded_mesh_stay_where_they_are(load_scene) -> None:
     for changes in (["mesh.elements=7", "mesh.grading=0.6"], ["mesh.elements=1300"]):
         scene = load_scene("evolved_tolerance", [*SHORT, *changes])
         coarse, fine = (
-            graded_nodes(3.0, one.mesh.elements, one.mesh.grading) for one in (scene, mesh_part.finer_beams(scene))
+            graded_nodes(3.0, one.mesh.elements, one.mesh.grading) for one in (scene, other_runs.finer_beams(scene))
         )
         assert np.allclose(fine[::2], coarse, rtol=0.0, atol=1e-14)
     outcome = run(load_scene("evolved_tolerance", [*SHORT, "mesh.grading=0.6", "compare.against=[]"]))
@@ -99,7 +99,7 @@ def test_the_part_of_the_mesh_is_what_one_far_finer_says(load_scene) -> None:
     scenes = [load_scene("evolved_residual", [*SHORT, f"mesh.elements={count}"]) for count in (6, 12, 48)]
     model, finer, finest = (reduce(one).reduced for one in scenes)
     own, other = (trials(one, Excitation.from_scene(scene), kinds) for one in (model, finer))
-    said = mesh_part.mesh_errors(own, other, (model.size,), scene.time.steps, mesh_part.other_mesh(scenes[0]).share)
+    said = other_runs.mesh_errors(own, other, (model.size,), scene.time.steps, other_runs.other_mesh(scenes[0]).share)
     moved, truth = (simulate(asked, one) for asked, one in ((scenes[0], model), (scenes[2], finest)))
     for kind, error in (
         ("tip", relative_error(moved.displacement[:, -1:], truth.displacement[:, -1:])),
@@ -163,7 +163,7 @@ def test_what_has_no_error_to_hold_is_refused(load_scene, override: str, said: s
 
 
 def test_beams_are_compared_with_finer_ones_and_walls_with_coarser_ones(load_scene) -> None:
-    beam, boom = (mesh_part.other_mesh(load_scene(name)) for name in ("evolved_tolerance", "boom_tolerance"))
+    beam, boom = (other_runs.other_mesh(load_scene(name)) for name in ("evolved_tolerance", "boom_tolerance"))
     assert beam.scene.mesh.elements == 100 and beam.share == pytest.approx(4.0 / 3.0)
     assert boom.scene.mesh.size == 2.0 * load_scene("boom_tolerance").mesh.size and boom.share == 1.0
 
