@@ -42,7 +42,7 @@ HEIGHT = 1.5
 class Chart:
     """Limits at one point, the loads that they allow, and error bars, in kg and (`bar`) as shares of the limits.
 
-    `reduction` is the part of `error` that is due to reduction.
+    `error` is without the play of pads, and `reduction` the part of it that is due to reduction.
     """
 
     limits: Sequence[Limit]
@@ -118,7 +118,8 @@ def chart(
     if not error:
         unknown = np.full(len(limits), np.nan)
         return Chart(limits, load, unknown, unknown, unknown)
-    bars, reduction = (found[name][0][: len(limits)] for name in ("error", "error.reduction"))
+    whole, reduction, play = (found[name][0][: len(limits)] for name in ("error", "error.reduction", "error.play"))
+    bars = whole - np.nan_to_num(play)  # the run has the play of the chart
     bar = np.full(len(limits), np.nan)
     for k, limit in enumerate(limits):
         if load[k] > 0.0:

@@ -41,6 +41,7 @@ from pmr.scene.keys import LUFFING_CYLINDER
 from pmr.scene.mechanism import CYLINDER
 from pmr.scene.members import members
 from pmr.simulation import Excitation
+from pmr.system.contacts import Contact
 from pmr.system.states import states_of
 from pmr.system.system import System
 
@@ -231,29 +232,44 @@ class VariedPlay:
         return {"gap": self.gap, "rows": rows}
 
 
-def simulate_varied_play(scene: Scene, system: System, excitation: Excitation) -> VariedPlay | None:
-    """Simulate a reduced system without the play of its pads or, if they have none, with the play `compare.play`.
+@dataclass(frozen=True)
+class OtherPlay:
+    """Contacts of a system with another play than in its scene."""
+
+    gap: float  # m: play from face to face; 0 if the play of the scene is taken away
+    contacts: tuple[Contact, ...]
+
+
+def vary_play(scene: Scene, contacts: tuple[Contact, ...]) -> OtherPlay | None:
+    """Take the play away from the pads among a scene's contacts or, if they have none, give them `compare.play`.
 
     All of this play is at the faces on top and left, so that each section lies on those at bottom and right, where a
-    start at rest finds it: how far sections turn in each other depends on the sum of the play on both sides.  States
-    are those at the times of the scene's recovery and, where the motion is kept, at which the force of each contact is
-    largest: sections with play beat on their pads, and such a peak is short.  The result is None if no pad only pushes,
-    or if `compare.play` is 0 and the scene states no play.
+    start at rest finds it: how far sections turn in each other depends on the sum of the play on both sides.  The
+    result is None if no pad only pushes, or if `compare.play` is 0 and the scene states no play.
     """
-    pushing = {contact.name: contact for contact in system.contacts if contact.clearance is not None}
+    pushing = {contact.name: contact for contact in contacts if contact.clearance is not None}
     pads = {name: of for name, of in pads_on_faces(scene).items() if name in pushing}
     gap = 0.0 if any(pushing[name].clearance for name in pads) else scene.compare.play
     play = {name: gap if of.face == "left" or of.face.startswith("top") else 0.0 for name, of in pads.items()}
-    contacts = tuple(replace(of, clearance=play.get(of.name, of.clearance)) for of in system.contacts)
-    if contacts == system.contacts:
+    varied = tuple(replace(of, clearance=play.get(of.name, of.clearance)) for of in contacts)
+    return None if varied == contacts else OtherPlay(gap, varied)
+
+
+def simulate_varied_play(scene: Scene, system: System, excitation: Excitation) -> VariedPlay | None:
+    """Simulate a reduced system with the play of `vary_play`; None if there is no other play.
+
+    States are those at the times of the scene's recovery and, where the motion is kept, at which the force of each
+    contact is largest: sections with play beat on their pads, and such a peak is short.
+    """
+    if (play := vary_play(scene, system.contacts)) is None:
         return None
-    other = replace(system, contacts=contacts)
+    other = replace(system, contacts=play.contacts)
     steps = scene.recovered_steps
     simulation = simulate_by(scene, other, excitation, scene.simulation.simulators[0], steps.tolist())
     if simulation.run is not None and len(steps):
         steps = np.union1d(steps, simulation.run.forces.argmax(axis=0))
         simulation = replace(simulation, states=states_of(other, simulation.run, steps))
-    return VariedPlay(gap, replace(simulation, response=append_machine(scene, simulation.response)))
+    return VariedPlay(play.gap, replace(simulation, response=append_machine(scene, simulation.response)))
 
 
 def largest_sizes(scene: Scene, response: Response) -> dict[tuple[str, str], float]:

@@ -347,7 +347,8 @@ def _pad_effects(scene: Scene, at_rest: bool) -> list[str]:
         return []
     clauses = [] if not at_rest and any(getattr(ring, "friction", 0.0) for ring in rings) else ["friction"]
     if not any(map(has_clearance, rings)):
-        clauses.append("play, which at side pads changes the stress in walls")
+        in_bars = at_rest and scene.compare.play and any(ring.unilateral for ring in rings if ring.faces)
+        clauses.append("play beyond error bars" if in_bars else "play, which at side pads changes the stress in walls")
     return [*clauses, "wear", "spread of the pressure under a pad"]
 
 

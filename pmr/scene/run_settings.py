@@ -270,7 +270,7 @@ class Compare(SceneTable):
     play: Annotated[Distance, Usual(0.0, 0.02)] = Field(
         default=1e-3,
         description="Play of pads from face to face with which `pmr run` simulates a scene once more whose pads only "
-        "push and have no clearance; 0: not",
+        "push and have no clearance, and which error bars of a load chart contain; 0: not",
     )
 
 

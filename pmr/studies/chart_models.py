@@ -58,7 +58,9 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
 
     - ``reduced.``: the reduced model.  If ``error`` is true, also ``richer.``: the model of `richer_system`;
       ``mass.``: the postures of `postures_with_tip_mass`; and for beams ``mesh.``: the model on another mesh, as in a
-      run, with ``mesh_share``: the error of the scene's mesh over the difference to this model.
+      run, with ``mesh_share``: the error of the scene's mesh over the difference to this model; and ``play`` (m,):
+      the clearance in m of each contact with another play of pads, as in a run, if pads only push; and ``gap``, this
+      play in m from face to face.
     - ``too_stiff``: `stiffness_excess`.
     - ``reach`` (P,): length of the boom in m; ``tip`` (P, 3): the undeformed tip in m in the axes of the ground.
     - ``bent.``: outputs of `DeflectionOutputs`; ``turned.<angle>``: loads of `acceleration_loads`; ``contacts``: the
@@ -86,6 +88,8 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
         **{f"turned.{angle}": acceleration_loads(scene, system, at, angle) for angle in arguments.get("turned", ())},
     }
     if arguments["error"]:
+        if (play := other_runs.vary_play(scene, system.contacts)) is not None:
+            arrays |= {"play": np.array([of.clearance or 0.0 for of in play.contacts]), "gap": np.array(play.gap)}
         better = richer_system(scene, system, at, arguments["up_to"])
         arrays |= npz.record_arrays(PostureMatrices.from_scene(scene, better, at), "richer.")
         arrays |= npz.record_arrays(postures_with_tip_mass(scene, at, arguments["up_to"]), "mass.")
@@ -222,7 +226,7 @@ class ChartModels:
     The postures with a model that is missing are None.  `enriched` is the reduced model with attachment modes.
     `with_tip_mass` is the reduced model of a run with a mass at the tip.  `comparisons` has other models by the part of
     the error that they tell: under ``model`` a richer structural model, under ``mesh`` a reduced model on a finer or
-    coarser mesh.
+    coarser mesh, under ``play`` the reduced model with another play of its pads.
     """
 
     reduced: PostureMatrices
@@ -247,11 +251,17 @@ class ChartModels:
             comparisons["model"] = ComparedModel(structural, str(model_arrays["called"]), 1.0)
         if other_mesh is not None:  # the share is the error of the mesh over the difference to this model
             comparisons["mesh"] = ComparedModel(other_mesh, "other mesh", float(arrays["mesh_share"]))
+        if "play" in arrays:
+            structure = replace(reduced.structure, clearance=arrays["play"])
+            comparisons["play"] = ComparedModel(replace(reduced, structure=structure), "model with play of pads", 1.0)
         reason, above = str(model_arrays.get("reason", "")), float(arrays.get("too_stiff", np.nan))
         return cls(reduced, enriched, with_tip_mass, comparisons, reason, above, arrays["reach"])
 
-    def not_covered(self, limits: Sequence[Limit]) -> list[str]:
-        """Return the errors that the error bars of a chart with these limits do not cover, one clause for each."""
+    def not_covered(self, limits: Sequence[Limit], play: float) -> list[str]:
+        """Return the errors that the error bars of a chart with these limits do not cover, one clause for each.
+
+        `play` is ``compare.play`` of the scene, in m.
+        """
         if self.enriched is None:
             return ["any error: error_bars = false"]
         of = sorted({limit.of for limit in limits if not limit.kind.in_richer_model})
@@ -259,7 +269,8 @@ class ChartModels:
         if not model and of:
             model = f"the structural model in limits of {' and '.join(of)}: {WHY_NOT_STRESS}"
         mesh = "" if "mesh" in self.comparisons else f"the mesh: {NO_OTHER_MESH}"
-        return [*filter(None, (model, mesh)), f"large rotations in {STABILITY}"]
+        no_play = "" if "play" in self.comparisons or play else "the play of pads: compare.play = 0"
+        return [*filter(None, (model, mesh, no_play)), f"large rotations in {STABILITY}"]
 
 
 def _read_postures(arrays: Mapping[str, NDArray[np.generic]], model: str) -> PostureMatrices | None:

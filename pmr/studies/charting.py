@@ -38,7 +38,7 @@ from pmr.studies.tasks import Arguments, Needs, TaskResult
 #: Factors on an error that another model indicates: in general, and where buckling decides (docs/load_chart.md).
 MARGIN, MARGIN_OF_BUCKLING = 1.25, 2.0
 #: Sources of error whose parts make up an error bar.
-PARTS = ("reduction", "mesh", "model", "rotation")
+PARTS = ("reduction", "mesh", "model", "rotation", "play")
 
 
 @dataclass(frozen=True)
@@ -118,20 +118,23 @@ class Chart:
         return error
 
     def comparison_errors(self, models: ChartModels, part: str, k: int, loads: Array) -> Array:
-        """Return for each limit the error (l,) in kg by mesh or structural model of its smallest load of all cases.
+        """Return for each limit the error (l,) in kg by mesh, structural model or play of its smallest load.
 
         `loads` (c, l) in kg are the loads that the reduced model allows at the k-th posture; for each limit the
-        smallest of all cases is compared.  `part` is ``"mesh"`` or ``"model"``.  The error is the difference to the
-        smallest load of the model ``models.comparisons[part]``, times ``share`` of that model.  The error is NaN for
-        limits that this model can't evaluate, and for all limits if there is no such model.  An InputError of a limit's
-        function is raised with the name of this model in its message.
+        smallest of all cases is compared.  `part` is ``"mesh"``, ``"model"`` or ``"play"``.  The error is the
+        difference to the smallest load of the model ``models.comparisons[part]``, times ``share`` of that model.  The
+        error is NaN for limits that this model can't evaluate, and for all limits if there is no such model, or if its
+        pads have play that no load takes up.  An InputError of a limit's function is raised with the name of this model
+        in its message.
         """
         errors = np.full(loads.shape[1], np.nan)
         if (other := models.comparisons.get(part)) is not None:
-            which = [n for n, limit in enumerate(self.limits) if part == "mesh" or limit.kind.in_richer_model]
+            which = [n for n, limit in enumerate(self.limits) if part != "model" or limit.kind.in_richer_model]
             try:
                 differences = self._load_differences(self.places(other.postures, k), which, loads)
             except InputError as error:
+                if part == "play" and error.source == "system":
+                    return errors
                 allowed = f"{error.allowed} in the {other.label} that the scene is compared with"
                 raise InputError(error.source, error.key, error.value, allowed) from None
             errors[[*which, -1]] = other.share * differences
@@ -171,9 +174,9 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     - ``load`` (p, l) kg: the smallest over all cases in service, NaN if no load up to ``up_to`` reaches the limit;
       ``case`` (p, l): the number of that case.
     - ``member`` (p,): the pad, cylinder, rope, support or probe that reaches the limit that governs; empty if unknown.
-    - ``error`` (p, l) kg: ``error.reduction`` + ``error.mesh`` + ``error.model`` + ``error.rotation``, the mesh's and
-      the model's counting as 0 where they are NaN, which means unknown; ``not_covered`` (p,): the errors that it does
-      not cover, in words.
+    - ``error`` (p, l) kg: the sum of ``error.reduction``, ``error.mesh``, ``error.model``, ``error.rotation`` and
+      ``error.play``, those of mesh, model and play counting as 0 where they are NaN, which means unknown;
+      ``not_covered`` (p,): the errors that it does not cover, in words.
     - ``hoist`` (p,), only if ``hoist`` is among the arguments: the largest force of the rope while the point's smallest
       load is hoisted off the ground, over the load's weight, with the amounts of the first case.
     - ``passed`` (p, c, l): whether the limit is exceeded without a load in a case out of service.
@@ -213,10 +216,14 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     remarks = [_remark(scene, limit) for limit in chart.limits]
     left_out_rows = np.array(list(left_out_of_chart(scene, chart.limits).items()))
     pages |= {"place": best, "remarks": np.array([*remarks, ""]), "left_out": left_out_rows}
-    pages["definitions"] = np.array(list(chart_definitions(scene, arguments.get("point")).items()))
+    play = {"play of pads": _play_words(float(needs["postures"].arrays["gap"]))} if "play" in models.comparisons else {}
+    pages["definitions"] = np.array(list((chart_definitions(scene, arguments.get("point")) | play).items()))
     pages["slewing"] = np.unique(np.rad2deg(slewing).round(9))
     arrays |= {f"at.{name}": values for name, values in pages.items()}
-    arrays["not_covered"] = np.array(["; ".join(models.not_covered(chart.limits))] * len(rows))
+    not_covered = models.not_covered(chart.limits, scene.compare.play)
+    loose = int(np.isnan(arrays["error.play"]).all(axis=1).sum()) if "play" in models.comparisons else 0
+    not_covered += [f"the play of pads at {loose} of {len(rows)} points, where no load takes it up"] if loose else []
+    arrays["not_covered"] = np.array(["; ".join(not_covered)] * len(rows))
     contacts = CONTACTS.validate_json(str(needs["postures"].arrays["contacts"]))
     loads, cases_of_loads = np.nan_to_num(arrays["load"], nan=chart.up_to), arrays["case"]
     of_places = warnings_of_row(scene, contacts, chart.places, models, loads, cases_of_loads, first)
@@ -253,7 +260,9 @@ def error_warnings(
     load, allowed = arrays["load"], scene.compare.model_tolerance
     which = governing_limit(load)
     rows = np.flatnonzero((which >= 0) & (load[np.arange(len(load)), which] > 0.0))
-    for part, other in models.comparisons.items() if len(rows) else ():
+    for part in ("mesh", "model") if len(rows) else ():
+        if (other := models.comparisons.get(part)) is None:
+            continue
         shares = np.nan_to_num(arrays[f"error.{part}"][rows, which[rows]] / load[rows, which[rows]])
         worst = int(shares.argmax())
         if shares[worst] <= allowed:
@@ -309,6 +318,16 @@ def chart_definitions(scene: Scene, point: tuple[float, float, float] | None = N
     }
 
 
+def _play_words(gap: float) -> str:
+    """Return what the part of error bars that comes from the play of pads is, by the play of the other boom in m."""
+    if gap:
+        return (
+            f"the loads are those of pads without play; error bars have how much loads change by {1e3 * gap:g} mm of "
+            "play from face to face, all of it at top and left"
+        )
+    return "the loads are those of pads with the play of the scene; error bars have how much loads change without it"
+
+
 def _point_arrays(
     chart: Chart, models: ChartModels, k: int, rope: Rope | None, scene: Scene
 ) -> dict[str, NDArray[Any]]:
@@ -330,11 +349,10 @@ def _point_arrays(
     parts = dict.fromkeys((f"error.{of}" for of in PARTS), np.full(len(load), np.nan))
     if models.enriched is not None:
         parts["error.reduction"] = chart.reduction_errors(models, k, loads)
-        parts["error.mesh"] = chart.comparison_errors(models, "mesh", k, loads)
-        parts["error.model"] = chart.comparison_errors(models, "model", k, loads)
+        parts |= {f"error.{of}": chart.comparison_errors(models, of, k, loads) for of in ("mesh", "model", "play")}
         parts["error.rotation"] = chart.rotation_errors(places, loads, float(models.reach[k]))
-    sometimes = np.nan_to_num(parts["error.mesh"]) + np.nan_to_num(parts["error.model"])
-    row |= parts | {"error": parts["error.reduction"] + sometimes + parts["error.rotation"]}
+    sometimes = [np.nan_to_num(parts[f"error.{of}"]) for of in ("mesh", "model", "play")]
+    row |= parts | {"error": parts["error.reduction"] + sum(sometimes) + parts["error.rotation"]}
     if rope is not None:
         least, loaded = float(np.nanmin(np.append(load, np.inf))), places[0].equilibria
         is_hoisted = 0.0 < least < np.inf

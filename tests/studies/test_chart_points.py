@@ -104,7 +104,7 @@ def test_the_box_of_the_error_bar_names_what_it_lacks() -> None:
     """The model is unknown for the limit that governs, and the mesh for one that does not."""
     parts = {"load": np.array([[1.0, 2.0]])} | {f"error.{of}": np.zeros((1, 2)) for of in PARTS}
     parts["error.model"][0, 0] = parts["error.mesh"][0, 1] = np.nan
-    assert covered_parts([parts]) == "reduction, mesh, rotations; without model"
+    assert covered_parts([parts]) == "reduction, mesh, rotations, play; without model"
 
 
 def test_a_chart_warns_as_a_run_of_the_boom_at_rest_does(chart: StudyResults, folder: Path) -> None:

@@ -30,13 +30,13 @@ from pmr.report.studies.chart_tables import (
     format_load,
     headline,
     limit_grid,
+    present_parts,
     slewing_clause,
 )
 from pmr.report.studies.finished import FinishedStudy
 from pmr.report.subject import shown_force_name
 from pmr.results.response import FORCES
 from pmr.scene.keys import ALONE
-from pmr.studies import charting
 from pmr.studies.charting import governing_limit
 from pmr.studies.duty import NOT_LIMITED, ChartLoads, DutyTable, LeastLoads
 from pmr.studies.limits import STABILITY, STABILITY_WORDS
@@ -77,7 +77,9 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     picture = replace(picture, svg=picture.svg.removesuffix("</svg>") + shown)
     lines = drawing(f"{prefix}-duty", duty_lines, duty_caption(len(chart.load)), chart)
     duty = tuple(duty_grids(study, DutyTable.from_loads(table, up_to), not_covered))
-    method = prose("chart_method", study_file=study.study_file, figures=study.figures, not_covered=not_covered)
+    play = "play" in present_parts(parts)
+    facts = {"figures": study.figures, "play": play, "not_covered": not_covered}
+    method = prose("chart_method", study_file=study.study_file, **facts)
     limits = replace(limits, text=method, grids=(*limits.grids, *error_bar_grids(study, names, parts)))
     over_radius = Block("Load over radius", (lines,), grids=duty)
     pages = governing_pages(study, shown_names, parts, prefix)
@@ -153,11 +155,14 @@ def _key_numbers(study: FinishedStudy, chart: LoadChart, error: Array, parts: Pa
 
 
 def covered_parts(parts: Parts) -> str:
-    """Text that lists the parts of the error bars, then the parts that are not known of a limit that governs."""
+    """Text that lists the parts of the error bars, then the parts that are not known of a limit that governs.
+
+    Play is left out of both if no pad of the scene can have it, and where an earlier version computed the chart.
+    """
     which = governing_limit(np.concatenate([part["load"] for part in parts]))
     rows = np.flatnonzero(which >= 0)
     covered, lacking = list[str](), list[str]()
-    for of in charting.PARTS:
+    for of in present_parts(parts):
         error = np.concatenate([part[f"error.{of}"] for part in parts])[rows, which[rows]]
         (lacking if np.isnan(error).any() else covered).append("rotations" if of == "rotation" else of)
     return ", ".join(covered) + (f"; without {', '.join(lacking)}" if lacking else "")

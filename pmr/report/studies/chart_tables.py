@@ -139,10 +139,6 @@ def _load_cell(load: float) -> str:
     return NO_LOAD if load == 0.0 else f"{load:.0f}"
 
 
-#: Endings of the names of the arrays with error bars: for the sum of all parts, then for each part.
-PARTS = ("", *(f".{of}" for of in charting.PARTS))
-
-
 #: Most boom lengths in the tables of loads, and most of them side by side: more are cut off on paper.
 MOST_LENGTHS, LENGTHS_BESIDE = 24, 8
 
@@ -184,13 +180,13 @@ def error_bar_grids(study: FinishedStudy, names: list[str], parts: Parts) -> lis
     """
     if not study.study_file["error_bars"]:
         return []
-    load = np.concatenate([part["load"] for part in parts])
-    rows = []
+    load, shown = np.concatenate([part["load"] for part in parts]), present_parts(parts)
+    errors, rows = ["error", *(f"error.{of}" for of in shown)], []
     for k, name in enumerate(names):
         some = load[:, k] > 0.0
         if not some.any():
             continue  # no load of the chart reaches this limit
-        shares = [np.concatenate([p[f"error{of}"][:, k] for p in parts])[some] / load[some, k] for of in PARTS]
+        shares = [np.concatenate([p[of][:, k] for p in parts])[some] / load[some, k] for of in errors]
         rows.append(
             (
                 STABILITY_WORDS if name == STABILITY else name,
@@ -199,7 +195,14 @@ def error_bar_grids(study: FinishedStudy, names: list[str], parts: Parts) -> lis
             )
         )
     caption = "Half width of the error bars as a share of the load: the median of all points, of each part by itself."
-    return [Grid(caption, ("limit", "in all", "reduction", "mesh", "model", "large rotations", "largest"), tuple(rows))]
+    heads = ["large rotations" if of == "rotation" else "play of pads" if of == "play" else of for of in shown]
+    return [Grid(caption, ("limit", "in all", *heads, "largest"), tuple(rows))]
+
+
+def present_parts(parts: Parts) -> list[str]:
+    """List the parts of error bars that the results of a chart may have: play only where it was computed."""
+    play = any(np.isfinite(part["error.play"]).any() for part in parts if "error.play" in part)
+    return [of for of in charting.PARTS if of != "play" or play]
 
 
 def _format_share(share: float) -> str:
