@@ -240,7 +240,9 @@ def energy_in_space(scene: Scene, system: System, excitation: Excitation, run: S
 def energy_part(scene: Scene, system: System, excitation: Excitation, run: SystemTrajectory | None) -> SummaryPart:
     """Entry ``energy`` of summary.json in J, changes from the start to the end; empty if the scene has no frame.
 
-    If `run` is None, because its states were not kept, the motion is simulated again, which takes microseconds a step.
+    ``change`` is the change of the energy, ``drives`` and ``others`` are the work of drives and of all other loads, and
+    ``lost`` is what these add in excess of the change.  If `run` is None, because its states were not kept, the motion
+    is simulated again, which takes microseconds a step.
     """
     if scene.frame is None:
         return SummaryPart()
@@ -313,9 +315,10 @@ class _EnergyBalance:
             self.drives -= by_motion + np.diff(c) / 2.0 * row_products(step_means(q), step_means(G))
 
     def _add_shortening(self, frame_term: FrameTerm, c: Array, bent: Array, rate: Array) -> None:
-        """Add to the moments the displacement of a section along its axis, as the section bends or its cylinder leans.
+        """Add to the moments the displacement of a section along its axis, as it bends or its cylinder leans, in place.
 
         `bent` and `rate` (T,) are q^T G q / 2 and its rate, with the matrix G of the term and its amplitude c (T,).
+        The work of a cylinder's extension against the force of the term is subtracted from the work of drives.
         """
         if frame_term.kind == "cylinder":  # a cylinder of length L that leans by d shortens by d^2 / 2 L
             extension = self._scene.extension(frame_term.number)

@@ -358,8 +358,8 @@ def simulate_cable(
 def cable_response(scene: Scene, body: Body, done: Progress | None = None) -> Response:
     """Response of the scene's beam as an ANCF cable, a reference for its `body`, with the outputs of this body.
 
-    The joint of the cable holds a point in space, so the cable has no rows, and the residuals of rows are NaN. Errors
-    are those of `simulate_cable`.
+    The joint of the cable holds a point in space, so the cable has no rows, and the residuals of rows are NaN.  `done`,
+    if not None, is called with the share of the run that is done.  Errors are those of `simulate_cable`.
     """
     motion = simulate_cable(scene, body.output_positions, Excitation.from_scene(scene), done)
     from pmr.simulation.exudyn import ancf

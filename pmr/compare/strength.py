@@ -75,7 +75,10 @@ def dynamic_factors_part(scene: Scene, system: System | SystemForm, response: Re
 
 
 def _histories_of_kind(scene: Scene, response: Response, kind: str) -> dict[str, Array]:
-    """Return the histories of a kind of `KINDS` by name, without those of forces on the machine."""
+    """Return the histories (T,) of the forces or margins of one `kind` of `KINDS`, by name.
+
+    Forces on the machine are left out.
+    """
     if kind == RESULTANT:
         return support_forces(scene, response, directions=2)
     return {

@@ -118,7 +118,7 @@ class TooManyModesError(ConvergenceError):
 
 
 def call_on_first_rank(comm: Any, make: Callable[[], Found]) -> Found | None:
-    """Call `make` on rank 0; return its result on rank 0 and None on the other ranks.
+    """Call `make` on rank 0 of `comm`; return its result on rank 0 and None on the other ranks.
 
     Collective: all ranks have to call it.
 

@@ -329,7 +329,7 @@ def centre_of_mass(J: Array) -> Array:
 
 
 def _nodes_without_rotations(body: Resistance) -> Mask:
-    """Return a mask (N,) of nodes with displacements but without a rotation that is common among the nodes."""
+    """Return a mask (N,) of nodes that have displacements but lack a rotation that more than half of all nodes have."""
     missing, displaced = np.zeros(len(body.points), dtype=bool), ~body.missing_displacements.any(axis=1)
     for k in range(3, 6):
         rotates = np.bincount(body.node[body.direction == k], minlength=len(body.points)) > 0

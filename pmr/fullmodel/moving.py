@@ -187,7 +187,7 @@ class FrameAssembler:
         return parts[0]
 
     def _single_inertia(self, j: int, k: int) -> PETSc.Mat:
-        """Matrix A_jk (n, n) of `inertia`; collective."""
+        """Matrix A_jk (n, n), for j <= k, from whose multiples `inertia` adds up A_S; assembled once; collective."""
         if (j, k) not in self._single_inertias:
             tensor, form = self._inertia_form
             tensor.value = np.outer(np.eye(3)[j], np.eye(3)[k])

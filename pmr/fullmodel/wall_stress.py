@@ -43,7 +43,7 @@ class SectionStates:
     forces: Array  # (S, 6, X) N and N m, in the order of `FORCES`
 
     def at(self, state: int, x: Array) -> Array:
-        """Return the section forces (6, P) at one time and the places x (P,) in m."""
+        """Return the section forces (6, P) at time number `state` and at the places x (P,) in m, interpolated."""
         return np.array([np.interp(x, self.x, values) for values in self.forces[state]])
 
 

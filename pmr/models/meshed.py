@@ -203,8 +203,9 @@ def frequency_scale(points: Array, material: Material, thickness: float = 0.0) -
 def outward_signs(mesh: NamedMesh, places: Array, normals: Array) -> Array:
     """Signs (f,) of the normals at f points: 1 away from the body's axis, -1 towards it, otherwise 0.
 
-    `places` (f, 3) m are the points and `normals` (f, 3) their unit normals.  The axis is along the mesh's longest
-    extent, in the middle of the other extents.
+    The sign is 0 if a normal is nearly at a right angle to the line from the axis to its point.  `places` (f, 3) m are
+    the points and `normals` (f, 3) their unit normals.  The axis is along the mesh's longest extent, in the middle of
+    the other extents.
     """
     arm = places - (mesh.points.min(axis=0) + mesh.points.max(axis=0)) / 2.0
     arm[:, mesh.axis] = 0.0

@@ -242,7 +242,10 @@ def _boom_places(
 
 
 def _axis_in_space(result: RunResult, name: str, x: Array, places: Array, t: Array) -> Axis:
-    """Axis called `name` through the `places` (S, n, 3) in m in the boom's axes, at the times t (S,) in s."""
+    """Axis called `name` through the `places` (S, n, 3) in m in the boom's axes, at the times t (S,) in s.
+
+    x (n,) in m are the points' distances along the axis.
+    """
     turned = frame_rotations(result, t)
     sine, cosine = turned[:, 2, 0, None], turned[:, 2, 2, None]  # of the luffing angle
     in_space = np.einsum("sij,snj->sni", turned, places)

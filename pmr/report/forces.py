@@ -203,7 +203,8 @@ def _output_block(
 ) -> Block | None:
     """Build a block with a figure for each of the `panels` that has outputs, and those `grids` that have rows.
 
-    `prefix` begins the identifiers of the figures.  None if there are neither figures nor tables.
+    `heading` and `text` stand above them, and `prefix` begins the identifiers of the figures.  None if there are
+    neither figures nor tables.
     """
     drawings = [
         drawing(f"{prefix}-{panel.anchor}", output_figure, panel.caption, result, panel.outputs)

@@ -158,8 +158,8 @@ class Looks(NamedTuple):
 def _face_looks(piece: Piece, view: Array, light: Array, limits: tuple[float, float]) -> Looks:
     """Return colours and edges of a piece's faces.
 
-    `view` is that of the shot, `light` the direction to the light in the picture's axes, and `limits` is the range of
-    values that the colours span.  Light falls on both sides of a face.
+    `view` (3, 3) is that of the shot, `light` (3,) is the unit vector to the light in the picture's axes, and `limits`
+    is the range of values that the colours span.  Light falls on both sides of a face.
     """
     normals = piece.normals @ view.T
     bright = AMBIENT + DIFFUSE * np.maximum(np.where(normals[:, 2:] < 0.0, -normals, normals) @ light, 0.0)
@@ -301,7 +301,7 @@ def compress(frames: NDArray[np.float32], most_values: int) -> dict[str, Any]:
 
 
 def _encode_indices(values: NDArray[np.int64]) -> str:
-    """Encode the indices `values` as little-endian 32-bit integers in base64."""
+    """Encode the indices `values` (any shape) as little-endian 32-bit integers in base64."""
     return base64.b64encode(np.ascontiguousarray(values, "<u4").tobytes()).decode()
 
 
@@ -311,7 +311,7 @@ def _block_data(block: Block) -> dict[str, Any]:
 
 
 def encode_array(values: Array) -> dict[str, Any]:
-    """Encode an array for a page as whole numbers.
+    """Encode an array (any shape) for a page as whole numbers.
 
     ``data`` are these numbers as little-endian 16-bit integers in base64, and ``count`` is the value that the number 1
     stands for.

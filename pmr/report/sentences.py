@@ -183,6 +183,7 @@ def largest_value(key: str, text: str, share: float | None = None, name: str = "
     """Return the row of the quantity with this `key`, which states the part that the row belongs to.
 
     The row is called `name` or, if that is empty, as the quantity is reported.  Its text is `text`, followed by `end`.
+    `share` is the share of the allowed value, None if there is none.
     """
     quantity = QUANTITIES[key]
     return LargestValue(name or quantity.reported, text + end, share, quantity.place)

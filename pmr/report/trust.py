@@ -32,7 +32,8 @@ def trust_table(result: RunResult) -> Table:
     """Build the table of errors of model, mesh, time step and reduction, and of what these errors do not cover.
 
     A row has a bar if its error is known.  The bar shows the largest of the row's errors on a logarithmic scale, which
-    begins at `LEAST` and is the same for all bars.
+    begins at `LEAST` and is the same for all bars.  If two or more sources have errors, a row adds these up.  Changes
+    by another play of the pads have a row if a run had such a play.
     """
     summary = result.summary
     budget, step, estimate = (summary.get(name) or {} for name in ("budget", "step", "estimate"))

@@ -343,7 +343,10 @@ class Frame(BoomAngles):
 
     @property
     def out_of_plane_key(self) -> str | None:
-        """Key within [frame] of the motion that moves the boom out of a vertical plane; None if nothing does."""
+        """Key within [frame] of the motion that moves the boom out of a vertical plane; None if nothing does.
+
+        A motion that is computed counts as such a motion, and so does a ground that slopes across the boom.
+        """
         if self.computed_key is not None:
             return self.computed_key
         motions = {} if self.base is None else {f"base.{key}": signal for key, signal in self.base.motions.items()}

@@ -315,7 +315,8 @@ def _place_arrays(
     """Return the row of a place in each array of `governing_details`, by the array's name.
 
     `limit` governs at the place, None if no limit does.  The load is slightly less than `load` in kg, as there is no
-    equilibrium at the load at which stability is lost.
+    equilibrium at the load at which stability is lost.  `bent` are the outputs that show the bent boom, and `stops` the
+    stopping motions whose swings are computed.
     """
     at, load = place.postures, load * (1.0 - JUST_BELOW)
     state = place.equilibria.state(load)

@@ -460,7 +460,11 @@ def with_fields(scene: Scene, patterns: Sequence[str], places: int) -> Scene:
 
 
 def _field_probes(name: str, model: Any, patterns: Sequence[str]) -> Iterator[Probe]:
-    """Yield probes at the stress points of each region if its name, or its body's name, fits one of the patterns."""
+    """Yield probes at the stress points of each region if its name, or its body's name, fits one of the `patterns`.
+
+    `name` is that of the body, and `model` its structural model.  Nothing is yielded for a model without stresses, or
+    if its stresses are neither on faces nor complete with six components.
+    """
     rows = model.stresses() if hasattr(model, "stresses") else None
     if rows is None or not set(FACES) & set(rows.faces) and len(rows.components) < 6:
         return

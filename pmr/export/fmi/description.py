@@ -275,7 +275,10 @@ class CubicSignal(SignalBase):
         return np.asarray(x1 + at * (x2 + at / 2.0 * x3))
 
     def _pieces(self, t: ArrayLike) -> Array:
-        """Time in s since the current step began, then value and three rates at its beginning, (5, ...)."""
+        """Parts of the cubics at times t (...) in s, as one array (5, ...).
+
+        They are the time in s since the current step began, then the value at its beginning and the three rates there.
+        """
         at, rates = np.asarray(t, float), np.array(self.rates)
         number = np.clip(np.floor(at / self.step + 1e-9).astype(int), 0, rates.shape[1] - 1)
         return np.array([at - number * self.step, *rates[:, number]])

@@ -268,5 +268,8 @@ def _use_tables(names: list[str], n: int, arrays: Mapping[str, Array], sections:
 
 
 def _zero_round_off(values: Array) -> Array:
-    """Return `values` with 0 for round-off: sizes below the share `ROUND_OFF` of the largest absolute value."""
+    """Return `values` (any shape) with 0 for round-off.
+
+    Round-off is what is smaller than the share `ROUND_OFF` of the largest absolute value.
+    """
     return np.where(np.abs(values) < ROUND_OFF * np.abs(values).max(initial=0.0), 0.0, values)

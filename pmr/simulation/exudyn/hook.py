@@ -191,7 +191,7 @@ class _Joint:
         return ForcesAndStiffness(force, K)
 
     def _unloaded_point(self, t: float, q: Array, s: Array, R: Array) -> UnloadedPoint:
-        """Point of the hook without the hook's force, from the pivot O.
+        """Point of the boom to which the hook is joined, at t s and without the hook's force, from the pivot O.
 
         The boom has the coordinates q (n,), the P extensions s (P,) in m, and the axes R (3, 3) in space.
         """

@@ -150,7 +150,8 @@ class Recorder:
     def follow(self, state: State, rows: PathRows, x: Array, f: Array, c: Array) -> None:
         """Update peaks and work by the `state` after a step, or after a part of a step.
 
-        At the end of the step the q sides are at x (q,) in m, with loads f (i,) and amplitudes c (K,) of K terms.
+        `rows` are the contact rows at the end of this step.  There the q sides are at x (q,) in m, with loads f (i,)
+        and amplitudes c (K,) of K terms.
         """
         if self._pushes:
             self._peak = np.maximum(self._peak, state.multipliers)
