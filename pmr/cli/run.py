@@ -220,7 +220,10 @@ def _tolerance_overrides(tolerance: str, file: Path) -> list[str]:
 
 
 def _print_outcome(outcome: Outcome) -> None:
-    """Print capacity, errors with published ones, coordinates, computing times and warnings of a run."""
+    """Print title, largest values, errors with published ones, coordinates, computing times and warnings of a run.
+
+    How far to trust the run is printed too, and by how much two simulators agree.
+    """
     from pmr.report import errors, first_page, trust
 
     result, summary = outcome.result, outcome.result.summary

@@ -142,7 +142,11 @@ def _heading(row: LargestValue) -> str:
 
 
 def _largest_values(result: RunResult) -> LargestValues:
-    """Yield rows on stress, fatigue, buckling, deflection, frequency, forces and the machine's motion."""
+    """Yield all rows of the table of largest values, in no particular order.
+
+    They are on stress, fatigue, buckling, deflection and other outputs, frequency, speeds, forces, and the machine's
+    motion.
+    """
     summary = result.summary
     yield from _stress_rows(result)
     if damages := summary.get("fatigue"):

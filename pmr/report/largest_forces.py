@@ -66,7 +66,11 @@ def force_rows(result: RunResult) -> LargestValues:
 
 
 def _driven_rows(result: RunResult) -> LargestValues:
-    """Yield rows on a computed luffing angle or extension: largest force, length, and oil of the cylinder."""
+    """Yield rows on a computed luffing angle or extension: largest force, length, and oil of the cylinder.
+
+    If the luffing cylinder's force is limited, a row has the largest share of what is allowed.  There are no rows if
+    all motion is prescribed.
+    """
     for way in ("luffing", "extension"):
         if (cylinder := result.summary.get(f"{way}_cylinder")) is None:
             continue

@@ -105,7 +105,10 @@ def _play_changes(result: RunResult) -> dict[str, float]:
 
 
 def _play_text(result: RunResult) -> str:
-    """Sentence on the changes of largest values if pads have another play; empty if no run had another play."""
+    """Sentence on the changes of largest values if pads have another play; empty if no run had another play.
+
+    If such a run failed, the text gives the reason why the changes are not known.
+    """
     changes = _play_changes(result)
     if not changes:
         return f"not known: {play_summary(result)['reason']}" if "reason" in play_summary(result) else ""

@@ -92,7 +92,10 @@ class Ground(SceneTable):
 
     @model_validator(mode="after")
     def _check_outriggers(self) -> Self:
-        """Refuse fewer than three outriggers, outriggers on one line, and repeated names or places."""
+        """Refuse fewer than three outriggers or too many of them, outriggers on one line, and repeated names or places.
+
+        Names of the machine's masses must not repeat either.
+        """
         for key in ("masses", "outriggers"):
             names = [part.name for part in getattr(self, key)]
             if twice := next((name for name in names if names.count(name) > 1), None):

@@ -237,7 +237,7 @@ def _section_scales(part: BoomSection) -> dict[str, float]:
 
 
 def _mass(part: BoomSection) -> float:
-    """Return the mass of a section's beam or box in kg without frames; 0 for a mesh file."""
+    """Return the mass in kg of a section's mover, beam or box, without frames; 0 for a mesh file."""
     body = part.body
     if body.mover is not None:
         return body.mover.mass + body.mover.wheel_mass

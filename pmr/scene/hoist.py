@@ -131,7 +131,11 @@ class Hoist(Payload, Rope):
 
     @model_validator(mode="after")
     def _check_rope(self) -> Self:
-        """Refuse a hoist without mass, and a rope unless exactly one key sets its length."""
+        """Refuse a hoist without mass, a rope unless exactly one key sets its length, and heads on a named group.
+
+        A speed of the winch is allowed only with the length at t = 0 in `hanging`.  The tip is the only group with a
+        head.
+        """
         if not self.mass > 0.0:
             raise key_error("payload", self.payload, "a mass above 0 of payload and hook together is allowed")
         if (self.length is None) == (self.hanging is None):

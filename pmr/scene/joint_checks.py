@@ -35,7 +35,11 @@ PARALLEL = 1.0 - 1e-6
 
 
 def check_fit(scene: Scene, number: int) -> None:
-    """Refuse section `number` unless its box fits into the box of the section before, and its pads into the gap."""
+    """Refuse section `number` unless its box fits into the box of the section before, and its pads into the gap.
+
+    A play of pads to compare with (`compare.play`) is refused if the gap has no room for it.  Sections without boxes
+    pass.
+    """
     inner, outer = scene.sections[number].body.box, scene.sections[number - 1].body.box
     if inner is None or outer is None:
         return
@@ -140,7 +144,10 @@ def check_joints(scene: Scene) -> None:
 
 
 def _check_section_names(scene: Scene) -> None:
-    """Refuse equal names of sections or of rings at one end, a joint of the base, and others without a joint."""
+    """Refuse equal names of sections or of rings at one end, a joint of the base, and others without a joint.
+
+    A mover is refused unless its joint is a wheel.
+    """
     check_names("sections", scene.names)
     if scene.sections[0].joint is not None:
         raise scene_error(

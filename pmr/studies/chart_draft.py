@@ -129,7 +129,10 @@ class WallLimit(NamedTuple):
 
 
 def _wall_limits(scene: Scene) -> Iterator[WallLimit]:
-    """Yield a limit of a chart for each joint of beams whose walls' stress at pads can be computed."""
+    """Yield a limit of a chart for each joint of beams whose walls' stress at pads can be computed.
+
+    If FEniCSx is not installed or walls can't be computed, a warning is logged and nothing is yielded.
+    """
     if len(scene.sections) == 1 or not stress_remark(scene):  # shells have a limit of their own, on the stress field
         return
     if not is_installed("dolfinx"):
@@ -377,7 +380,10 @@ def _keys_of_ground(scene: Scene) -> Iterator[str]:
 
 
 def check_at_rest(scene: Scene) -> None:
-    """Raise InputError for a machine that moves by itself, a hoist, or a base whose motion is not constant."""
+    """Raise InputError for a scene with a part that moves by itself, a hoist, or a base whose motion is not constant.
+
+    Such parts are a machine, an extension and a luffing angle that are computed with the boom.
+    """
     assert scene.frame is not None
     if scene.frame.machine is not None:
         raise InputError("scene", "frame.machine", None, "a machine that stands still is allowed in a load chart")

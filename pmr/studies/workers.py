@@ -94,7 +94,10 @@ class Worker:
         return Failure(f"its process died ({_exit_cause(child.wait())})", self._last_output())
 
     def close(self) -> None:
-        """End the child at once, or kill the child after `PATIENCE` seconds; a running task leaves no result."""
+        """Have the child end, and kill it if it still runs after `PATIENCE` seconds.
+
+        A task that runs leaves no result.
+        """
         if self._child is not None:
             assert self._child.stdin is not None
             with suppress(BrokenPipeError):

@@ -108,7 +108,10 @@ def headline(study: FinishedStudy, least_loads: Array, slewing: Array) -> str:
 
 
 def terminal_grid(results: StudyResults, rows: int) -> Grid:
-    """Build the terminal's table of a chart: for each of at most `rows` extensions the radii and the allowed loads."""
+    """Build the terminal's table of a chart, with a row for each of at most `rows` extensions.
+
+    A row has the boom length, the range of the radius, and the least and the largest allowed load.
+    """
     done = [run for run in results.runs if run.status == "done"]
     names = list(dict.fromkeys(name for run in done for name in run.parameters))
     lines, empty = [], False

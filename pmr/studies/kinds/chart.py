@@ -92,7 +92,10 @@ class Study(StudyBase):
 
     @model_validator(mode="after")
     def _check_names(self) -> Self:
-        """Refuse equal names, hoisting classes that do not exist, and cases of which none is in service."""
+        """Refuse equal names, a limit called `STABILITY`, and cases of which none is in service.
+
+        Hoisting classes that do not exist are refused, too.
+        """
         named = {"limits": [limit.name for limit in self.limits], "cases": [case.name for case in self.cases]}
         for what, names in named.items():
             if len(set(names)) < len(names) or (what == "limits" and STABILITY in names):
@@ -181,7 +184,10 @@ class Study(StudyBase):
         return figures
 
     def summary_line(self, results: StudyResults) -> str:
-        """Return a line with the least and the largest load in kg that all limits allow at the points."""
+        """Return a line with the least and the largest load in kg that all limits allow at the points.
+
+        It also says at how many points the boom is not permitted even empty, and what the limits do not cover.
+        """
         points, table = len(self._chart_points), self.table(results)
         loads = self.loads(table)
         if not np.isfinite(loads.least).any():
