@@ -28,7 +28,7 @@ from pmr.report.columns import extreme_indices, interpolate, spread_indices
 from pmr.report.document import render_runs
 from pmr.report.errors import error_notes, rows
 from pmr.report.numbers import SPACE, Unit
-from pmr.report.studies.finished import _comparison_row, format_figure
+from pmr.report.studies import _comparison_row, format_figure
 from pmr.studies.study import Statement
 
 #: How a function writes numbers: arguments, and text with spaces in place of those that do not break.

@@ -26,7 +26,7 @@ import numpy as np
 import pmr
 from pmr.report.blocks import Block, Chapter
 from pmr.report.document import render, with_date, write_page
-from pmr.report.studies.finished import comparison
+from pmr.report.studies import comparison
 from pmr.studies.study import Statement
 
 Row = dict[str, Any]  # figures and arrays by name

@@ -39,7 +39,7 @@ from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, Notices
 from pmr.report.figures import WIDE, curve_style, drawing, log_axis, log_x, make_sheet
 from pmr.report.numbers import format_input, format_percent, format_quantity
 from pmr.report.studies import study_chapter
-from pmr.report.studies.finished import FinishedStudy
+from pmr.report.studies.tables import FinishedStudy
 from pmr.scene import Reduction, Scene
 from pmr.scene.keys import ALONE
 from pmr.scene.mechanism import frame_terms

@@ -6,18 +6,33 @@ No new values are computed.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple, Protocol
 
 from pmr.files.arrays import Summary
 from pmr.report import scene_tables
-from pmr.report.blocks import Block, Chapter, Grid, Notices, Table
+from pmr.report.blocks import (
+    DIFFERENT,
+    SAME,
+    Block,
+    Chapter,
+    ErrorTable,
+    Grid,
+    Mark,
+    Notices,
+    Row,
+    Table,
+    mark_for,
+    signed_deviation,
+)
 from pmr.report.document import ReportFiles, render, with_date, write_page
-from pmr.report.numbers import format_quantity
+from pmr.report.numbers import SPACE, decimals_of, format_in_unit, format_input, format_quantity, significant
 from pmr.report.studies import chart, runs
-from pmr.report.studies.finished import FinishedStudy, comparison, studies_in
-from pmr.report.studies.tables import run_name
+from pmr.report.studies.tables import FinishedStudy, run_name, studies_in
+from pmr.studies.study import Statement
+from pmr.studies.tasks import Scalar, cell_number
 
 #: Functions that build the chapter about a study, by the kind of study; studies of other kinds have a chapter about
 #: their runs.
@@ -72,3 +87,82 @@ def study_chapter(study: FinishedStudy, anchor: str) -> Chapter:
     unfinished = [f"{run_name(run)} ({run.status}: {run.reason})" for run in study.unfinished_runs]
     warnings = [warning.line(len(study.results.runs)) for warning in study.results.warnings]
     return replace(content, notices=Notices((), [*study.summary.get("hints", ()), *warnings], unfinished))
+
+
+class HasPublishedValues(Protocol):
+    """Values of a study or an experiment, and what is published about these values."""
+
+    @property
+    def figures(self) -> Mapping[str, Scalar]: ...
+    @property
+    def published(self) -> Sequence[Statement]: ...
+    @property
+    def summary(self) -> Summary: ...
+
+
+def comparison(study: HasPublishedValues) -> ErrorTable:
+    """Build the table that compares the study's values with published statements.
+
+    Statements about values that the study does not have are left out.
+    """
+    rows, reasons = [], list[str]()
+    for statement in study.published:
+        figure = study.figures.get(statement.figure)
+        if figure is None:
+            continue
+        rows.append(_comparison_row(statement, figure))
+        if statement.why and statement.why not in reasons:
+            reasons.append(statement.why)
+    source = str(study.summary["source"]) or "publication"
+    return ErrorTable(f"Published: {source}.", rows, [*reasons, *study.summary["remarks"]])
+
+
+def format_figure(value: Scalar, kind: str) -> str:
+    """Format a value by the kind of its quantity (``ratio``, ``share``, ``length``, ``energy`` or ``seconds``)."""
+    if isinstance(value, str):
+        return format_combination(value)
+    if kind == "ratio":
+        return f"{significant(cell_number(value), 2)}{SPACE}×"
+    units = {"share": "%", "length": "m", "energy": "J", "seconds": "s"}
+    return (
+        format_in_unit(cell_number(value), units[kind]) if kind in units else format_input(round(cell_number(value), 9))
+    )
+
+
+def format_combination(key: str) -> str:
+    """Format a text `key` such as ``"5x6"`` as (5,6); texts of another form are returned unchanged."""
+    first, _, second = key.partition("x")
+    return f"({first},{second})" if first.isdigit() and second.isdigit() else key
+
+
+def _comparison_row(statement: Statement, value: Scalar) -> Row:
+    """Build the row of the table that compares the study's `value` with a published statement.
+
+    The row has a deviation and a mark only if the statement has a value.
+    """
+    shown = format_figure(value, statement.quantity)
+    if statement.value is None:
+        return Row(statement.text, "", shown, statement.words or None)
+    printed = statement.words or format_figure(statement.value, statement.quantity)
+    mark, deviation = _verdict(statement, value)
+    return Row(statement.text, "", shown, printed, deviation, mark)
+
+
+class Verdict(NamedTuple):
+    """Verdict on a value compared with a published one, and the relative deviation of the value as text.
+
+    The deviation is None if either of the two is a text, or if the value rounds to the published one.
+    """
+
+    mark: Mark
+    deviation: str | None
+
+
+def _verdict(statement: Statement, figure: Scalar) -> Verdict:
+    """Compare a value with the published one: verdict, and relative deviation as `Verdict` describes it."""
+    if isinstance(statement.value, str) or isinstance(figure, str):
+        return Verdict(SAME if figure == statement.value else DIFFERENT, None)
+    published, value = cell_number(statement.value), cell_number(figure)
+    if value == published or not statement.words and round(value, decimals_of(published)) == published:
+        return Verdict(SAME, None)
+    return Verdict(mark_for(value, published, statement.is_error), signed_deviation(value, published))

@@ -33,7 +33,7 @@ from pmr.report.studies.chart_tables import (
     present_parts,
     slewing_clause,
 )
-from pmr.report.studies.finished import FinishedStudy
+from pmr.report.studies.tables import FinishedStudy
 from pmr.report.subject import shown_force_name
 from pmr.results.response import FORCES
 from pmr.scene.keys import ALONE

@@ -12,7 +12,7 @@ from pmr.report.blocks import Grid
 from pmr.report.columns import spread_indices
 from pmr.report.figures.load_chart import NOT_PERMITTED
 from pmr.report.numbers import SPACE, format_input, format_quantity, prose
-from pmr.report.studies.finished import FinishedStudy
+from pmr.report.studies.tables import FinishedStudy
 from pmr.studies import charting
 from pmr.studies.duty import NOT_LIMITED, DutyTable, LoadCase
 from pmr.studies.limits import KINDS, STABILITY, STABILITY_WORDS

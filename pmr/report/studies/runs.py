@@ -14,9 +14,9 @@ from pmr.report.blocks import Block, Chapter, Drawing, Grid, KeyNumber
 from pmr.report.figures import WIDE, add_legend, curve_style, drawing, log_axis, log_x, make_axes, make_panels
 from pmr.report.numbers import SPACE, prose, unit_for
 from pmr.report.studies import tables
-from pmr.report.studies.finished import FinishedStudy
 from pmr.report.studies.tables import (
     TIME,
+    FinishedStudy,
     heading,
     is_varied,
     key_words,

@@ -1,14 +1,17 @@
-"""Tables of forces, frequencies and probes of a few runs: a row for each quantity, a column for each run."""
+"""A finished study, read for its report, and tables of its runs: a row for each quantity, a column for each run."""
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import get_args
 
 from pydantic import BaseModel
 
+from pmr.files.arrays import Summary
 from pmr.report.blocks import Block, Grid
 from pmr.report.numbers import SPACE, format_in_unit, format_input, significant, unit_for
 from pmr.results.quantities import unit_text
@@ -16,8 +19,59 @@ from pmr.scene.joints import BoomSection
 from pmr.scene.keys import quantity_of as quantity_in
 from pmr.scene.model_traits import MODELS
 from pmr.scene.scene import BodyFile
-from pmr.studies.study import RunRecord
+from pmr.studies.study import RunRecord, Statement, StudyResults
 from pmr.studies.tasks import Scalar, cell_number
+
+
+@dataclass(frozen=True)
+class FinishedStudy:
+    """Content of a study's folder: its summary, and the results of its runs."""
+
+    name: str  # of the folder, by which links refer to the study's chapter
+    summary: Summary  # content of summary.json, without the runs
+    results: StudyResults  # the runs and their arrays
+
+    @classmethod
+    def load(cls, folder: Path) -> FinishedStudy:
+        """Read a study's folder."""
+        summary = json.loads((folder / "summary.json").read_text())
+        return cls(folder.name, {k: v for k, v in summary.items() if k != "runs"}, StudyResults.load(folder))
+
+    @property
+    def kind(self) -> str:
+        """Kind of the study, such as ``chart``."""
+        return str(self.summary["kind"])
+
+    @property
+    def title(self) -> str:
+        """Title of the study."""
+        return str(self.summary["title"])
+
+    @property
+    def study_file(self) -> Summary:
+        """Content of the study file, without the names of files in it."""
+        return dict(self.summary["asked"])
+
+    @property
+    def figures(self) -> Mapping[str, Scalar]:
+        """Values that are computed from all runs together, by name; empty as long as a run has no result."""
+        return dict(self.summary["figures"])
+
+    @property
+    def published(self) -> list[Statement]:
+        """Published statements that the study file names for comparison."""
+        return [Statement.model_validate(entry) for entry in self.summary["published"]]
+
+    @property
+    def unfinished_runs(self) -> list[RunRecord]:
+        """Runs without a result."""
+        return [run for run in self.results.runs if run.status != "done"]
+
+
+def studies_in(folder: Path, summary: Summary) -> list[FinishedStudy]:
+    """Return the only study in a folder, or all studies of a collection; `summary` is the content of summary.json."""
+    return [FinishedStudy.load(folder / name) for name in summary.get("studies", ("",))]
+
 
 TIME = "simulate.reduced"  # name of the time in s that one simulation of the reduced model takes
 _PLACES = {"tip": "at the tip", "beam": "along the beam", "pad_force": "of the forces"}

@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 
 from pmr.report.blocks import Chapter
-from pmr.report.studies.finished import FinishedStudy
 from pmr.report.studies.runs import MOST_COLUMNS, build_chapter, terminal_grid, value_figure, varied_parameter
-from pmr.report.studies.tables import heading, key_words, quantity_of, run_name
+from pmr.report.studies.tables import FinishedStudy, heading, key_words, quantity_of, run_name
 from pmr.studies.study import RunRecord, StudyResults
 
 BEAM, TIP = "errors.reduced_vs_full.beam", "errors.reduced_vs_full.tip"

@@ -18,7 +18,7 @@ from pmr import InputError
 from pmr.errors.environment import plugin_objects
 from pmr.report.studies import render_studies
 from pmr.report.studies.chart import governing_pages
-from pmr.report.studies.finished import FinishedStudy
+from pmr.report.studies.tables import FinishedStudy
 from pmr.scene import load_any
 from pmr.studies import call, tasks
 from pmr.studies.call import Progress, compute_results, save
