@@ -72,7 +72,7 @@ def test_a_difference_within_the_error_of_the_step_is_drawn_and_said(boom: RunRe
 def test_models_that_do_not_differ_have_no_panel_of_a_difference(boom: RunResult) -> None:
     own = boom.responses["reduced"]
     result = replace(boom, responses={"full": own, "reduced": own})
-    for drawn in sections.tip_drawings(result, "run"):
+    for drawn in histories.tip_drawings(result, "run"):
         assert "Difference in " not in drawn.svg and "difference" not in drawn.caption
 
 

@@ -11,12 +11,12 @@ from matplotlib.colors import same_color
 
 from pmr import RunResult
 from pmr.report import forces as drawn
-from pmr.report import stresses
+from pmr.report import sections
 from pmr.report.errors import rows as error_rows
 from pmr.report.figures import section_colours
 from pmr.report.figures.shapes import envelope_figure
 from pmr.report.forces import contact_block
-from pmr.report.stresses import section_force_block
+from pmr.report.sections import section_force_block
 from pmr.results import BodyResult
 from pmr.results.field_stress import Envelope
 from pmr.results.response import Output
@@ -45,7 +45,7 @@ def probed(make_result) -> RunResult:
 
 @pytest.mark.slow
 def test_probes_have_extremes_and_load_cycles(probed: RunResult) -> None:
-    block = stresses.probe_block(probed, "case-1")
+    block = sections.probe_block(probed, "case-1")
     assert block is not None
     (extremes,) = block.grids
     assert [row[0] for row in extremes.rows] == [
@@ -135,11 +135,11 @@ def test_regions_stand_beside_the_full_model(make_result) -> None:
     both = {"top": peak, "bottom": peak | {"value": 40e6}}
     found = {"stress_by_region": {"reduced": both, "full": {name: one | {"value": 51e6} for name, one in both.items()}},
              "stress_peak": {"reduced": peak, "full": peak}}  # fmt: skip
-    (grid,) = stresses.stress_block(make_result(summary=found), "case-1").grids
+    (grid,) = sections.stress_block(make_result(summary=found), "case-1").grids
     assert grid.head[:3] == ("", "in MPa", "full model")
     assert grid.rows[1] == ("bottom", "40.00", "51.00", f"0.5{SPACE}s", "(1.00, 0.100, 0.200)", "outer")
     assert (
-        stresses.stress_block(
+        sections.stress_block(
             make_result(summary={"stress_by_region": {"reduced": {"body": peak}}, "stress_peak": {"reduced": peak}}),
             "case-1",
         )
@@ -148,7 +148,7 @@ def test_regions_stand_beside_the_full_model(make_result) -> None:
 
 
 def test_without_probes_nothing_is_said(make_result) -> None:
-    assert stresses.probe_block(make_result(), "case-1") is None
+    assert sections.probe_block(make_result(), "case-1") is None
 
 
 def with_envelope(result: RunResult, back: float = -2e3) -> RunResult:

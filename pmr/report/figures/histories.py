@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from pmr.files.arrays import Array
 from pmr.report import subject
 from pmr.report.blocks import Drawing
-from pmr.report.columns import ResponseFunction, extreme_indices, interpolate
+from pmr.report.columns import ResponseFunction, extreme_indices, interpolate, is_round_off, tip_displacements
 from pmr.report.figures import (
     HALF,
     INK,
@@ -29,7 +29,7 @@ from pmr.report.figures import (
     make_sheet,
 )
 from pmr.report.numbers import unit_for
-from pmr.report.subject import field_times
+from pmr.report.subject import direction_words, field_times
 from pmr.results import BodyResult, Response, RunResult
 from pmr.results.quantities import UNIT_QUANTITIES
 from pmr.results.response import Output
@@ -283,3 +283,19 @@ def stress_figure(result: RunResult, body: BodyResult) -> Figure:
     ax.plot(time.t[peak], signals["reduced"][peak] / unit.size, "o", markersize=4.0, color=INK, zorder=5.0)
     ax.set_ylim(bottom=0.0)
     return figure
+
+
+def tip_drawings(result: RunResult, prefix: str) -> list[Drawing]:
+    """Draw the displacement of the tip in each direction across the axis, and its estimated error.
+
+    Directions in which the displacement is round-off are left out.  `prefix` begins the identifiers of the figures.
+    """
+    drawings, of = list[Drawing](), subject.crossing(result) or "the tip"
+    for number, (direction, what) in enumerate(tip_displacements(result).items()):
+        if not is_round_off(result, what):
+            label = f"{of.removeprefix('the ').capitalize()} {direction}"
+            caption = f"Displacement of {of}, {direction_words(result, direction)}"
+            error = None if result.tip_error is None else result.tip_error[:, number]
+            anchor = f"{prefix}-tip-{direction}"
+            drawings.append(drawn_history(anchor, result, what, caption, label, "m", error))
+    return drawings
