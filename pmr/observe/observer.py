@@ -34,8 +34,17 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array
-from pmr.kernel.filter import AS_EXPECTED, FilterData, FilterSteps, KalmanFilter
-from pmr.observe.filter import ALARM, CHANGED, WINDOW, find_drift, watch
+from pmr.kernel.filter import (
+    ALARM,
+    AS_EXPECTED,
+    CHANGED,
+    WINDOW,
+    FilterData,
+    FilterSteps,
+    KalmanFilter,
+    find_drift,
+    watch,
+)
 from pmr.observe.linear import SPECIFIC_FORCE, LinearMotion
 
 
