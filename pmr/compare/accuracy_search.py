@@ -122,7 +122,7 @@ def explain_trial(trials: Trials, trial: Trial, coarsest: int, allowed: Allowed)
     coarse = trials.fewest_resolving_steps(steps)
 
     def error_of_fewer(sizes: Sizes) -> float:
-        """Difference of models of smaller sizes to the trial; of all kinds of outputs the largest one counts."""
+        """Largest difference, over all kinds of outputs, of models of these `sizes` to those of the trial."""
         return max(trials.difference_to_trial(trial, sizes, coarse).values())
 
     if fewer := min(trials.neighbouring_sizes(trial.sizes, -1), key=error_of_fewer, default=None):
@@ -154,7 +154,10 @@ def _fewest_modes(trials: Trials, trial: Trial, allowed: Allowed) -> Sizes:
     steps = trials.fewest_resolving_steps(trial.steps)
 
     def enough(sizes: Sizes) -> bool:
-        """Whether models of these sizes differ from the trial by no more than its step's error leaves of `allowed`."""
+        """Whether models of these `sizes` differ little enough from those of the trial.
+
+        The difference must not exceed what the error of the trial's step leaves of the `allowed` errors.
+        """
         return worst_ratio(trials.difference_to_trial(trial, sizes, steps), margin) <= 1.0
 
     low, high = trials.least - 1, trials.most_elastic_modes(trial.sizes)

@@ -1,4 +1,4 @@
-"""Drives of a boom in the summary of a run: luffing cylinder, free extension with their oil, and hoist."""
+"""Drives of a boom in the summary of a run: luffing cylinder and free extension, both with their oil, and hoist."""
 
 from __future__ import annotations
 

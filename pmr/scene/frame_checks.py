@@ -31,7 +31,7 @@ IN_LINE, SAMPLES = 0.01, 1001
 
 
 def check_machine(scene: Scene, frame: Frame, machine: Machine) -> None:
-    """Refuse a machine that is free in a direction in which its base moves, without a spring between both.
+    """Refuse a machine that is free in a direction in which its base moves, without a spring or damper between both.
 
     Where the scene starts in equilibrium, the start of a direction with a spring follows from the equilibrium, so that
     a given start is refused.

@@ -319,7 +319,10 @@ def chart_definitions(scene: Scene, point: tuple[float, float, float] | None = N
 
 
 def _play_words(gap: float) -> str:
-    """Return what the part of error bars that comes from the play of pads is, by the play of the other boom in m."""
+    """Return the words on what a chart's error bars say about the play of pads.
+
+    `gap` in m is the play of the boom with which the loads are compared; 0 if that boom has no play.
+    """
     if gap:
         return (
             f"the loads are those of pads without play; error bars have how much loads change by {1e3 * gap:g} mm of "

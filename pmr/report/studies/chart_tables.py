@@ -203,7 +203,7 @@ def error_bar_grids(study: FinishedStudy, names: list[str], parts: Parts) -> lis
 
 
 def present_parts(parts: Parts) -> list[str]:
-    """List the parts of error bars that the results of a chart may have: play only where it was computed."""
+    """List the names of the parts of error bars: all of them, but the play of pads only where it was computed."""
     play = any(np.isfinite(part["error.play"]).any() for part in parts if "error.play" in part)
     return [of for of in charting.PARTS if of != "play" or play]
 

@@ -145,7 +145,10 @@ def _contact_functions(
         return equations.matrix(factor * pads.stiffness(at, state))
 
     def finish(mbs: exu.MainSystem, items: SystemItems, t: float) -> None:
-        """End the step before the one up to t, which starts from the friction at its end; at t = 0, begin anew."""
+        """End the friction of the step that ended before the one to t, so that the next step starts from it.
+
+        At t = 0 friction begins anew.
+        """
         nonlocal reached, loads
         if pads.law is None:
             return
