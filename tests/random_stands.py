@@ -91,10 +91,11 @@ def _random_hoist(seed: int, planar: bool) -> Hoist:
 
 
 def rope_on_machine(scene: Scene, response: Response) -> Array:
-    """Force and moment about the pivot (T, 6) by which the rope of a hoist pulls its winch on the machine."""
+    """Force and moment about the pivot (T, 6) by which a hoist pulls its winch, along the machine's axes."""
     slewing, t = scene.frame.slewing, response.t
     psi = np.zeros(len(t)) if slewing is None else radian(scene) * slewing.value(t)
     pull = np.stack([response.other(name) for name in WINCH_PULLS], axis=1)
+    pull = np.einsum("tji,tj->ti", standing(scene, t).R, pull)
     winch = Rotation.from_rotvec(psi[:, None] * np.eye(3)[2]).apply(scene.hoist.winch.at)
     return np.hstack([pull, np.cross(winch, pull)])
 

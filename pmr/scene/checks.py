@@ -289,9 +289,7 @@ EXCLUSIONS = (
     Exclusion("hoist", "frame.machine", "the rope's pull on it is not known"),
     Exclusion("frame.machine", FREE, "the cylinder stands on what does not move by itself"),
     Exclusion("frame.ground", "frame.machine", "its masses belong to frame.ground, which does not move"),
-    Exclusion("frame.ground.slope", FREE, "its motion is computed on level ground"),
     Exclusion("frame.cylinder.stiffness", FREE, "oil or spring gives way, a support of the base is at the lug"),
-    *(Exclusion(f"frame.base.{key}", FREE, "its motion is that on a level base") for key in ("rx", "ry", "rz")),
     *(Exclusion(f"frame.base.{key}", "frame.ground.slope", "which inclines the machine") for key in ("rx", "ry")),
     *(
         Exclusion("frame.base.acceleration", part, "it does not say where the ground is: x, y and z do")

@@ -367,10 +367,14 @@ class Frame(BoomAngles):
 
         The rotation includes that of the base.
         """
+        return self.base_rotation(t) @ self.rotation(t)[0]
+
+    def base_rotation(self, t: float) -> NDArray[np.float64]:
+        """Return the rotation (3, 3) from axes of the base to axes of the ground at time t in s."""
         roll, pitch, yaw = ([angle.value(np.array([t])) for angle in self.base_angles] or np.zeros((3, 1)))[:3]
         s, c = float(np.sin(roll[0])), float(np.cos(roll[0]))
         rolled = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
-        return np.asarray(boom_rotation(-pitch, yaw)[0] @ rolled @ self.rotation(t)[0])
+        return np.asarray(boom_rotation(-pitch, yaw)[0] @ rolled)
 
     def refuse_without_unit(self, key: str, angles: ArrayLike, source: str = "scene") -> None:
         """Raise an InputError for `key` in `source` if `angles` (any shape) exceed a full turn and no unit is set."""

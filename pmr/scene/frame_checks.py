@@ -204,7 +204,7 @@ def distance_along(scene: Scene, t: float) -> float:
     for at, number in zip((head, winch), numbers, strict=True):
         at[0] += sum(float(scene.extension(k).value(t)) for k in range(1, number + 1))
     if not scene.hoist.winch.section:
-        up = still_rotation(scene)[2] if scene.frame is None else scene.frame.rotation_to_ground(t)[2]
+        up = still_rotation(scene)[2] if scene.frame is None else scene.frame.rotation(t)[0, 2]
         winch = np.array([winch[0] * up[2] + winch[2] * up[0], winch[1], winch[2] * up[2] - winch[0] * up[0]])
     return float(np.linalg.norm(head - winch))
 
@@ -224,7 +224,8 @@ def check_hoist(scene: Scene) -> None:
         raise scene_error("hoist.pivot_height", hoist.pivot_height, allowed)
     for key, name in (("section", hoist.section), ("winch.section", hoist.winch.section)):
         refuse(name and name not in scene.names, f"hoist.{key}", name, f"{', '.join(scene.names)} are allowed")
-    if frame is not None and frame.base_angles and not hoist.winch.section:
+    rocks = frame is not None and frame.base is not None and {"rx", "ry", "rz"} & set(frame.base.motions)
+    if rocks and not hoist.winch.section:
         raise scene_error("hoist.winch.section", None, "a section is allowed where the base rolls, pitches or yaws")
     is_lifted = frame is not None and frame.base is not None and "z" in frame.base.motions
     ground_height = 0.0 if frame is None or frame.ground is None else frame.ground.height

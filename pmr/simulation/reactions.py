@@ -282,12 +282,12 @@ def machine_wrench(scene: Scene, t: Array) -> Array:
 def _winch_wrench(scene: Scene, response: Response) -> Array:
     """Force and moment about the pivot (T, 6), in N and N m, by which the hoist's rope pulls a winch on the machine.
 
-    The result is zero if no winch is on the machine.
+    The components are along the axes of the machine.  The result is zero if no winch is on the machine.
     """
     hoist, frame = scene.hoist, scene.frame
     if hoist is None or hoist.winch.section or frame is None:
         return np.zeros((len(response.t), 6))
-    pull = np.stack([response.other(name) for name in WINCH_PULLS], axis=1)
+    pull = np.stack([response.other(name) for name in WINCH_PULLS], axis=1) @ frame.base_rotation(0.0)
     still = np.zeros(len(response.t))
     place = boom_rotation(still, np.atleast_1d(frame.angles[1].value(response.t)) + still) @ np.array(hoist.winch.at)
     return np.hstack([pull, np.cross(place, pull)])

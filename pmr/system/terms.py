@@ -245,7 +245,7 @@ class Hoist:
     inputs: tuple[str, ...] = ()  # (k,): names of the system's inputs
     # (k, 6): how far a unit of what each input works along moves the head and the winch, along the boom
     levers: Array = field(default_factory=lambda: np.zeros((0, 6)))
-    numbers: Array = field(default_factory=lambda: np.zeros(0))  # (19,), as `HOIST_MASS` and what follows it in hoist.c
+    numbers: Array = field(default_factory=lambda: np.zeros(0))  # (22,), as `HOIST_MASS` and what follows it in hoist.c
     reach: tuple[tuple[str, ...], ...] = ()  # paths along which the head moves, and those along which the winch does
     drivers: tuple[str, ...] = ()
     is_wound: bool = False  # whether the speed of the winch drives the rope, and not the rope's length
@@ -297,12 +297,17 @@ def hoist_of(scene: Scene) -> Hoist:
     return Hoist(
         tuple(name for name, _ in pulls),
         levers,
-        np.array([*of_rope, *hoist.swing, *hoist.velocity, scene.pivot_height], float),
+        np.array([*of_rope, *hoist.swing, *hoist.velocity, *_upright(scene), scene.pivot_height], float),
         reach,
         (ROPE, *WIND, *of_frame),
         hoist.is_wound,
         (Slot(0.0, 1.0, ROPE), *(Slot(0.0, 1.0, wind) for wind in WIND), *_ground_slots(scene, tuple(of_frame))),
     )
+
+
+def _upright(scene: Scene) -> Array:
+    """Direction (3,), along axes of the ground, that is up for the machine, which may stand on a slope."""
+    return np.array([0.0, 0.0, 1.0]) if scene.frame is None else scene.frame.base_rotation(0.0)[:, 2]
 
 
 def recorded_hoist(provenance: Mapping[str, object]) -> Hoist:

@@ -53,11 +53,6 @@ REFUSED = [
 ]  # fmt: skip
 
 
-def test_a_slope_below_a_free_luffing_angle_is_refused() -> None:
-    with pytest.raises(InputError, match="frame.ground.slope: none is allowed beside frame.luffing = 'free'"):
-        scenes.load_any("luffing_oil", [ground(A, B, C, more=",slope=[1.0,0.0]")])
-
-
 @pytest.mark.parametrize(("changes", "told"), REFUSED)
 def test_a_ground_that_can_hold_no_machine_is_refused_in_one_line(changes: tuple[str, ...], told: str) -> None:
     with pytest.raises(InputError, match=told) as refused:

@@ -208,36 +208,73 @@ def test_oil_that_holds_a_boom_down_has_the_back_pressure_in_the_bore() -> None:
     assert np.ptp(run.angle[0]) < 1e-6
 
 
-def test_boom_that_slews_on_a_moving_base_luffs_as_a_rigid_body_does() -> None:
+def ramp(size: float, t: float) -> tuple[float, float, float]:
+    """Value, rate and second rate at t of a smooth ramp from 0 to `size` between 0 and 1 s."""
+    shape = (
+        t**3 * (10.0 - 15.0 * t + 6.0 * t * t),
+        30.0 * t**2 * (1.0 - t) ** 2,
+        60.0 * t * (1.0 - t) * (1.0 - 2.0 * t),
+    )
+    return size * shape[0], size * shape[1], size * shape[2]
+
+
+def about(axis: int, angle: float) -> Array:
+    """Rotation (3, 3) by an angle in rad about an axis, by its number."""
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    turned = np.eye(3)
+    turned[[i, j, i, j], [i, j, j, i]] = np.cos(angle), np.cos(angle), -np.sin(angle), np.sin(angle)
+    return turned
+
+
+HEAVE, ROLL, TURN = 0.2, 0.5, 1.5
+#: Bases of a boom that slews, by keys of [frame], the ramp by which they move ahead and upwards, roll at the start,
+#: ramp of the roll, and pitch, in m and rad.
+BASES = {
+    "moves": (f"base={{x=RAMP {HEAVE}]}}, z=RAMP {HEAVE}]}}}}", HEAVE, 0.0, 0.0, 0.0),
+    "slope": ("ground={outriggers=LEGS, slope=[0.15, -0.2]}", 0.0, -0.2, 0.0, -0.15),
+    "rolls": (f"base={{rx=RAMP {ROLL}]}}, ry={{kind='constant', amount=0.1}}}}", 0.0, 0.0, ROLL, 0.1),
+}
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_boom_that_slews_on_a_base_luffs_as_a_rigid_body_does(base: str) -> None:
     """A length of cylinder is held by a soft spring while centrifugal forces and the base act on the boom."""
-    turn = "{kind='smooth_ramp', times=[0.0, 1.0], values=[0.0, 1.5]}"
-    heave = "{kind='smooth_ramp', times=[0.0, 1.0], values=[0.0, 0.2]}"
-    spring = 2e5
+    key, heave, tilt, roll, pitch = BASES[base]
+    legs = "[{name='a', at=[2, 2]}, {name='b', at=[-2, 2]}, {name='c', at=[0, -2]}]"
+    spring, up_to = 2e5, "{kind='smooth_ramp', times=[0.0, 1.0], values=[0.0,"
     hinges = f"foot={FOOT.tolist()}, lug={LUG.tolist()}"
+    name, _, table = key.partition("=")
     keys = (
         *RIGID,
-        f"frame.slewing={turn}",
-        f"frame.base={{x={heave}, z={heave}}}",
+        f"frame.slewing={up_to} {TURN}]}}",
+        f"frame.{name}={table.replace('RAMP', up_to).replace('LEGS', legs)}",
         f"frame.cylinder={{{hinges}, length={{kind='constant', amount=1.0}}, spring={spring}}}",
     )
     run = simulated(*keys, "time.end=1.0", "time.step=2.5e-4")
-    boom, arm = run.boom, geometry(0.3)[1]
-    force, length = -weight_moment(boom, 0.3) / arm, geometry(0.3)[0]
+    boom, length = run.boom, geometry(0.3)[0]
+    x2, z2, xz, xy, yz = boom.second
+    inertia = np.array([[z2, -xy, -xz], [-xy, x2 + z2, -yz], [-xz, -yz, x2]])  # about y alone, y^2 has no part in it
+    first, raising, upright = np.array([boom.sx, 0.0, boom.sz]), np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])
+
+    def moment_of_motion(t: float, angle: float, rate: float) -> float:
+        """Moment that inertia and weight need about the axis of luffing, at a constant rate."""
+        (psi, psi_rate, psi_second), (rolled, roll_rate, roll_second) = ramp(TURN, t), ramp(roll, t)
+        slewed, boom_axes = about(2, psi), about(1, -angle)
+        of_roll = slewed.T @ [roll_rate, 0.0, 0.0]
+        omega = of_roll + psi_rate * upright  # along axes that slew
+        change = slewed.T @ [roll_second, 0.0, 0.0] + psi_second * upright - np.cross(psi_rate * upright, of_roll)
+        turned = boom_axes.T @ omega + rate * raising
+        alpha = boom_axes.T @ change - np.cross(rate * raising, boom_axes.T @ omega)
+        second = ramp(heave, t)[2]
+        lifted = np.array([second, 0.0, second + G])
+        felt = (about(1, pitch) @ about(0, tilt + rolled) @ slewed @ boom_axes).T @ lifted
+        return float(raising @ (inertia @ alpha + np.cross(turned, inertia @ turned) + np.cross(first, felt)))
+
+    force = moment_of_motion(0.0, 0.3, 0.0) / geometry(0.3)[1]
 
     def rates(t: float, y: Array) -> Array:
-        angle, rate = y
-        c, s = np.cos(angle), np.sin(angle)
-        psi_rate = 1.5 * 30.0 * t**2 * (1.0 - t) ** 2
-        heave = 0.2 * 60.0 * t * (1.0 - t) * (1.0 - 2.0 * t)
-        psi = 1.5 * t**3 * (10.0 - 15.0 * t + 6.0 * t * t)
-        now, arm = geometry(angle)
-        moment = weight_moment(boom, angle) * (1.0 + heave / G) + (force - spring * (now - length)) * arm
-        moment += heave * np.cos(psi) * (boom.sx * s + boom.sz * c)
-        turn_second = 1.5 * 60.0 * t * (1.0 - t) * (1.0 - 2.0 * t)
-        x2, z2, xz, xy, yz = boom.second
-        moment -= turn_second * (xy * s + yz * c)
-        moment -= psi_rate**2 * ((x2 - z2) * c * s + xz * (c * c - s * s))
-        return np.array([rate, moment / boom.J])
+        now, arm = geometry(y[0])
+        return np.array([y[1], ((force - spring * (now - length)) * arm - moment_of_motion(t, *y)) / boom.J])
 
     y = solve_ivp(rates, (0.0, 1.0), [0.3, 0.0], "Radau", rtol=1e-9, atol=1e-12, t_eval=run.t).y
     for computed, exact in zip(run.angle[:2], y, strict=True):
@@ -271,7 +308,7 @@ WRONG = {
     oil(
         "", "counterbalance={setting=1e7, ratio=3.0, range=1e6, gain=1e-7}"
     ): "none is allowed without valve: no oil flows",
-    "frame.base.ry={kind='constant', amount=0.1}": "frame.base.ry: none is allowed beside",
+    "frame.base.acceleration.z={kind='constant', amount=0.1}": "frame.base.acceleration: none is allowed beside",
     "frame.machine={mass=100.0}": "frame.machine: none is allowed beside frame.luffing = 'free'",
     "simulation.simulators=['exudyn']": "march is allowed: exudyn computes no motion that is free (luffing)",
     "sections.fly.loads=[{name='gust', acts='wind', signal=100.0}]": "loads[0].acts = 'wind': 'force' is allowed",

@@ -35,7 +35,8 @@ enum {
     HOIST_FIRST,                   /* length of the rope at the start then */
     HOIST_SWING,
     HOIST_VELOCITY = HOIST_SWING + 2,
-    HOIST_HEIGHT = HOIST_VELOCITY + 3,
+    HOIST_UPRIGHT = HOIST_VELOCITY + 3, /* direction that is up for the machine, along axes of the ground */
+    HOIST_HEIGHT = HOIST_UPRIGHT + 3,
     HOIST_COUNT
 };
 /* What drives it: length or speed, wind, gravity, acceleration of the pivot, rotation of the boom. */
@@ -116,10 +117,12 @@ static void place_winch(const pmr_system *y, const double *slots, double *winch)
 {
     const double *R = slots + SLOT_TURNED;
     copy(winch, y->hoist_numbers + HOIST_WINCH, 3);
-    if (y->hoist_numbers[HOIST_LEVEL] != 0.0) { /* raised by phi, whose sine and cosine are how the boom's axes point up */
+    if (y->hoist_numbers[HOIST_LEVEL] != 0.0) { /* raised by phi: upright is (sin phi, 0, cos phi) along the boom's axes */
         const double x = winch[0], z = winch[2];
-        winch[0] = x * R[8] + z * R[6];
-        winch[2] = z * R[8] - x * R[6];
+        double upright[3];
+        turn_in(R, y->hoist_numbers + HOIST_UPRIGHT, upright);
+        winch[0] = x * upright[2] + z * upright[0];
+        winch[2] = z * upright[2] - x * upright[0];
     }
 }
 

@@ -373,7 +373,7 @@ static int end_machine_step(pmr_machine_run *ms, int64_t k)
         if (m->free[n])
             past->smooth[n] = by_impulse(&w, now->b[6 + n] - past->b[6 + n], past->smooth[n]);
         else
-            held = ms->state->system->frame_angles[2] >= 0; /* nobody asks what holds a free luffing angle's frame */
+            held = !m->luffs; /* nobody asks what holds a free luffing angle's frame */
     }
     for (n = 0; n < 6; n++)
         past->forces[n] = smoothed(&w, now->whole.forces[n], past->whole.forces[n], past->forces[n]);
@@ -467,8 +467,8 @@ static int can_carry(const pmr_system *y, const pmr_settings *settings, const pm
         settings->levels != 1 || (settings->parts && settings->parts[0] != 1))
         return 0;
     for (n = 0; n < 6; n++)
-        if (y->frame_angles[2] < 0 && machine->free[n] != (n == 4)) return 0;
-    return y->frame_angles[2] >= 0 || (y->frame_angles[0] >= 0 && machine->mass == 0.0);
+        if (machine->luffs && machine->free[n] != (n == 4)) return 0;
+    return machine->luffs ? y->frame_angles[0] >= 0 && machine->mass == 0.0 : y->frame_angles[2] >= 0;
 }
 
 static int machine_run_open(pmr_state *st, const pmr_machine *machine, pmr_machine_run **run)

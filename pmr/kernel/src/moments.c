@@ -11,7 +11,7 @@ static void place_moving(pmr_machine_run *ms, int64_t k)
     const double *motions = m->motions + (size_t)k * 3 * y->motions, *rates = m->rates + (size_t)k * y->motions;
     const size_t r = y->modes, i = y->ip, mp = y->mp, rows = y->rows;
     moved *at = ms->paths;
-    const int orders = y->frame_angles[2] < 0 ? ms->orders : 3; /* nobody asks what holds a free luffing angle's frame */
+    const int orders = m->luffs ? ms->orders : 3; /* nobody asks what holds a free luffing angle's frame */
     moved_tables tables = {{NULL}, {NULL}, {NULL}};
     int same = ms->rows_known >= orders, stands = st->placed, a, b, p;
     for (p = 0; p < y->paths; p++) {

@@ -201,17 +201,18 @@ typedef struct {
 enum { PMR_CYLINDER_COLUMNS = 10 };
 
 /* A machine below the boom of a system with a frame, whose motion is found with the boom's (machine.c).  Its directions
-   are x, y, z of the pivot along the ground's axes in m, and roll, pitch and yaw in rad.  Where the frame has no base that
-   turns, the machine has no mass and is free to pitch alone: its yaw is the slewing angle, its pitch `level` less the
-   luffing angle.  Arrays stay as long as what is
-   opened with them; those over T steps, t = 0 the first, say what drives it. */
+   are x, y, z of the pivot along the ground's axes in m, and roll, pitch and yaw in rad.  A machine that `luffs` stands for
+   a boom's free luffing angle: it has no mass and is free to pitch alone, on a base that may turn; its yaw is the slewing
+   angle, its pitch `level` less the luffing angle.  Arrays stay as long as what is opened with them; those over T steps,
+   t = 0 the first, say what drives it. */
 typedef struct {
     int32_t sections;        /* S, the base first */
     int32_t shortened_count; /* G: moments that are quadratic in the modes */
     int32_t inertial_count;  /* inputs by which the frame accelerates the boom */
     int32_t axes[3];         /* motions that are accelerations of the pivot along the ground's axes, less than 0: none */
     int32_t free[6];         /* directions that it moves in by itself */
-    double level;            /* rad: luffing angle where it does not pitch, of a machine that is a boom's free angle */
+    int32_t luffs;           /* whether it is a boom's free luffing angle */
+    double level;            /* rad: luffing angle where a machine that luffs does not pitch */
     double mass, center[3], inertia[3]; /* kg, m from the pivot, kg m^2 about it along its own axes */
     double stiffness[6], damping[6];
     double boom_mass, largest_weight;   /* kg, m/s^2 */

@@ -287,7 +287,7 @@ static int read_luffing(pmr_system *y, char *why)
         c->kind < PMR_NO_CYLINDER || c->kind > PMR_CYLINDER_OIL)
         return pmr_say(why, "damaged: sizes of a free luffing angle"), 1;
     y->computed = c->kind == PMR_CYLINDER_OIL ? 2 + PMR_CYLINDER_COLUMNS : c->kind ? 5 : 2;
-    m->free[4] = 1;
+    m->free[4] = m->luffs = 1;
     m->level = numbers[0], m->boom_mass = numbers[1];
     memcpy(m->place, numbers + 2, sizeof m->place);
     memcpy(m->section_inertia, numbers + 5, sizeof m->section_inertia);

@@ -9,7 +9,7 @@ static const double *motions_at(const pmr_machine_run *ms, int64_t k, const doub
     copy(ms->motions, ms->machine->motions + (size_t)k * 3 * n, 3 * n);
     for (j = 0; j < 3; j++)
         if (ms->machine->axes[j] >= 0) ms->motions[ms->machine->axes[j]] = second[j];
-    if (y->frame_angles[2] < 0) { /* a free luffing angle */
+    if (ms->machine->luffs) {
         const double *of[3] = {rows, rows + 6, second};
         for (j = 0; j < 3; j++) {
             ms->motions[j * n + y->frame_angles[0]] = (j ? 0.0 : ms->machine->level) - of[j][4];
@@ -25,14 +25,19 @@ static const double *motions_at(const pmr_machine_run *ms, int64_t k, const doub
     return ms->motions;
 }
 
-/* Axes about which roll, pitch and yaw turn, as columns. */
-static void axes_of(const double *b, double *axes)
+/* Axes about which roll, pitch and yaw turn, as columns, along the ground's axes; those of a machine that luffs
+   turn with its base. */
+static void axes_of(const pmr_machine *m, const double *b, const pmr_turning *base, double *axes)
 {
     const double c = cos(b[5]), s = sin(b[5]);
     const double column[3][3] = {{c * cos(b[4]), s * cos(b[4]), -sin(b[4])}, {-s, c, 0.0}, {0.0, 0.0, 1.0}};
+    double turned[3];
     int i, j;
-    for (i = 0; i < 3; i++)
-        for (j = 0; j < 3; j++) axes[3 * i + j] = column[j][i];
+    for (j = 0; j < 3; j++) {
+        copy(turned, column[j], 3);
+        if (m->luffs) turn_out(base->R, column[j], turned);
+        for (i = 0; i < 3; i++) axes[3 * i + j] = turned[i];
+    }
 }
 
 static void find_carrier(const pmr_machine_run *ms, int64_t k, const double *b, carrier *c)
@@ -41,7 +46,7 @@ static void find_carrier(const pmr_machine_run *ms, int64_t k, const double *b, 
     pmr_turning boom, base;
     int i, j, l;
     pmr_frame_turning(ms->state->system, motions_at(ms, k, b, none), &boom, &base);
-    axes_of(b, c->axes);
+    axes_of(ms->machine, b, &base, c->axes);
     copy(c->R, boom.R, 9);
     copy(c->base_R, base.R, 9);
     copy(c->base_omega, base.velocity, 3);
@@ -62,13 +67,13 @@ static void drivers_at(const pmr_machine_run *ms, int64_t k, const carrier *c, c
                        int drivers, double *u)
 {
     const pmr_system *y = ms->state->system;
-    const int luffs = y->frame_angles[2] < 0; /* and turns about no other axis but that of slewing */
+    const int first = ms->machine->luffs; /* which turns about no other axis but that of slewing */
     pmr_turning boom;
     int i, j, n;
     copy(boom.R, c->R, 9);
     copy(boom.velocity, c->omega, 3);
     copy(boom.acceleration, c->left, 3);
-    for (j = luffs; j < (luffs && y->frame_angles[1] < 0 ? 2 : 3); j++)
+    for (j = first; j < (first && y->frame_angles[1] < 0 ? 2 : 3); j++)
         for (i = 0; i < 3; i++) boom.acceleration[i] += c->turned[3 * i + j] * second[3 + j];
     pmr_frame_turned(y, motions_at(ms, k, rows, second), &boom, drivers, u, ms->state->quantities);
     for (n = 0; n < y->hoist; n++) u[y->paths + y->hoist_inputs[n]] = 0.0;
@@ -181,7 +186,7 @@ static void find_holding_forces(pmr_machine_run *ms, int64_t k, const double *b,
     const double *omega = turned.velocity, *alpha = turned.acceleration;
     int i, j;
     pmr_frame_turning(ms->state->system, motions_at(ms, k, b, b + 12), &turned, &base);
-    axes_of(b, axes);
+    axes_of(m, b, &base, axes);
     ms->orders = 3;
     find_boom(ms, k, z);
     turn_in(turned.R, b + 12, a);

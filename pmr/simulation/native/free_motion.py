@@ -259,7 +259,8 @@ class LuffingRun(MachineRun):
         self.level = hangs if frame.cylinder is None else frame.cylinder.square_angle(begun)
         self._scene, unit = scene, frame.radian
         level = Constant(amount=self.level * unit)
-        base: dict[str, Any] = {} if frame.base is None else dict(frame.base.motions)
+        motions = {} if frame.base is None else frame.base.motions  # its angles turn the ground of what pitches
+        base: dict[str, Any] = {axis: motions[axis] for axis in ("x", "y", "z") if axis in motions}
         machine = Machine.model_construct(
             mass=0.0,
             free=("ry",),
@@ -315,8 +316,8 @@ def stepped_frame(system: System, source: str) -> MovingFrame | None:
     assert frame is not None
     if stored.extends_freely:
         return with_extension_data(MovingFrame.in_scene(stored.scene, system), scene, system, SystemForm.of(system))
-    if frame.base is not None:
-        allowed = "a base at rest is allowed beside a free luffing angle that is stepped"
+    if frame.base is not None and {"x", "y", "z"} & set(frame.base.motions):
+        allowed = "a pivot at rest is allowed beside a free luffing angle that is stepped: rx, ry and rz"
         raise InputError(source, "provenance.scene.frame.base", None, allowed)
     once = scene.time.model_copy(update={"end": scene.time.step})
     run = LuffingRun(scene.model_copy(update={"time": once}), system)

@@ -44,13 +44,13 @@ from pmr.system.system import System
 
 
 def machine_of(
-    scene: Scene, system: System, frame: MovingFrame, excitation: Excitation, modes: Array, level: float = 0.0
+    scene: Scene, system: System, frame: MovingFrame, excitation: Excitation, modes: Array, level: float | None = None
 ) -> dict[str, Any]:
     """Return the fields of the kernel's machine of a scene, below the system, without a cylinder.
 
     `frame` is the frame of the scene, with a base at rest in the `excitation`.  `modes` (n, r') are the bodies' n
     coordinates by the kernel's r' modes.  If a free luffing angle is simulated as a machine that pitches, `level` is
-    the luffing angle in rad at a pitch of 0.  Raises the errors of `FreeBase` and `ChangingRows`.
+    the luffing angle in rad at a pitch of 0, None otherwise.  Raises the errors of `FreeBase` and `ChangingRows`.
     """
     assembly = Assembly(system)
     free_base = FreeBase(scene, system, assembly)
@@ -71,7 +71,8 @@ def machine_of(
     return {
         "axes": [frame.drivers.index(axis) if frame.axes else -1 for axis in AXES],
         "free": np.isin(DIRECTIONS, machine.free).astype(int),
-        "level": level,
+        "luffs": level is not None,
+        "level": level or 0.0,
         "mass": machine.mass,
         "center": machine.center,
         "inertia": machine.inertia,
@@ -176,7 +177,7 @@ class MachineRun:
         scene: Scene,
         system: System,
         luffing: Scene | None = None,
-        level: float = 0.0,
+        level: float | None = None,
         cylinder: Fields | None = None,
         reasons: Mapping[int, str] = REASONS,
     ) -> None:
