@@ -236,7 +236,9 @@ def _print_outcome(outcome: Outcome) -> None:
     seconds = ", ".join(f"{name} {value:.3g} s" for name, value in summary["seconds"]["simulate"].items())
     coordinates = f"{summary['coordinates']['full']} -> {summary['coordinates']['reduced']} coordinates"
     out.sentences(f"{coordinates}{f' ({each})' if each else ''}; simulated in: {seconds}")
-    out.rows(trust.trust_table(result).rows)
+    table = trust.trust_table(result)
+    out.text(f"{table.title}: errors by their source")
+    out.rows(table.rows)
     for warning in summary["warnings"]:
         out.sentences(f"warning: {warning}")
     for pair, length in summary["agreement"].items():
@@ -251,7 +253,7 @@ def _print_errors(error_rows: Sequence[Row]) -> None:
     """
     published = any(row.published for row in error_rows)
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    for head in ("e_NRMS, or largest value", "this run", *(("published", "") if published else ())):
+    for head in ("normalised RMS error, or largest value", "this run", *(("published", "") if published else ())):
         table.add_column(head, justify="right" if head in ("this run", "published") else "left")
     above = ""
     for row in error_rows:
@@ -286,7 +288,7 @@ class _StageLines:
         """Print the present stage, unless it has been printed before."""
         if self._stage and self._stage not in self._printed:
             self._printed.add(self._stage)
-            err.text(f"{self._title}: {self._stage}, after {duration_text(time.monotonic() - self._begin)}")
+            err.text(f"{self._title}: now {self._stage}, after {duration_text(time.monotonic() - self._begin)}")
 
     def close(self) -> None:
         """Stop printing stages."""

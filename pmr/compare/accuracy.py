@@ -41,7 +41,7 @@ _CALLED = {
     "tip": "the tip's",
     "pad_force": "forces of sliders and pads",
     "velocity": "velocities",
-    "probe": "what probes measure",
+    "probe": "values at probes",
     "cylinder_force": "forces of cylinders",
 }
 _NEEDED = {"probe": "probes", "pad_force": "pads", "cylinder_force": "cylinders"}

@@ -51,8 +51,8 @@ NO_MOTION = 1e-9
 #: Share of the largest frequency below which a frequency belongs to a rigid-body motion.
 RIGID = 1e-3
 DIRECTIONS = ("x", "y", "z")
-STRESS = "stress, which depends on how walls bend at pads, loads and corners"
-IMPACTS = "impacts of pads that lift off and close again, which differ from model to model"
+STRESS = "stress, as it depends on how walls bend at pads, loads and corners"
+IMPACTS = "impacts of pads that lift off and close again, as they differ from model to model"
 
 
 @dataclass(frozen=True)

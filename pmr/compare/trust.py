@@ -236,7 +236,7 @@ def quantities_not_covered(
 
 def unsettled_force_clauses(kinds: Sequence[str]) -> list[str]:
     """List a clause for each kind of forces in `kinds`, whose values still change as the step gets smaller."""
-    return [f"{QUANTITIES[kind].label} are further off, as smaller steps still change them" for kind in kinds]
+    return [f"{QUANTITIES[kind].label}, as even smaller steps still change them" for kind in kinds]
 
 
 def reduction_warnings(summary: Summary) -> list[str]:
@@ -262,8 +262,10 @@ def budget_warnings(scene: Scene, budget: Summary) -> Iterator[str]:
     beyond = f"more than compare.model_tolerance = {allowed:g}"
     if model.get("beside") is not None and (most := largest_model_error(model)) > allowed:
         giving = model["beside"].endswith("shell") and any(map(has_walls_that_could_give, members(scene)))
-        better = 'body.walls = "give" adds the compliance of walls under pads' if giving else "a richer model is closer"
-        yield f"the model is off by up to {two_digits(100.0 * most)} % beside a {model['beside']}, {beyond}; {better}"
+        better = 'set body.walls = "give" to add the compliance of walls under pads'
+        better = better if giving else "a richer model is closer"
+        off = f"the model is off by up to {two_digits(100.0 * most)} %"
+        yield f"{off} compared with a {model['beside']}, {beyond}; {better}"
     walls = model.get("wall_stress") or {}
     if "yield" in walls and (used := walls["value"] / walls["yield"]) > 1.0:
         of = f" of {walls['section']}" if walls["section"] else ""

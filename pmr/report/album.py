@@ -16,8 +16,8 @@ from pmr.report.columns import rope_places
 from pmr.report.moving_bodies import Block, Moment, MovingBodies, pad_blocks
 from pmr.report.numbers import SPACE, format_quantity, prose
 from pmr.report.player import Piece, Shot, Vector, frame_shots, render_shot
-from pmr.report.subject import is_alone, walls_clause
-from pmr.results.quantities import stress_name
+from pmr.report.subject import is_alone, wall_place_words
+from pmr.results.quantities import stress_name, wall_stress
 from pmr.scene.members import body_ring
 
 WIDTH = 1500  # px, of a picture
@@ -27,6 +27,7 @@ NEAR = 1.0  # m, height of the part of the body that the close picture shows
 STEEL, PAD, SECTION = "#b9c4cd", "#3b4a57", "#9fb0bd"
 GROUND, CYLINDER = "#d9d2c5", "#5b6875"
 ROD, ROPE, PAYLOAD = 0.06, 0.02, 0.2  # m, half the thickness of a luffing cylinder, of a rope and of a payload
+RING, RING_EDGE = (0.056, 0.066), (0.05, 0.072)  # m, inner and outer radius of the ring in the close picture
 
 
 def make_album(bodies: MovingBodies, prefix: str) -> tuple[Picture, ...]:
@@ -66,16 +67,18 @@ class _Views:
             yield self._peak_view(self.bodies.moment_of_peak())
 
     def _pieces_at(
-        self, moment: Moment, direction: Vector, edges: float = 0.6, opacity: float = 0.22
+        self, moment: Moment, direction: Vector, edges: float = 0.6, opacity: float = 0.22, shown: str | None = None
     ) -> Iterator[Piece]:
         """Yield the bodies and all that surrounds them at a moment, as seen from a `direction`.
 
         A body encloses those that slide in it: walls on the side of the camera are drawn in front of them, walls on the
         other side behind them.  `edges` is the width of mesh lines in px, and `opacity` (0 to 1) that of the next outer
-        section of a body alone.
+        section of a body alone, and of the bodies that enclose the body called `shown`; None: all bodies are opaque.
         """
         sight = np.array(direction) if self.pose is None else self.pose.rotation[moment.frame].T @ direction
-        pieces = list(self._body_pieces(moment, edges))
+        pieces, names = list(self._body_pieces(moment, edges)), list(self.bodies.surfaces)
+        enclosing = 0 if shown is None else names.index(shown)
+        pieces[:enclosing] = [replace(piece, opacity=opacity) for piece in pieces[:enclosing]]
         for number, piece in enumerate(reversed(pieces), start=1):
             layer = np.where(piece.faces_towards(sight), 1.0, -1.0) * float(number)
             pieces[-number] = replace(piece, layer=layer)
@@ -198,13 +201,20 @@ class _Views:
         if self.pose is not None:
             ways = self.pose.rotate_at(moment.frame, ways)
         direction, up = ways
-        pieces = tuple(self._pieces_at(moment, direction, edges=0.8, opacity=0.08))
-        centre = np.array([place[0] + self.bodies.shifts[name][moment.frame], middle[1], middle[2]])
-        centre = self._turn_to_ground(moment.frame, centre)
-        shot = Shot(pieces, direction, self.limits, centre, NEAR, (WIDTH, WIDTH * 3 // 8), up)
-        peak = self.bodies.summary_peak.get("t", moment.t)
+        pieces = self._pieces_at(moment, direction, edges=0.8, opacity=0.08, shown=name)
+        moved = self._drawn_displacement(name, moment.frame, place[0])
+        moved[0] += self.bodies.shifts[name][moment.frame]
+        points = np.array([(place[0], middle[1], middle[2]), place]) + moved
+        centre, marked = self._turn_to_ground(moment.frame, points)
+        shot = Shot((), direction, self.limits, centre, NEAR, (WIDTH, WIDTH * 3 // 8), up)
+        nearer = marked + 0.01 * shot.view[2]  # what is nearer to the camera is drawn over the rest of a layer
+        rings = _ring(marked, shot.view, RING_EDGE, "#ffffff"), _ring(nearer, shot.view, RING, PAD)
+        shot = replace(shot, pieces=(*pieces, *rings))
+        walls, peak = wall_stress(self.result.summary), self.bodies.summary_peak.get("t", moment.t)
         caption = prose(
             "close_picture",
+            walls="" if walls is None else wall_place_words(walls),
+            is_enclosed=name != next(iter(self.bodies.surfaces)),
             side="left" if from_left else "right",
             height="above" if above else "below",
             t=_two_decimals(moment.t, "s"),
@@ -212,7 +222,7 @@ class _Views:
             if abs(peak - moment.t) > NEARLY
             else "",  # fields are kept at some times only
         )
-        return View("close", shot, f"{caption}{walls_clause(self.result)}")
+        return View("close", shot, caption)
 
     def _caption(self, moment: Moment) -> str:
         """Return the caption of a view.
@@ -250,6 +260,19 @@ def _bar(start: Array, end: Array, half: float, colour: str) -> Piece:
     corners = half * np.array([across, aside, -across, -aside])
     sides = [*((k, (k + 1) % 4, 4 + (k + 1) % 4, 4 + k) for k in range(4)), (0, 1, 2, 3), (4, 5, 6, 7)]
     return Piece(np.concatenate([start + corners, end + corners]), np.array(sides), None, colour)
+
+
+def _ring(centre: Array, view: Array, radii: tuple[float, float], colour: str) -> Piece:
+    """Return a ring in `colour` around the point `centre` (3,) in m, in front of all else.
+
+    `view` is that of the shot, and `radii` are the inner and the outer radius in m.
+    """
+    turns = np.linspace(0.0, 2.0 * np.pi, 33)[:-1]
+    circle = np.cos(turns)[:, None] * view[0] + np.sin(turns)[:, None] * view[1]
+    points, k = centre + (np.array(radii)[:, None, None] * circle).reshape(-1, 3), np.arange(len(turns))
+    after = np.roll(k, -1)
+    faces = np.stack([k, len(k) + k, len(k) + after, after], axis=1)
+    return Piece(points, faces, None, colour, layer=np.inf)
 
 
 def _pad_piece(block: Block, number: int, sight: Array, along: Array | float = 0.0) -> Piece:

@@ -60,7 +60,7 @@ ROUND_OFF = 1e-9
 def first_page_tables(result: RunResult) -> tuple[Table, ...]:
     """Build the tables of the first page; tables without rows are left out."""
     all_tables = (
-        Table("What was asked", tuple(overview.system_rows(result))),
+        Table("What was asked", (*overview.system_rows(result), *_second_order_rows(result, True))),
         Table("How sure", tuple(trust.certainty_rows(result))),
         _largest_values_table(result),
         Table("What is not in this model", tuple(_left_out_rows(result))),
@@ -77,8 +77,16 @@ def _left_out_rows(result: RunResult) -> Rows:
     if "loads" in rows:
         rows["loads"] += ", factors of a standard (dynamic, safety)"
     yield from rows.items()
-    if text := sentences.frame_sentences(result):
-        yield "second order", text
+    yield from _second_order_rows(result, False)
+
+
+def _second_order_rows(result: RunResult, is_included: bool) -> Rows:
+    """Yield a row on the axes of a boom in a frame and on second order, if the run includes second order or, unless
+    `is_included`, if it leaves second order out.
+    """
+    motion = result.summary.get("frame")
+    if motion is not None and bool(motion["second_order"]) is is_included:
+        yield "second order", sentences.frame_sentences(result)
 
 
 def overload_sentences(result: RunResult) -> list[str]:
@@ -207,20 +215,20 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
     allowed, used, share = shell.get("yield"), "", None
     if allowed is not None:
         share = shell["value"] / allowed
-        used = f", {format_percent(share)} of the {format_quantity(allowed, 'Pa')} of yield"
+        used = f", {format_percent(share)} of the yield stress of {format_quantity(allowed, 'Pa')}"
         if "error" in shell:
             by_pads = trust.pad_force_error(result.summary)
             most = shell["error"] + shell["value"] * (by_pads or 0.0)
-            used += f", {format_percent((shell['value'] + most) / allowed)} with this bar"
-            used += " and the error of pad forces" if by_pads is not None else ", which lacks the error of pad forces"
-    contains = f"{WALL_STRESS_PARTS}{play_clause(result, 'wall_stress')}; not in it: welds"
-    by_cells = " by the cells of the wall" if "error" in shell else ""
-    text = f"{wall_stress_words(shell)}{by_cells}{used}, {peak_place_clause(result, at)}; {contains}"
+            used += f", {format_percent((shell['value'] + most) / allowed)} with "
+            used += "this error and that of the pad forces" if by_pads is not None else "this error alone"
+    contains = f"{WALL_STRESS_PARTS}{play_clause(result, 'wall_stress')}"
+    by_mesh = " (error by the mesh of the wall)" if "error" in shell else ""
+    text = f"{wall_stress_words(shell)}{by_mesh}{used}; {peak_place_clause(result, at)}; {contains}"
     return largest_value("wall_stress", f"{text}{_missing_clause(result.summary)}", share)
 
 
 #: What the stress in walls at pads contains.
-WALL_STRESS_PARTS = "stress of the whole section and bending of the wall under the pads, added at each point"
+WALL_STRESS_PARTS = "it contains the stress of the whole section and the bending of walls under pads, but no welds"
 
 
 def _missing_clause(summary: Summary) -> str:
@@ -247,8 +255,8 @@ def _closed_pads_clause(result: RunResult) -> str:
         return ""
     forces = [Extremes.from_summary(pad) for pad in result.summary.get("pads", ())]
     opened = sum(force.least == 0.0 for force in forces)
-    lift = f", and {opened} pads do at times in this run" if opened else ""
-    return f"; with every pad closed: pads that lift off lower it{lift}"
+    lift = f", and {opened} pads lift off at times in this run" if opened else ""
+    return f"; every pad is taken as closed, but pads that lift off lower it{lift}"
 
 
 def _speed_rows(result: RunResult) -> LargestValues:

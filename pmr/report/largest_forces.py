@@ -84,8 +84,8 @@ def _driven_rows(result: RunResult) -> LargestValues:
             yield largest_value("extension_force", text)
         if use := cylinder.get("use"):
             most = Extremes.from_summary(use).highest
-            text = f"{format_percent(most.value)} of the force that it bears, {extreme_clause(result, most)}"
-            yield largest_value("luffing_use", f"{text}; {_allowed_forces_words(result)}", most.value)
+            text = f"{format_percent(most.value)} of the allowed force, {extreme_clause(result, most)}"
+            yield largest_value("luffing_use", f"{text}; allowed: {_allowed_forces_words(result)}", most.value)
         pressures = {side: Extremes.from_summary(of) for side in OIL_SIDES if (of := cylinder.get(f"pressure_{side}"))}
         for side in sorted(pressures, key=lambda side: pressures[side].most)[-1:]:
             yield largest_value("driven_pressure", value_at(result, pressures[side].largest, "Pa", OIL_SIDES[side]))
@@ -105,7 +105,7 @@ def _allowed_forces_words(result: RunResult) -> str:
     if cylinder.rod is not None:
         of_rod = cylinder.model_copy(update={"allowed_push": None})
         buckles = float(of_rod.allowed_forces(greatest).push)
-        words.append(f"its rod buckles from {format_quantity(buckles, 'N')} on at {format_length(greatest)}")
+        words.append(f"less than {format_quantity(buckles, 'N')}, which buckles the rod at {format_length(greatest)}")
     return ", ".join(words)
 
 
@@ -124,7 +124,7 @@ def _support_use_rows(result: RunResult) -> LargestValues:
     if allowed:
         name = max(allowed, key=lambda name: extremes[name].size / allowed[name])
         largest, share = extremes[name].largest, extremes[name].size / allowed[name]
-        of_allowed = f"{format_percent(share)} of {format_quantity(allowed[name], 'N')}"
+        of_allowed = f"{format_percent(share)} of the allowed {format_quantity(allowed[name], 'N')}"
         text = f"{of_allowed}, {_bearer_words('support', name)}, {extreme_clause(result, largest)}"
         yield largest_value("support_use", text, share)
 
@@ -221,7 +221,9 @@ def _dynamic_factor_rows(result: RunResult) -> LargestValues:
         if row["kind"] != hidden
     ]
     if factors:
-        text = f"{', '.join(factors)}; largest value over that at rest, in the same posture under the same loads"
+        text = (
+            f"largest value over the value at rest in the same posture and under the same loads: {', '.join(factors)}"
+        )
         yield LargestValue("dynamic factors", text, place="machine")
 
 
@@ -271,13 +273,16 @@ def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestVal
     if shares:
         pad = max(shares, key=lambda name: shares[name][0])
         share, limit = shares[pad]
-        bar = f" ± {format_quantity(limit['error'], 'N')} by their cells" if limit.get("error") else ""
-        text = f"{format_percent(share)} of {format_quantity(limit['force'], 'N')}{bar}, {pad}, "
-        text += (
-            f"{extreme_clause(result, forces[pad].largest)}; under the weakest pad of this joint alone the walls of "
+        force = format_quantity(limit["force"], "N")
+        bar = (
+            f" ± {format_quantity(limit['error'], 'N')} (error by the mesh of the walls)" if limit.get("error") else ""
         )
-        text += f"{limit['section']} then begin to yield at its edge; the bending of the whole section adds to it"
-        yield largest_value("pad_force", text, share, "largest pad force over that at which walls yield")
+        text = f"{format_percent(share)} of {force}{bar}, {pad}, {extreme_clause(result, forces[pad].largest)}; "
+        text += (
+            f"at {force} the walls of {limit['section']} begin to yield at the edge of the weakest pad of this joint, "
+        )
+        text += "if this force acts alone; the bending of the whole section comes on top"
+        yield largest_value("pad_force", text, share, "largest pad force over the force at which walls yield")
 
 
 def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
@@ -372,7 +377,7 @@ def _ground_rows(result: RunResult) -> LargestValues:
         name = min(extremes, key=lambda name: extremes[name].least)
         value = quantity.value(extremes[name])
         if key == "tipping":
-            text = f"{format_percent(value.value)} (100{SPACE}%: it tips), {extreme_clause(result, value)}"
+            text = f"{format_percent(value.value)} (the machine tips at 100{SPACE}%), {extreme_clause(result, value)}"
             yield largest_value(key, text, value.value)
         else:
             error = _margin_error(result) if key == "tipping_margin" else ""
@@ -392,6 +397,6 @@ def _margin_error(result: RunResult) -> str:
         return "; its error is not known"
     size = format_quantity(max(summed.by_label[label] for label in labels) * max(moments), "N m", 2)
     return (
-        f"; ± {size} by the errors of the boom's moment{summed.lacking_clause(*labels)}; masses of the machine are as "
-        "given, and ground and chassis do not give way"
+        f"; ± {size} by the errors of the boom's moment{summed.lacking_clause(*labels)}; the masses of the machine are "
+        "taken as exact, ground and chassis as rigid"
     )

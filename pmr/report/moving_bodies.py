@@ -16,6 +16,7 @@ from pmr.report.numbers import enlargement
 from pmr.report.subject import fixtures, is_alone, reach
 from pmr.results import Fields, RunResult
 from pmr.results.field_series import THICK, Grid, pad_corners
+from pmr.results.quantities import wall_stress
 from pmr.scene.box import Box
 from pmr.scene.built import PadRing
 
@@ -363,8 +364,12 @@ class MovingBodies:
 
     @property
     def summary_peak(self) -> Mapping[str, Any]:
-        """Entry ``stress_peak.reduced`` of the summary: time and place of the largest stress; empty without it."""
-        return dict(self.result.summary.get("stress_peak", {}).get("reduced") or {})
+        """Time and place of the largest stress, from the summary; empty if it has no stress.
+
+        It is the stress in walls at pads if this is known, else that of the fields, the entry ``stress_peak.reduced``.
+        """
+        summary = self.result.summary
+        return dict(wall_stress(summary) or summary.get("stress_peak", {}).get("reduced") or {})
 
 
 def _axis_fields(result: RunResult) -> dict[str, Fields]:

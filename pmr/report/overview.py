@@ -80,7 +80,7 @@ def system_rows(result: RunResult) -> Rows:
         yield "boom length", format_range(float(result.reach.min()), float(result.reach.max()), f"{SPACE}m")
     elif moving_part(result) == "mouth":
         low, high = scene.path_bounds
-        yield "out of its mouth", format_range(reach(result) - high, reach(result) - low, f"{SPACE}m")
+        yield "length beyond the mouth", format_range(reach(result) - high, reach(result) - low, f"{SPACE}m")
     elif moving_part(result) == "slider":
         yield "slider at", f"s = {format_range(*scene.path_bounds, f'{SPACE}m')}"
     yield from _tip_rows(result)

@@ -276,9 +276,9 @@ def drawing_sentence(data: dict[str, Any]) -> str:
     if not data:
         return ""
     count, lost = sum(body["motion"]["count"] for body in data["bodies"]), format_percent(data["lost"], 1)
-    shapes = "one shape that leaves" if count == 1 else f"{count} shapes that leave"
+    shapes = "one shape" if count == 1 else f"{count} shapes"
     drawn = f"Displacements are drawn {format_input(data['scale'])} times their size"
-    return f"{drawn}, from {shapes} out {lost} of the motion."
+    return f"{drawn}. They are composed of {shapes}, with an error of {lost} of the motion."
 
 
 def compress(frames: NDArray[np.float32], most_values: int) -> dict[str, Any]:

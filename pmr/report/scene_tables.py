@@ -236,12 +236,10 @@ def size_rows(result: RunResult) -> Rows:
     if pads := sum(len(ring.named_pads) for of in result.scene.bodies.values() for ring in of.pads):
         yield "pads", format_input(pads)
     if contact := result.summary.get("contact"):
-        parts_text = (
-            f"{format_input(contact['parts'])}, each with h omega = {format_input(round(contact['h_omega'], 3))}"
-        )
+        parts_text = f"{format_input(contact['parts'])}, each with h ω = {format_input(round(contact['h_omega'], 3))}"
         if "mean_parts" in contact:
-            parts_text = f"at most {parts_text}; {format_input(round(contact['mean_parts'], 1))} in the mean"
-        yield "parts of a step, for pads that only push", parts_text
+            parts_text = f"at most {parts_text}; {format_input(round(contact['mean_parts'], 1))} on average"
+        yield "substeps of a time step, for pads that only push", parts_text
     for name, response in result.responses.items():
         position, velocity = (np.abs(of).max() for of in (response.residual_position, response.residual_velocity))
         if np.isfinite(velocity):
@@ -249,9 +247,9 @@ def size_rows(result: RunResult) -> Rows:
             yield f"largest violation of constraints, {name}", text
     basis = result.summary.get("basis", {})
     if basis.get("carriers"):
-        yield "carriers that the rows touch along the path", format_input(basis["carriers"])
+        yield "carriers of pads and sliders along the path", format_input(basis["carriers"])
     if basis.get("rows_left_out"):
-        yield "rows left out", ", ".join(basis["rows_left_out"])
+        yield "pads and supports that no vector of the basis moves", ", ".join(basis["rows_left_out"])
 
 
 def time_rows(seconds: Summary) -> Rows:

@@ -112,7 +112,7 @@ def input_block(result: RunResult, prefix: str) -> Block | None:
     if changing := subject.changing_angles(result):
         lines = {name: angle.value(result.responses["reduced"].t) for name, angle in changing.items()}
         draw("angles", " and ".join(changing).capitalize(), lines, "rad", "Angle")
-    return Block("Motion and loads that are given", row, text=_weight_sentence(result)) if row else None
+    return Block("Prescribed motion and loads", row, text=_weight_sentence(result)) if row else None
 
 
 def motion_block(result: RunResult, prefix: str) -> Block | None:
@@ -138,9 +138,9 @@ def motion_block(result: RunResult, prefix: str) -> Block | None:
 
 def energy_block(result: RunResult, prefix: str) -> Block:
     """Build the block with the total energy and its parts; `prefix` begins the identifiers of its figures."""
-    total, caption = attrgetter("energy.total"), "Total energy: kinetic and strain energy less the work of the loads"
+    total, caption = attrgetter("energy.total"), "Total energy: kinetic and strain energy minus the work of the loads"
     first = histories.drawn_history(f"{prefix}-energy", result, total, caption, "Total energy", "J")
-    caption = "Strain, kinetic and external energy, which is minus the work of the loads"
+    caption = "Strain energy, kinetic energy, and external energy. External energy is minus the work of the loads"
     if result.scene.hoist is not None:
         caption += "; the strain energy includes the kinetic energy of the payload and the elastic energy of the rope"
     parts = {f"{part} energy": attrgetter(f"energy.{part}") for part in ("strain", "kinetic", "external")}
@@ -239,9 +239,9 @@ def _weight_sentence(result: RunResult) -> str:
     gravity = result.scene.gravity
     if gravity is None:
         return ""
-    rise = f", which comes up within the first {format_input(gravity.rise, 's')}" if gravity.rise else ""
-    turns = ", in a direction that turns with the frame" if result.frame is not None else ""
-    return f"The weight acts too{rise}{turns}."
+    rise = f" It grows to its full value within the first {format_input(gravity.rise, 's')}." if gravity.rise else ""
+    turns = " Its direction in the boom's axes changes as the boom turns." if result.frame is not None else ""
+    return f"The weight acts, too.{rise}{turns}"
 
 
 def stress_block(result: RunResult, prefix: str) -> Block | None:
@@ -255,7 +255,7 @@ def stress_block(result: RunResult, prefix: str) -> Block | None:
             continue
         below = histories.Timeline(result).difference_clause(histories.stress_histories(result, body))
         peak = parts.get(name, result.summary).get("stress_peak", {}).get("reduced")
-        dot = f" The dot is the largest of all, {sentences.peak_clause(peak)}." if peak else ""
+        dot = f" The dot marks the largest value, {sentences.peak_clause(peak)}." if peak else ""
         caption = f"Largest von Mises stress over {name or 'the whole body'}{below}.{dot}"
         anchor = f"{prefix}-stress" if name == ALONE else f"{prefix}-stress-{number}"
         drawings.append(drawing(anchor, histories.stress_figure, caption, result, body))
@@ -285,7 +285,9 @@ def section_force_block(result: RunResult, prefix: str) -> Block | None:
         for what, force in part.get("section_forces", {}).get("reduced", {}).items()
         if what in shown and (force["min"] or force["max"])
     ]
-    grid = extremes_grid(result, "Least and largest of them", measured, where=", and where from the tail")
+    grid = extremes_grid(
+        result, "Least and largest section forces and moments", measured, where=", and where from the tail"
+    )
     return Block(heading="Forces along beams", drawings=(drawn,), grids=(grid,))
 
 
@@ -305,7 +307,7 @@ def _part_grids(result: RunResult) -> Iterator[Grid]:
         value = significant(peak["value"] / unit.size, 4)
         called = name.removesuffix(f": {WHOLE}")
         rows.append((called, value, *of_full_model, format_time(peak["t"]), f"({place})", peak["face"]))
-    head = ("", f"in {unit.name}", *(("full model",) if full else ()), "at", "and x, y, z in m", "face")
+    head = ("", f"stress in {unit.name}", *(("full model",) if full else ()), "time", "x, y, z in m", "face")
     yield Grid("Largest von Mises stress of each part.", head, tuple(rows))
 
 
@@ -338,7 +340,7 @@ def probe_block(result: RunResult, prefix: str) -> Block | None:
         _history_drawing(result, f"{prefix}-probe-{k}", of.name, of.unit)
         for k, of in enumerate(_drawn_measurements(measured))
     ]
-    text = "All load cycles, counted by rainflow, stand in tables/cycles.csv."
+    text = "The file tables/cycles.csv has all load cycles, counted by rainflow."
     return Block("Probes", figures, text=text, grids=(grid, *_damage_grids(result)))
 
 
@@ -348,8 +350,8 @@ def _damage_grids(result: RunResult) -> list[Grid]:
     if not fatigue:
         return []
     rows = [(row["name"], _format_cycles(row["damage"]), _format_cycles(row["life"])) for row in fatigue]
-    caption = "Damage by load cycles on the scene's S-N line, after Palmgren and Miner: 1 is failure. The life is how "
-    return [Grid(f"{caption}often all that is asked for may come.", ("", "damage", "life"), tuple(rows))]
+    caption = "Damage by load cycles on the scene's S-N line, after Palmgren and Miner: 1 is failure. The life is the "
+    return [Grid(f"{caption}number of such runs until failure.", ("", "damage", "life"), tuple(rows))]
 
 
 def _format_cycles(value: float | None) -> str:

@@ -71,7 +71,7 @@ def _total_error(totals: trust.SummedErrors) -> KeyNumber:
     """Key number of the largest error after errors of all sources are added up."""
     label = max(totals.by_label, key=lambda name: totals.by_label[name])
     note = f"in {label}, {totals.sources_clause(label)}"
-    return KeyNumber(format_percent(totals.by_label[label], 2), "largest error that is known, stress apart", note)
+    return KeyNumber(format_percent(totals.by_label[label], 2), "largest known error, without stresses", note)
 
 
 def _error_key_numbers(result: RunResult) -> Iterator[KeyNumber]:
@@ -128,8 +128,8 @@ def peak_part_name(peak: PeakSummary) -> str:
 def _other_points_clause(places: Sequence[Sequence[float]]) -> str:
     """Words that name the other points, `places`, at which the stress is equally large; empty without such points."""
     if len(places) > MOST_PLACES:
-        return f", and as large at {len(places)} other places"
-    return f", and as large at {' and '.join(map(_format_point, places))}" if places else ""
+        return f"; {len(places)} other places have the same stress"
+    return f"; the stress is the same at {' and '.join(map(_format_point, places))}" if places else ""
 
 
 def _format_point(position: Sequence[float]) -> str:
@@ -159,8 +159,9 @@ def _model_key_number(result: RunResult) -> Iterator[KeyNumber]:
     if part is None or part["beside"] is None or part.get("beam") is None:
         return
     frequencies = format_percent(part["frequency"] or 0.0)
-    more = f"{scope_words(result)}; lowest frequencies {frequencies}; beside {model_traits(part['beside']).words}"
-    yield KeyNumber(format_percent(part["beam"]), "the model's own error", more)
+    compared = f"compared with {model_traits(part['beside']).words}"
+    more = f"displacements {scope_words(result)}, {compared}; lowest frequencies {frequencies}"
+    yield KeyNumber(format_percent(part["beam"]), "error of the structural model", more)
 
 
 class LargestValue(NamedTuple):

@@ -13,7 +13,7 @@ import numpy as np
 from pmr.files.arrays import Array, Summary
 from pmr.report.numbers import SPACE, format_input, format_percent, format_quantity
 from pmr.results import BodyResult, RunResult
-from pmr.results.quantities import QUANTITIES, wall_stress
+from pmr.results.quantities import QUANTITIES
 from pmr.scene.built import Load, PadRing
 from pmr.scene.choice import input_directions
 from pmr.scene.joints import JointPads, has_clearance
@@ -56,7 +56,9 @@ def play_clause(result: RunResult, quantity: str, name: str = "") -> str:
             return f"; {format_quantity(row['varied'], QUANTITIES[quantity].unit)} {play_words(play['gap'])}"
     rings = [ring for part in result.scene.sections for ring in part.rings if ring.unilateral]
     return (
-        "; without play of pads, which no error bar has in it" if rings and not any(map(has_clearance, rings)) else ""
+        "; computed without play of pads, which no error bar includes"
+        if rings and not any(map(has_clearance, rings))
+        else ""
     )
 
 
@@ -70,17 +72,12 @@ def play_words(gap: float) -> str:
     return f"with {format_input(1e3 * gap, 'mm')} of play of pads" if gap else "without the play of pads"
 
 
-def walls_clause(result: RunResult) -> str:
-    """Sentence on the largest stress in walls, which no picture of beams shows; empty if it is not known."""
-    walls = wall_stress(result.summary)
-    if walls is None:
-        return ""
+def wall_place_words(walls: Summary) -> str:
+    """Words for the largest stress in walls (`pmr.results.quantities.wall_stress`): its value, place and time."""
     side = f"{walls['region']} wall" if walls["region"] else "walls"
     of = f"{side} of {walls['section']}" if walls.get("section") else side
-    return (
-        f" The largest stress of this run is not drawn, as beams lack it: {wall_stress_words(walls)} at a pad, {of}, "
-        f"{walls['position'][0]:.3g}{SPACE}m from the tail, at {walls['t']:.3g}{SPACE}s."
-    )
+    at = f"{walls['position'][0]:.3g}{SPACE}m from the tail, at {walls['t']:.3g}{SPACE}s"
+    return f"{wall_stress_words(walls)}, {of}, {at}"
 
 
 def wall_stress_words(walls: Summary) -> str:

@@ -24,6 +24,8 @@ LEAST = 1e-5
 UNAFFECTED = {QUANTITIES["frequency"].label: ("time step",)}
 #: Change of a largest value by the play of pads below which it is not stated by itself.
 SMALL_CHANGE = 0.01
+#: Name of the row on what the error of a source does not contain.
+NOT_IN_ERROR = "not in the error of the {}"
 #: Clause on what the errors of the stresses of beams do not cover.
 WALLS = "in stresses the bending of a beam's walls under pads, which a shell has"
 
@@ -41,7 +43,7 @@ def trust_table(result: RunResult) -> Table:
     parts = _errors_by_source(summary)
     texts = {name: _list_without_round_off(errors) for name, errors in parts.items()}
     texts["model"] = (
-        f"beside {model_traits(model['beside']).words}: {texts['model']}"
+        f"compared with {model_traits(model['beside']).words}: {texts['model']}"
         if model.get("beside")
         else _reason_without_model_error(model)
     )
@@ -53,11 +55,13 @@ def trust_table(result: RunResult) -> Table:
     texts["reduction"] = "; ".join(filter(None, (texts["reduction"], remark))) or NOT_COMPARED
     if play := _play_changes(result):
         parts["play of pads"] = {name: abs(change) for name, change in play.items()}
-        texts["play of pads"] = "see How sure"
+        name, change = next(iter(play.items()))  # the largest change comes first
+        varied = play_words(play_summary(result)["gap"])
+        texts["play of pads"] = f"{varied}, largest values change by up to {format_percent(abs(change))}: {name}"
     if sums := (summed := summed_errors(summary)).by_label:
         of_largest = dict(sorted(sums.items(), key=lambda item: -item[1]))
-        without = "; ".join([*_lacking_clauses(summed), *(["play of pads"] if play else [])])
-        texts["added up"] = _list_without_round_off(of_largest) + (f"; not in it: {without}" if without else "")
+        without = ", ".join([*(["play of pads"] if play else []), *_lacking_clauses(summed)])
+        texts["added up"] = _list_without_round_off(of_largest) + (f"; not included: {without}" if without else "")
     stressed = "reduced" in summary.get("max_von_mises", {})
     walls = [WALLS] if stressed and any(traits_of(of).is_beam for of in members(result.scene)) else []
     missing = {
@@ -70,12 +74,11 @@ def trust_table(result: RunResult) -> Table:
     decades = max(ceil(log10(max(largest.values(), default=1.0) / LEAST) - 1e-9), 5)
     bars = {name: min(max(log10(error / LEAST) / decades, 0.01), 1.0) for name, error in largest.items()}
     top = format_input(round(100.0 * LEAST * 10**decades, 6), "%")
-    note = f"How far off figures are, from small on the left to large: {format_input(100.0 * LEAST, '%')} to {top}, "
-    note += f"ten times as much from mark to mark. Displacements are those {scope_words(result)}; "
+    note = f"A bar shows the largest error of its row, from {format_input(100.0 * LEAST, '%')} to {top}; each mark "
+    note += f"is ten times the mark before it. Displacements are those {scope_words(result)}; "
     note += "stresses may be further off."
-    gaps = "; ".join(f"{name}: {', '.join(dict.fromkeys(clauses))}" for name, clauses in missing.items() if clauses)
-    rows = tuple((name, with_shown_label(result, text)) for name, text in texts.items())
-    rows += (("not in these bars", gaps),) if gaps else ()
+    gaps = {NOT_IN_ERROR.format(name): "; ".join(dict.fromkeys(of)) for name, of in missing.items() if of}
+    rows = tuple((name, with_shown_label(result, text)) for name, text in (texts | gaps).items())
     return Table("How far to trust it", rows, bars, decades, note if bars else "")
 
 
@@ -118,32 +121,33 @@ def _play_text(result: RunResult) -> str:
         if abs(of) >= SMALL_CHANGE
     ]
     small = [name for name, of in changes.items() if abs(of) < SMALL_CHANGE]
-    listed += [f"less than {format_percent(SMALL_CHANGE)}: {', '.join(small)}"] if small else []
+    listed += [f"by less than {format_percent(SMALL_CHANGE)}: {', '.join(small)}"] if small else []
     gap = play_summary(result)["gap"]
-    where = " from face to face, which compare.play assumes as the scene states no clearance" if gap else ""
-    return f"{play_words(gap)}{where}: largest values change: {'; '.join(listed)}"
+    why = " (from face to face, set by compare.play, as the scene states no clearance)" if gap else ""
+    return f"{play_words(gap)}{why}, the largest values change: {'; '.join(listed)}"
 
 
 def _stress_certainty(result: RunResult) -> str:
     """Text on the error of the stress in walls at pads, if known, and on errors of stresses that are not known."""
-    walls, unknown = wall_stress(result.summary), f"error is not known: {'; '.join(_stress_gaps(result))}"
+    walls, unknown = wall_stress(result.summary), f"not known, because {' and '.join(_stress_gaps(result))}"
     if walls is None or "error" not in walls or not walls["value"]:
-        return f"its {unknown}"
+        return unknown
     by_cells, by_pads = walls["error"] / walls["value"], pad_force_error(result.summary)
-    share = f"{format_percent(by_cells, 2)} by their cells, and the error of pad forces"
+    share = f"{format_percent(by_cells, 2)} by the mesh of the walls, without the error of the pad forces"
     if by_pads is not None:
-        share = f"{format_percent(by_cells + by_pads, 2)}, of which {format_percent(by_cells, 2)} by their cells "
-        share += "and the rest by pad forces"
-    return f"in walls at pads ± {share}; elsewhere the {unknown}"
+        share = f"{format_percent(by_cells + by_pads, 2)}: {format_percent(by_cells, 2)} by the mesh of the walls, "
+        share += "the rest by the error of the pad forces"
+    return f"in walls at pads ± {share}; elsewhere {unknown}"
 
 
 def _stress_gaps(result: RunResult) -> Iterator[str]:
     """Yield clauses on what the stresses of beams leave out, and on the cells of shells and solids."""
     are_beams = [traits_of(of).is_beam for of in members(result.scene)]
     if any(are_beams):
-        yield stress_remark(result.scene) or "beams have no local stress at pads, loads and corners"
+        lacks_bending = "the stress of beams lacks the bending of walls under pads"
+        yield lacks_bending if stress_remark(result.scene) else "beams have no local stress at pads, loads and corners"
     if not all(are_beams):
-        yield "cells are not short enough at pads, loads and corners to tell"
+        yield "the cells at pads, loads and corners are too long"
 
 
 def _errors_by_source(summary: Summary) -> dict[str, dict[str, float]]:
@@ -186,7 +190,7 @@ class SummedErrors:
         It is empty if no source is missing.
         """
         names = dict.fromkeys(name for label in labels for name in self.lacking[label])
-        return f", without that of the {' and '.join(names)}" if names else ""
+        return f", without the error of the {' and '.join(names)}" if names else ""
 
 
 def summed_errors(summary: Summary) -> SummedErrors:
@@ -217,7 +221,7 @@ def _lacking_clauses(summed: SummedErrors) -> Iterator[str]:
     for source in dict.fromkeys(name for names in summed.lacking.values() for name in names):
         labels = [label for label, names in summed.lacking.items() if source in names]
         stated = [label for label in summed.by_label if label not in labels and source in summed.sources[label]]
-        yield source + (f" in {', '.join(labels)}" if stated else "")
+        yield f"error of the {source}" + (f" in {' and '.join(labels)}" if stated else "")
 
 
 def _step_words(step: Mapping[str, object]) -> str:
@@ -241,11 +245,11 @@ def _estimate_words(result: RunResult) -> str:
     if estimate.get("beam") is None:
         return f"not known, not even by an estimate: {estimate['reason']}" if "reason" in estimate else ""
     by_model = estimate.get("by") == "other model"
-    words = "the estimate is made by a model of free modes" if by_model else "the estimate has a margin of a quarter"
+    words = "the error is estimated by a model of free modes" if by_model else "the estimate has a margin of a quarter"
     if ratio := times_the_true_error(estimate["beam"], true):
-        words = f"{scope_words(result)} the estimate is {ratio}"
+        words = f"the estimated error {scope_words(result)} is {ratio}"
     probes = estimate.get("probe")
-    return words + (f", at most {format_percent(probes)} of what a probe measures" if probes is not None else "")
+    return words + (f"; at probes it is at most {format_percent(probes)}" if probes is not None else "")
 
 
 def _reason_without_model_error(model: Mapping[str, object]) -> str:

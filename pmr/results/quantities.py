@@ -531,7 +531,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         Quantity(
             "wall_stress", "stresses of walls at pads", "Pa", "pad", (), "largest von Mises stress in walls", "most"
         ),
-        Quantity("probe", "what probes measure", "", "probe", ("probe",)),
+        Quantity("probe", "values at probes", "", "probe", ("probe",)),
         Quantity(
             "utilisation", "stresses over yield stresses", "1", "section", (), "largest stress over yield stress",
             "most",
@@ -592,7 +592,7 @@ def reduction_error(summary: Summary) -> ReductionErrors:
     impacts are left out.
     """
     errors, estimate = summary.get("errors", {}).get("reduced_vs_full", {}), summary.get("estimate") or {}
-    source, how = (errors, "beside the full model") if "beam" in errors else (estimate, "estimated")
+    source, how = (errors, "compared with the full model") if "beam" in errors else (estimate, "estimated")
     if source.get("beam") is None:
         return ReductionErrors()
     left_out = ("reaction", *(("pad_force",) if "impacts" in summary else ()))

@@ -317,7 +317,7 @@ def _strength_effects(scene: Scene, at_rest: bool) -> list[str]:
         return []  # lines without a section, which have no stress
     clauses, boxes = list[str](), [member for member in members(scene) if member.part.body.box is not None]
     if any(traits_of(member).is_beam and member.pads for member in boxes):
-        clauses.append("local bending of walls under pads in the stress of beams")
+        clauses.append("bending of walls under pads (in stresses of beams)")
     if boxes:
         clauses += ["buckling of plates", "how loads enter walls at lugs, hinges and the head"]
     clauses += ["welds, bolts and cut-outs", "plastic deformation"]
@@ -333,7 +333,7 @@ def _wall_effects(scene: Scene) -> list[str]:
         return []
     return [
         "compliance of walls under pads, so that deflections are too small, frequencies too high and forces of pads "
-        "off: body.walls = 'give' adds it"
+        "off (body.walls = 'give' adds it)"
     ]
 
 
@@ -346,10 +346,11 @@ def _pad_effects(scene: Scene, at_rest: bool) -> list[str]:
     if not rings:
         return []
     clauses = [] if not at_rest and any(getattr(ring, "friction", 0.0) for ring in rings) else ["friction"]
+    clauses += ["wear", "spread of the pressure under a pad"]
     if not any(map(has_clearance, rings)):
         in_bars = at_rest and scene.compare.play and any(ring.unilateral for ring in rings if ring.faces)
-        clauses.append("play beyond error bars" if in_bars else "play, which at side pads changes the stress in walls")
-    return [*clauses, "wear", "spread of the pressure under a pad"]
+        clauses.append("play beyond error bars" if in_bars else "play (at side pads it changes the stress in walls)")
+    return clauses
 
 
 def _missing_masses(scene: Scene) -> list[str]:
@@ -361,7 +362,7 @@ def _missing_masses(scene: Scene) -> list[str]:
         return []
     joined = any(part.joint is not None and part.joint.cylinder is not None for part in scene.sections)
     cylinders = ["cylinders"] if joined or scene.frame is not None and scene.frame.cylinder is not None else []
-    return [*cylinders, "stiffeners, pads, hoses and fittings, unless [[masses]] has them: walls alone have weight"]
+    return [*cylinders, "stiffeners, pads, hoses and fittings (only walls and [[masses]] have weight)"]
 
 
 def _load_effects(scene: Scene) -> list[str]:
@@ -377,7 +378,7 @@ def _load_effects(scene: Scene) -> list[str]:
     clauses = [] if "wind" in acting else ["wind on the sections"]
     clauses += [] if "temperature" in acting else ["temperature"]
     if any(mass.payload for mass in masses):
-        clauses.append("swing of the payload, which is fixed to the tip, and its rope")
+        clauses.append("rope and swing of the payload (it is fixed to the tip)")
     return clauses
 
 
@@ -394,7 +395,7 @@ def _machine_effects(scene: Scene) -> list[str]:
         stands = frame.ground is not None
         clauses.append("ground and chassis that give way" if stands else "what the machine stands on, and its tipping")
     if frame is None or frame.cylinder is None or frame.cylinder.oil is None:
-        clauses.append("oil and valves: drives follow the given motion")
+        clauses.append("oil and valves (drives follow the prescribed motion)")
     else:
         clauses.append("relief valves and dry friction of the cylinder on oil")
     return [*clauses, "buckling of cylinders"]

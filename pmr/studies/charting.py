@@ -270,7 +270,7 @@ def error_warnings(
         name = [*names, STABILITY_WORDS][which[rows[worst]]]
         beside = f" beside a {other.label}" if part == "model" else ""
         giving = beside.endswith("shell") and any(map(has_walls_that_could_give, members(scene)))
-        better = '; body.walls = "give" adds the compliance of walls under pads' if giving else ""
+        better = '; set body.walls = "give" to add the compliance of walls under pads' if giving else ""
         yield (
             f"the {part} is off by up to {two_digits(100.0 * shares[worst])} % in the load that {name} allows{beside}, "
             f"more than compare.model_tolerance = {allowed:g}: its error bar contains this{better}"

@@ -147,7 +147,10 @@ def test_the_motion_of_a_machine_that_is_found_is_named(tmp_path: Path, free: li
 def test_a_run_says_it_in_report_and_summary(load_scene, load: list[str]) -> None:
     outcome = run(load_scene("evolved_residual", [*SHORT, *load, "simulation.simulators=['march']"]))
     assert outcome is not None
-    summary, text = outcome.result.summary, dict(trust.trust_table(outcome.result).rows)["not in these bars"]
+    summary, text = (
+        outcome.result.summary,
+        dict(trust.trust_table(outcome.result).rows)[trust.NOT_IN_ERROR.format("reduction")],
+    )
     left_out = summary["estimate"]["not_covered"]
     assert left_out[-3:] == [AWAY_FROM_PROBES, RIGID_REACTIONS, SLIDER_IMPACTS]
     assert AWAY_FROM_PROBES in text

@@ -93,7 +93,7 @@ def test_the_steps_error_of_forces_is_that_beside_far_smaller_steps(name: str) -
 def test_a_reduction_that_is_far_off_is_a_warning_by_itself() -> None:
     far = {"errors": {"reduced_vs_full": {"beam": 0.633, "tip": 0.05, "pad_force": 1.7}}}
     (said,) = reduction_warnings(far)
-    assert "63 % in displacements, 170 % in pad forces (beside the full model)" in said
+    assert "63 % in displacements, 170 % in pad forces (compared with the full model)" in said
     (said,) = reduction_warnings({"estimate": {"beam": 0.02, "tip": 0.01, "frequency": 0.2}})
     assert "20 % in natural frequencies (estimated)" in said
     assert reduction_warnings({"errors": {"reduced_vs_full": {"beam": 0.01, "tip": 0.02}}}) == []

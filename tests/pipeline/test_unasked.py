@@ -65,7 +65,7 @@ def test_a_run_measures_its_model_and_mesh_last_and_the_next_one_finds_both(tmp_
     first = result.summary["budget"]
     assert "budget" not in before[0] and before[0] == {key: result.summary[key] for key in before[0]}
     (warned,) = [one for one in result.summary["warnings"] if one.startswith("the model is off by up to")]
-    assert warned.endswith('body.walls = "give" adds the compliance of walls under pads')
+    assert warned.endswith('set body.walls = "give" to add the compliance of walls under pads')
     assert first["model"]["beside"] == "coarse shell" and 0.1 < first["model"]["beam"] < 0.5
     assert 0.0 < first["mesh"]["beam"] < 1e-3 and first["mesh_reason"] is None
     assert 0.0 < first["mesh"]["frequency"] < 1e-3 and first["mesh_not_covered"] == ["stresses"]

@@ -82,6 +82,11 @@ def test_a_peak_that_is_shared_is_shown_where_the_text_has_it(make_space, make_f
     assert largest.frame == 4
     _, place = MovingBodies(make_space(fields=twice, summary={})).place_of_peak(largest)
     assert list(place) == list(fields.points[fields.cells[count - 2]].mean(axis=0))
+    walls = {"value": 6e6, "t": float(fields.t[6]), "position": [0.3, 0.15, 0.1], "section": "", "region": "left"}
+    summary = {"stress_peak": {"reduced": peak}, "budget": {"model": {"wall_stress": walls}}}
+    bodies = MovingBodies(make_space(fields=twice, summary=summary))  # the first page has the stress in walls
+    assert bodies.moment_of_peak().frame == 6
+    assert list(bodies.place_of_peak(bodies.moment_of_peak()).point) == walls["position"]
 
 
 @pytest.fixture(scope="module")

@@ -156,7 +156,8 @@ def test_page_says_figures_inputs_and_provenance(page: Page) -> None:
         ("full against ANCF, tip", ["0.0740\u00a0%", "0.07\u00a0%", "+5.7\u00a0%", "within", "= same when rounded"]),
         ("largest transverse displacement", ["50.00\u00a0mm", "50\u00a0mm", "+0\u00a0%", "within",
          "≈ within 5\u00a0%"]),
-        ("largest difference, reduced to full", ["1.200\u00a0mm", "1\u00a0mm", "+20\u00a0%", "worse", "▼ worse"]),
+        ("largest difference between reduced and full",
+         ["1.200\u00a0mm", "1\u00a0mm", "+20\u00a0%", "worse", "▼ worse"]),
     ],
 )  # fmt: skip
 def test_error_table_marks_with_symbol_word_and_colour(html: str, row: str, cells: list[str]) -> None:
@@ -230,12 +231,12 @@ def test_the_estimate_stands_beside_the_true_error(make_result) -> None:
     estimated = {"beam": 0.0126, "tip": 0.012, "chi": 0.7, "largest": 1e-3, "seconds": 0.01}
     summary = make_result().summary | {"estimate": estimated}
     result = make_result(summary=summary)
-    assert reduction(result).endswith("; along the beam the estimate is 1.20 times the true error")
+    assert reduction(result).endswith("; the estimated error along the beam is 1.20 times the true error")
     assert "1.26\u00a0%" in [row.value for row in errors.rows(result) if row.comparison.startswith("estimated")]
     number = next(one for one in sentences.key_numbers(result) if one.label == "RMS error along the beam")
     assert number.value == "1.05\u00a0%" and number.note.endswith("; estimated without the full model 1.26\u00a0%")
     of_probe = make_result(summary=summary | {"estimate": estimated | {"probe": 0.031}})
-    assert reduction(of_probe).endswith("at most 3.10\u00a0% of what a probe measures")
+    assert reduction(of_probe).endswith("; at probes it is at most 3.10\u00a0%")
     alone = make_result(summary={"estimate": estimated})
     assert "estimated error along the beam" in [number.label for number in sentences.key_numbers(alone)]
     none = make_result(summary={"estimate": {"beam": None, "reason": "the basis is no good"}})
@@ -308,6 +309,6 @@ def test_each_text_of_the_template_of_prose_is_used_and_stands_on_one_line() -> 
     )
     slack = [{"start": 0.5, "end": 1.25, "snatch": 2e3}]
     assert prose("hoist", factor=1.5, weight=1e3, slack=slack) == (
-        "The rope's largest force is 1.50 times that of the weight, 1.00\u00a0kN. It is slack from 0.5\u00a0s to "
+        "The rope's largest force is 1.50 times the weight of 1.00\u00a0kN. It is slack from 0.5\u00a0s to "
         "1.25\u00a0s, then it pulls with up to 2.00\u00a0kN."
     )

@@ -21,7 +21,7 @@ from pmr.report.figures import INK, space
 from pmr.report.first_page import first_page_tables, largest_value_rows, overload_sentences
 from pmr.report.sections import accuracy_block, chapter
 from pmr.report.sentences import LargestValue, key_numbers, largest_value
-from pmr.report.subject import play_clause, walls_clause
+from pmr.report.subject import play_clause, wall_place_words
 from pmr.report.trust import LEAST, certainty_rows, summed_errors
 from pmr.results import Response, RunResult
 from pmr.results.response import LUFFING_ANGLE, Output
@@ -59,7 +59,7 @@ def test_what_was_asked_is_said_in_rows(result: RunResult) -> None:
     assert asked["pads"] == f"7, 300 × 80{SPACE}mm, 300{SPACE}kN/mm, holding both ways"
     assert asked["payload"] == f"250{SPACE}kg on tip" and asked["gust"] == f"up to 500{SPACE}N on tip along y"
     assert asked["tip force"] == f"−2.00{SPACE}kN to 2.00{SPACE}kN on tip along z"
-    assert asked["raised by"] == "0°, it lies level" and asked["out of its mouth"] == f"2 to 4.5{SPACE}m"
+    assert asked["raised by"] == "0°, it lies level" and asked["length beyond the mouth"] == f"2 to 4.5{SPACE}m"
 
 
 def test_each_kind_of_force_has_its_largest_with_when_and_where(result: RunResult) -> None:
@@ -95,9 +95,9 @@ def test_the_pad_nearest_to_yielding_walls_stands_first_and_warns(result: RunRes
     budget = {"model": {"beside": "shell", "beam": 0.1, "pad_yield": limits}}
     pressed = replace(boom, summary=result.summary | {"budget": budget})
     name, text = next(iter(largest_value_rows(pressed)))
-    assert name == "largest pad force over that at which walls yield"
+    assert name == "largest pad force over the force at which walls yield"
     assert text.startswith(f"125{SPACE}% of 3.20{SPACE}kN, fly tail top, at 0{SPACE}s")
-    assert "walls of fly 2 then begin" in text
+    assert "walls of fly 2 begin to yield" in text
     assert overload_sentences(pressed) == [f"{name}: {text}"] and not overload_sentences(boom)
 
 
@@ -125,12 +125,12 @@ def test_what_a_chief_looks_for_besides_has_a_row(make_space: MakeSpace) -> None
     assert asked["pads"].endswith(f", play top 500{SPACE}µm")
     assert carries["largest force of a support"].startswith(f"100{SPACE}kN, pin, at 0.1{SPACE}s")
     assert carries["largest mean pressure of a pad"].startswith(f"400{SPACE}kPa, fore, at 0.1{SPACE}s")
-    luffing = f", 1.50 luffing cylinder (20.0{SPACE}kN at rest); "
-    assert carries["dynamic factors"].startswith(f"1.17 resultant of pin of base (60.0{SPACE}kN at rest){luffing}")
+    luffing = f", 1.50 luffing cylinder (20.0{SPACE}kN at rest)"
+    assert carries["dynamic factors"].endswith(f": 1.17 resultant of pin of base (60.0{SPACE}kN at rest){luffing}")
     factors = summary["dynamic_factors"]
     components = make_space(summary=summary | {"dynamic_factors": [factors[0], factors[2]]})  # of an earlier version
     text = rows(components, "Largest values of this motion")["dynamic factors"]
-    assert text.startswith(f"1.20 pin of base along x (50.0{SPACE}kN at rest){luffing}")
+    assert text.endswith(f": 1.20 pin of base along x (50.0{SPACE}kN at rest){luffing}")
     assert carries["largest damage by fatigue"].startswith("0.0200, root")
     assert "largest damage by fatigue" in [number.label for number in key_numbers(result)]
 
@@ -158,11 +158,13 @@ def test_what_is_not_known_is_said(make_space: MakeSpace) -> None:
     model = {"beside": "shell", "beam": 0.4, "frequency": 0.6}
     known = SUMMARY | {"budget": {"mesh": {"beam": 0.01}, "model": model}}
     trust = rows(make_space(summary=known), "How far to trust it")
-    assert trust["model"] == f"beside a shell: natural frequencies 60.0{SPACE}%, displacements 40.0{SPACE}%"
+    assert trust["model"] == f"compared with a shell: natural frequencies 60.0{SPACE}%, displacements 40.0{SPACE}%"
     assert trust["mesh"] == f"displacements 1.00{SPACE}%"
     found = f"pad forces 0.300{SPACE}%, displacements 0.200{SPACE}%, displacements of the tip 0.100{SPACE}%"
-    assert trust["reduction"] == f"beside the full model: {found}"
-    assert trust["added up"] == f"displacements 41.2{SPACE}%; not in it: time step"  # the mesh states nothing else
+    assert trust["reduction"] == f"compared with the full model: {found}"
+    assert (
+        trust["added up"] == f"displacements 41.2{SPACE}%; not included: error of the time step"
+    )  # the mesh states nothing else
     stressed = rows(make_space(recovery={"every": 0.05}, summary=known), "What is not in this model")
     assert f"0.05{SPACE}s apart" in stressed["strength"] and "fatigue" in stressed["strength"]
 
@@ -185,7 +187,7 @@ def test_every_part_that_is_known_has_a_bar_on_one_scale(make_space: MakeSpace) 
     expected = f"pad forces 1.00{SPACE}%, displacements of the tip 0.200{SPACE}%, displacements 0.100{SPACE}%"
     assert dict(worst.rows)["mesh"] == expected
     assert worst.bars["mesh"] == pytest.approx(0.6) and worst.bars["reduction"] == 0.01
-    assert dict(worst.rows)["reduction"] == f"beside the full model: less than 0.001{SPACE}%"
+    assert dict(worst.rows)["reduction"] == f"compared with the full model: less than 0.001{SPACE}%"
     jumps = {"beam": 1e-3, "cylinder_force": 0.3, "cylinder_force_between_kinks": 0.002, "pad_force": 0.8}
     struck = trust(make_space, errors={"reduced_vs_full": jumps}, impacts={"band": 50.0, "pad_force": 0.01})
     assert dict(struck.rows)["reduction"].endswith(f": cylinder forces 0.200{SPACE}%, displacements 0.100{SPACE}%")
@@ -316,13 +318,13 @@ def test_shares_of_forces_that_cylinder_and_pin_bear_stand_first(
     summary = SUMMARY | {"luffing_cylinder": luffing, "supports": [pin]}
     page = make_space(frame=frame, supports=supports, summary=summary)
     first, second = list(largest_value_rows(page))[:2]
-    assert first[0] == "largest use of a support" and first[1].startswith(f"125{SPACE}% of 40.0{SPACE}kN, ")
+    assert first[0] == "largest use of a support" and first[1].startswith(f"125{SPACE}% of the allowed 40.0{SPACE}kN, ")
     assert f"kN, {resultant}, at 0.1" in first[1]
     assert second[0] == "largest use of the luffing cylinder"
-    assert second[1].startswith(f"90.0{SPACE}% of the force that it bears, at 0.1{SPACE}s")
+    assert second[1].startswith(f"90.0{SPACE}% of the allowed force, at 0.1{SPACE}s")
     euler = np.pi**3 * 210e9 * 0.1**4 / 256.0
-    allowed = f"; 100{SPACE}kN of push, 200{SPACE}kN of pull, its rod buckles from "
-    assert second[1].endswith(f"{allowed}{1e-6 * euler:.2f}{SPACE}MN on at 2.00{SPACE}m")
+    allowed = f"; allowed: 100{SPACE}kN of push, 200{SPACE}kN of pull, less than "
+    assert second[1].endswith(f"{allowed}{1e-6 * euler:.2f}{SPACE}MN, which buckles the rod at 2.00{SPACE}m")
     (over,) = overload_sentences(page)
     assert over.startswith("largest use of a support: ")
 
@@ -389,7 +391,7 @@ def test_a_boom_stands_as_it_is_raised_with_a_ring_where_it_is_stressed_most(mak
     assert rows(turned, "What was asked")["luffing cylinder"].startswith(hinges)
     assert "luffing cylinder" in [text.get_text() for text in figure.legends[0].get_texts()]
     assert "49.0\u00a0MPa" in [text.get_text() for text in figure.legends[0].get_texts()]
-    assert "the ring is the place of the largest von Mises stress" in space.view_caption(turned, "from the side")
+    assert "The ring marks the place of the largest von Mises stress" in space.view_caption(turned, "from the side")
 
 
 @pytest.mark.slow
@@ -447,7 +449,7 @@ def test_the_stress_of_beams_has_no_share_of_the_yield_stress(make_space: MakeSp
     ]
     assert alone.startswith(f"49.0{SPACE}MPa") and "yield" not in alone
     sure = rows(found, "How sure")["stress"]
-    assert sure == "its error is not known: without the bending of walls under pads"
+    assert sure == "not known, because the stress of beams lacks the bending of walls under pads"
     assert "which adds to it; by how much is not known: a run that also measures the errors of its mesh and" in alone
     walls = {
         "value": 284e6, "t": 0.4, "position": [1.5, 0.15, 0.0], "section": "", "region": "left", "error": 12e6,
@@ -460,28 +462,31 @@ def test_the_stress_of_beams_has_no_share_of_the_yield_stress(make_space: MakeSp
     number = next(number for number in key_numbers(compared) if "von Mises" in number.label)
     assert (number.label, number.value) == ("largest von Mises stress in walls", f"284{SPACE}MPa")
     assert number.note == f"284{SPACE}MPa ± 12{SPACE}MPa; of the beams 49.0{SPACE}MPa"
-    at = f" ± 12{SPACE}MPa at a pad, left wall, 1.5{SPACE}m from the tail, at 0.4{SPACE}s."
-    assert walls_clause(compared).endswith(at)
+    at = f"284{SPACE}MPa ± 12{SPACE}MPa, left wall, 1.5{SPACE}m from the tail, at 0.4{SPACE}s"
+    assert wall_place_words(walls) == at
     ring = space.largest_stress(compared)
     assert ring is not None and (ring.value, ring.x, ring.step) == (284e6, 1.5, 400)
-    assert "the ring is the place of the largest von Mises stress in walls" in space.view_caption(
+    assert "The ring marks the place of the largest von Mises stress in walls" in space.view_caption(
         compared, "from the side"
     )
     said = carries["largest von Mises stress in walls"]
-    assert said.startswith(f"284{SPACE}MPa ± 12{SPACE}MPa by the cells of the wall, 80.0{SPACE}% of the 355{SPACE}MPa ")
-    assert f"of yield, 83.4{SPACE}% with this bar, which lacks the error of pad forces, left wall, " in said
-    assert said.endswith("added at each point; not in it: welds") and "not known" not in said
+    share = f"80.0{SPACE}% of the yield stress of 355{SPACE}MPa"
+    assert said.startswith(f"284{SPACE}MPa ± 12{SPACE}MPa (error by the mesh of the wall), {share}, ")
+    assert f"355{SPACE}MPa, 83.4{SPACE}% with this error alone; left wall, " in said
+    assert said.endswith("the bending of walls under pads, but no welds") and "not known" not in said
     sure = rows(compared, "How sure")["stress"]
-    assert sure.startswith(f"in walls at pads ± 4.2{SPACE}% by their cells, and the error of pad forces; elsewhere the")
+    without = "by the mesh of the walls, without the error of the pad forces; elsewhere not known"
+    assert sure.startswith(f"in walls at pads ± 4.2{SPACE}% {without}")
     with_pads = {"model": budget["model"] | {"pad_force": 0.02}}
     pressed = replace(compared, summary=compared.summary | {"budget": with_pads})
     sure, said = rows(pressed, "How sure"), rows(pressed, "Largest values of this motion")
     total = float(sure["stress"].removeprefix("in walls at pads ± ").partition(SPACE)[0])
     by_pads = 100.0 * summed_errors(pressed.summary).by_label["pad forces"]
     assert by_pads > 2.0 and total == pytest.approx(100.0 * 12 / 284 + by_pads, abs=0.06)
-    assert f"{SPACE}%, of which 4.2{SPACE}% by their cells and the rest by pad forces; elsewhere" in sure["stress"]
-    most = f"{(284.0 * (1.0 + 0.01 * by_pads) + 12.0) / 3.55:.1f}{SPACE}% with this bar and the error of pad forces"
-    assert f" of yield, {most}, left wall, " in said["largest von Mises stress in walls"]
+    rest = "the rest by the error of the pad forces; elsewhere"
+    assert f"{SPACE}%: 4.2{SPACE}% by the mesh of the walls, {rest}" in sure["stress"]
+    most = f"{(284.0 * (1.0 + 0.01 * by_pads) + 12.0) / 3.55:.1f}{SPACE}% with this error and that of the pad forces"
+    assert f"MPa, {most}; left wall, " in said["largest von Mises stress in walls"]
     assert not overload_sentences(compared)
     budget["model"]["wall_stress"] = {key: value for key, value in walls.items() if key != "error"}
     assert "largest von Mises stress in walls" in rows(compared, "Largest values of this motion")
@@ -489,13 +494,14 @@ def test_the_stress_of_beams_has_no_share_of_the_yield_stress(make_space: MakeSp
     assert earlier.startswith(f"at least 284{SPACE}MPa") and "±" not in earlier
     budget["model"]["wall_stress"]["growth"] = 1.5  # of results that have no bar
     grown = rows(compared, "Largest values of this motion")["largest von Mises stress in walls"]
-    assert grown.startswith(f"at least 426{SPACE}MPa, 120{SPACE}% of the 355{SPACE}MPa")
+    assert grown.startswith(f"at least 426{SPACE}MPa, 120{SPACE}% of the yield stress of 355{SPACE}MPa")
     budget["model"]["wall_stress"] = walls | {"value": 426e6}
     budget["model"]["wall_stress_missing"] = {"fly": "its walls change along it", "base": "its walls change along it"}
     grown = replace(compared, summary=compared.summary | {"budget": budget})
     said = rows(grown, "Largest values of this motion")["largest von Mises stress in walls"]
     assert said.endswith("; not known of fly and base: its walls change along it")
-    assert said.startswith(f"426{SPACE}MPa ± 12{SPACE}MPa by the cells of the wall, 120{SPACE}% of the 355{SPACE}MPa ")
+    share = f"120{SPACE}% of the yield stress of 355{SPACE}MPa"
+    assert said.startswith(f"426{SPACE}MPa ± 12{SPACE}MPa (error by the mesh of the wall), {share}, ")
     (over,) = overload_sentences(grown)
     assert over == f"largest von Mises stress in walls: {said}"
     page = rendered([Chapter(anchor="case-1", title="Boom", notices=Notices([over]), first=first_page_tables(grown))])
@@ -561,7 +567,9 @@ def test_figures_without_an_error_are_named_part_by_part(make_space: MakeSpace) 
         == f"natural frequencies 4.00{SPACE}%, reactions of rigid supports 2.00{SPACE}%, displacements 0.100{SPACE}%"
     )
     assert said["time step"] == f"pad forces 70.0{SPACE}%, displacements 0.0100{SPACE}%"
-    assert said["not in these bars"] == "mesh: stresses; time step: cylinder forces"
+    gaps = {name: text for name, text in said.items() if name.startswith("not in")}
+    of = "not in the error of the {}".format
+    assert gaps == {of("mesh"): "stresses", of("time step"): "cylinder forces"}
     assert f"natural frequencies 0.300{SPACE}%" in said["reduction"]
 
 
@@ -607,16 +615,15 @@ def test_a_sum_names_the_sources_that_are_in_it_and_those_that_are_not(make_spac
     """The reduction has an error at the tip but none in reactions, and the time step the other way round."""
     errors = {"errors": {"reduced_vs_full": {"beam": 1e-3, "tip": 1e-3}}, "estimate": {"frequency": 1e-4}}
     compared = make_space(summary=SUMMARY | KNOWN | errors)
-    sure, at_tip = rows(compared, "How sure"), "by model, mesh and reduction, without that of the time step"
-    assert sure[REACTIONS] == f"± 3.1{SPACE}% by model, mesh and time step, without that of the reduction"
+    sure, at_tip = rows(compared, "How sure"), "by model, mesh and reduction, without the error of the time step"
+    assert sure[REACTIONS] == f"± 3.1{SPACE}% by model, mesh and time step, without the error of the reduction"
     assert sure["displacements of the tip"] == f"± 6.1{SPACE}% {at_tip}"
     assert sure["natural frequencies"] == f"± 3.0{SPACE}% by model, mesh and reduction"
-    number = next(
-        number for number in key_numbers(compared) if number.label == "largest error that is known, stress apart"
-    )
+    number = next(number for number in key_numbers(compared) if number.label == "largest known error, without stresses")
     assert number.note == f"in displacements of the tip, {at_tip}"
     added = rows(compared, "How far to trust it")["added up"]
-    assert added.endswith(f"; not in it: reduction in {REACTIONS}; time step in displacements of the tip")
+    at_tip = "error of the time step in displacements of the tip"
+    assert added.endswith(f"; not included: error of the reduction in {REACTIONS}, {at_tip}")
 
 
 def test_rows_follow_by_share_then_supports_pads_tip_and_frequency(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -654,7 +661,7 @@ def test_figures_say_where_pads_have_no_play(clearance: object, said: bool) -> N
         scene = SimpleNamespace(sections=[SimpleNamespace(rings=rings)])
         return play_clause(SimpleNamespace(scene=scene, summary={}), "pad_force")
 
-    assert (clause(tight, ring) == "; without play of pads, which no error bar has in it") is said
+    assert (clause(tight, ring) == "; computed without play of pads, which no error bar includes") is said
     assert clause() == clause(both_ways) == ""
 
 
@@ -675,8 +682,8 @@ def test_another_play_of_pads_has_a_row_a_bar_and_a_clause_beside_each_figure(
     trust = tables["How far to trust it"]
     text = dict(tables["How sure"].rows)["play of pads"]
     assert text.startswith(words) and ("compare.play" in text) is (gap > 0.0)
-    assert f"+25.0{SPACE}%; base: pin −20.0{SPACE}%; less than 1.00{SPACE}%: pads" in text
-    assert dict(trust.rows)["play of pads"] == "see How sure"
+    assert f"+25.0{SPACE}%; base: pin −20.0{SPACE}%; by less than 1.00{SPACE}%: pads" in text
+    assert dict(trust.rows)["play of pads"] == f"{words}, largest values change by up to 25.0{SPACE}%: tip vertical, z"
     assert trust.bars["play of pads"] == pytest.approx(np.log10(0.25 / LEAST) / trust.marks)
     varied.summary["budget"]["play"] = {"reason": "it is stuck"}
     assert dict(certainty_rows(varied))["play of pads"] == "not known: it is stuck"

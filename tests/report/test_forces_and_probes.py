@@ -136,7 +136,7 @@ def test_regions_stand_beside_the_full_model(make_result) -> None:
     found = {"stress_by_region": {"reduced": both, "full": {name: one | {"value": 51e6} for name, one in both.items()}},
              "stress_peak": {"reduced": peak, "full": peak}}  # fmt: skip
     (grid,) = sections.stress_block(make_result(summary=found), "case-1").grids
-    assert grid.head[:3] == ("", "in MPa", "full model")
+    assert grid.head[:3] == ("", "stress in MPa", "full model")
     assert grid.rows[1] == ("bottom", "40.00", "51.00", f"0.5{SPACE}s", "(1.00, 0.100, 0.200)", "outer")
     assert (
         sections.stress_block(

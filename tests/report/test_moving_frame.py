@@ -226,8 +226,9 @@ def test_bodies_are_played_and_pictured_where_they_are(
     ("place", "said"),
     [
         ((1.5, -0.15, -0.2),
-         "seen from the right and below; the tip is to the right. At 0.40\u00a0s, of the times whose"),
-        ((1.5, 0.15, 0.2), "seen from the left and above; the tip is to the left. At 0.40\u00a0s, of the times whose"),
+         "seen from the right and below; the tip is to the right. The picture shows the state at 0.40\u00a0s,"),
+        ((1.5, 0.15, 0.2),
+         "seen from the left and above; the tip is to the left. The picture shows the state at 0.40\u00a0s,"),
     ],
 )  # fmt: skip
 def test_the_largest_stress_is_pictured_from_its_side_at_the_time_nearest_to_it(
@@ -241,7 +242,11 @@ def test_the_largest_stress_is_pictured_from_its_side_at_the_time_nearest_to_it(
     ((shot, caption),) = [
         (shot, text) for name, shot, text in album._Views(MovingBodies(result)).shots() if name == "close"
     ]
-    assert said in caption and "nearest to 0.42\u00a0s" in caption
+    assert said in caption and "as there is no picture of 0.42\u00a0s" in caption
+    ring = shot.pieces[-1].points @ shot.view.T  # around the place, in front of all else
+    middle, centre = ring.mean(axis=0), shot.view @ np.array(shot.centre)
+    assert np.ptp(ring[:, :2], axis=0) == pytest.approx(2.0 * album.RING[1], rel=0.02)
+    assert np.linalg.norm(middle[:2] - centre[:2]) == pytest.approx(0.2, abs=0.08)  # half a section from its axis
     axis, up, aside = np.array([0.5, 0.0, 3**0.5 / 2.0]), np.array([-(3**0.5) / 2.0, 0.0, 0.5]), np.array([0, 1.0, 0])
     assert np.array(shot.up) == pytest.approx(up, abs=1e-12)
     for way, k in ((up, 2), (aside, 1)):  # on the side of the axis that the place is on

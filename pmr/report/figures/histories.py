@@ -122,8 +122,8 @@ class Timeline:
             return ""
         step = self.result.summary.get("step") or {}
         error = max(step.get(place) or 0.0 for place in ("tip", "beam"))
-        small = ", which is less than the time step's error" if apart <= error * largest_of(signals) else ""
-        return f"; below, the difference to {'ANCF' if self.reference == 'ancf' else 'the full model'}{small}"
+        small = ", which is less than the error of the time step" if apart <= error * largest_of(signals) else ""
+        return f". Below: the difference to {'ANCF' if self.reference == 'ancf' else 'the full model'}{small}"
 
     def trace(self, ax: Axes, curves: Mapping[str, Array], size: float, weight: float = 1.0) -> None:
         """Draw curves (T,) divided by `size`, by simulator; `weight` multiplies the widths of the lines."""
@@ -175,7 +175,9 @@ def drawn_history(
     time = Timeline(result)
     signals = time.signals(quantity)
     difference = time.difference_clause(signals)
-    band = "" if error is None else f"; {'and' if difference else 'below,'} the estimated error as a band"
+    band = (
+        "" if error is None else ". The band is the estimated error" if difference else ". Below: the estimated error"
+    )
     return drawing(name, history_figure, f"{description}{difference}{band}.", time, signals, label, base, error)
 
 

@@ -329,7 +329,7 @@ def ringed_stress_name(result: RunResult) -> str:
     """Name of the stress that `largest_stress` returns."""
     if wall_stress(result.summary) is None:
         return stress_name(result.scene)
-    return f"{QUANTITIES['wall_stress'].reported}, as the first page describes it"
+    return QUANTITIES["wall_stress"].reported
 
 
 def _tip_distance(result: RunResult) -> Array:
@@ -361,7 +361,7 @@ def space_drawings(result: RunResult, prefix: str) -> list[Drawing]:
     tip = {"radius": radius, "height": height}
     drawings.append(drawing(f"{prefix}-tip-in-space", line_figure, caption, result, tip, "m", "Tip from the pivot"))
     if any(result.summary.get("buckling", {}).get("over", {}).get("factor", ())):
-        caption = "Factor by which all axial forces would have to grow until the boom buckles, with every pad closed, "
-        caption += "along the way of this run, which begins at the larger dot."
+        caption = "Buckling factor during this run, which begins at the larger dot, with every pad closed. The boom "
+        caption += "buckles under its axial forces times this factor."
         drawings.append(drawing(f"{prefix}-buckling", buckling_figure, caption, result))
     return drawings
