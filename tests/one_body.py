@@ -15,11 +15,12 @@ from pmr.compare import evaluation
 from pmr.files.arrays import Array
 from pmr.results import Energy
 from pmr.scene.keys import ALONE
-from pmr.simulation import Excitation, InitialState, Progress, balance, exudyn
+from pmr.simulation import Excitation, InitialState, Progress, exudyn
 from pmr.simulation.modal import ModalForm, support_forces
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.systems import Observation
+from pmr.simulation.stepping import half_form, load_potential, row_products, step_means
 from pmr.system.body import SlidingBody, Trajectory
 from pmr.system.polynomials import evaluate
 from pmr.system.states import BodyStates, SystemTrajectory
@@ -138,22 +139,22 @@ def displacement(body: SlidingBody, q: Array, s: Array, multipliers: Array, load
 
 def energy(body: SlidingBody, found: Trajectory, loads: Array) -> Energy:
     """Kinetic, strain and potential energy (T,) in J of a body alone."""
-    kinetic, (stored, _) = balance.half_form(body.M, found.v), energy_and_work(body, found, loads)
-    return Energy(kinetic, stored - kinetic, balance.load_potential(body, found, loads))
+    kinetic, (stored, _) = half_form(body.M, found.v), energy_and_work(body, found, loads)
+    return Energy(kinetic, stored - kinetic, load_potential(body, found, loads))
 
 
 def energy_and_work(body: SlidingBody, found: Trajectory, loads: Array) -> tuple[Array, Array]:
     """Kinetic and strain energy (T,) in J, with that of pads and residual flexibility, and work (T,) in J since t = 0.
 
-    The work is that of loads and of rows that move, from the means over each step, as `pmr.simulation.balance` says.
+    The work is that of loads and of rows that move, from the means over each step, as `pmr.simulation.stepping` says.
     """
     q, s, forces, flexibility = found.q, found.s, found.multipliers, body.flexibility
     v, points = found.v.copy(), np.asarray(q @ body.B)
     v[:, body.quasi_static] = 0.0
-    mean_q, mean_f, mean_forces = (balance.step_means(values) for values in (q, loads, forces))
+    mean_q, mean_f, mean_forces = (step_means(values) for values in (q, loads, forces))
     with np.errstate(over="ignore", invalid="ignore"):
         turned = body.apply_rows(s[1:], mean_q) - body.apply_rows(s[:-1], mean_q)
-        stored = balance.half_form(body.M, v) + balance.half_form(body.K, q) + forces**2 @ body.row_compliance / 2.0
+        stored = half_form(body.M, v) + half_form(body.K, q) + forces**2 @ body.row_compliance / 2.0
         if flexibility is not None:
             G, H = evaluate(flexibility.rows, s), evaluate(flexibility.inputs, s)
             stored += np.einsum("ti,ij,tj->t", loads, flexibility.energy, loads) / 2.0
@@ -161,7 +162,7 @@ def energy_and_work(body: SlidingBody, found: Trajectory, loads: Array) -> tuple
             points = points + loads @ flexibility.energy - np.einsum("tmi,tm->ti", H, forces)
             turned += np.einsum("tmi,ti->tm", np.diff(H, axis=0), mean_f)
             turned -= np.einsum("tmn,tn->tm", np.diff(G, axis=0), mean_forces) / 2.0
-        steps = balance.row_products(mean_f, np.diff(points, axis=0)) + balance.row_products(mean_forces, turned)
+        steps = row_products(mean_f, np.diff(points, axis=0)) + row_products(mean_forces, turned)
     return stored, np.append(0.0, np.cumsum(steps))
 
 

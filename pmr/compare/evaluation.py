@@ -20,12 +20,11 @@ from pmr.scene.built import force_name, friction_name, reaction_name
 from pmr.scene.hoist import KINDS, OUTPUTS
 from pmr.scene.keys import ALONE, LUFFING_CYLINDER
 from pmr.simulation import Excitation
-from pmr.simulation.balance import load_potential, row_blocks
 from pmr.simulation.frame_motion import ComputedMotion, MotionSamples
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.free_motion import ACCELERATION, CYLINDER_UNITS, STOP, column_name
 from pmr.simulation.reactions import outputs_of, with_row_multipliers, with_support_reactions
-from pmr.simulation.stepping import SimulationEnd
+from pmr.simulation.stepping import SimulationEnd, load_potential, row_blocks
 from pmr.system.body import SlidingBody, Trajectory, clear_rates_without_inertia
 from pmr.system.contacts import Contact, Friction
 from pmr.system.states import SystemTrajectory, displacements

@@ -20,8 +20,8 @@ from pmr.scene.choice import has_walls_that_could_give
 from pmr.scene.members import members
 from pmr.scene.signals import SignalBase
 from pmr.simulation import TimeStepping
-from pmr.simulation.balance import NOTABLE, describe_surplus
 from pmr.simulation.native.driving import SMALL
+from pmr.simulation.stepping import NOTABLE, describe_surplus
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import AnyBody, BodySystem
 
@@ -34,7 +34,7 @@ def reason_for_distrust(response: Response, rigid: Sequence[str] = ()) -> str | 
     `rigid` are the names of rigid contacts, which the reason mentions.
 
     There is a reason if displacements are not finite, or if energy of the response comes from neither loads nor
-    contacts that travel (`pmr.simulation.balance`).  The energy of the ANCF cable leaves out the axial strain; for this
+    contacts that travel (`pmr.simulation.stepping`).  The energy of the ANCF cable leaves out the axial strain; for this
     cable there is a reason instead if displacements alternate from step to step.
     """
     if not np.isfinite(response.displacement).all():

@@ -274,7 +274,7 @@ class Trajectory:
     multipliers: Array  # lambda (T, m) in N; the sliders push with -lambda on the body
     s: Array  # (T,) m: path coordinate; (T, m) in a system of bodies, where each row has a path coordinate
     seconds: float  # wall time of the solver alone
-    # energy that neither loads nor moving rows put in, over the largest energy (`pmr.simulation.balance`); NaN: unknown
+    # energy that neither loads nor moving rows put in, over the largest (`pmr.simulation.stepping`); NaN: unknown
     surplus: float = np.nan
 
 

@@ -33,7 +33,7 @@ class SystemTrajectory:
     energy: Array
     work: Array
     seconds: float  # wall time of the solver alone
-    surplus: float  # energy that no work explains, over the largest energy (`pmr.simulation.balance`)
+    surplus: float  # energy that no work explains, over the largest energy (`pmr.simulation.stepping`)
     parts: Indices | None = None  # (T,): substeps of each step (`pmr.simulation.contact_step`)
     # (T, m) N s: impulse in the step that ends at t, with generalized-alpha's weights; None if no contact only pushes
     impulses: Array | None = None

@@ -35,8 +35,9 @@ from pmr.compare.trust import (
 )
 from pmr.report import errors
 from pmr.scene.signals import Chirp, Constant, Sine, SmoothRamp
-from pmr.simulation import Excitation, TimeStepping, balance
+from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
+from pmr.simulation.stepping import NOTABLE
 from pmr.system.body import Trajectory
 
 #: 3 m/s on a smooth path.  With rho_inf = 0.97 the energy's surplus is below 1e-3 and displacements agree to 2e-5, and
@@ -130,7 +131,7 @@ def test_no_force_is_blamed_that_agrees_with_more_damping() -> None:
     full, rich = modal_form(beam), modal_form(flexible(beam, 24))
     unjudged = 0
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(balance, "GROWN", np.inf)
+        patch.setattr("pmr.simulation.stepping.GROWN", np.inf)
         for _ in range(60):
             step, rho_inf = float(rng.choice([1e-3, 5e-4])), float(rng.choice([0.9, 0.95, 0.97, 0.98, 0.99, 0.995]))
             half, speed = rng.uniform(0.3, 2.2), 10.0 ** rng.uniform(-0.5, 1.0)
@@ -143,7 +144,7 @@ def test_no_force_is_blamed_that_agrees_with_more_damping() -> None:
             for rho in (0.8, rho_inf):
                 drive = driven(path, load, TimeStepping(1.0, step, rho))
                 forces[rho] = [one_body.simulate_modal(form, drive) for form in (rich, full)]
-            if forces[rho_inf][1].surplus > balance.NOTABLE:
+            if forces[rho_inf][1].surplus > NOTABLE:
                 continue
             reduced, reference = (one.multipliers for one in forces[rho_inf])
             if is_ringing(reduced, reference):

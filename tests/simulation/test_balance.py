@@ -13,7 +13,8 @@ from oracle import enriched, flexible, full_body
 
 from pmr import SimulationError
 from pmr.scene.signals import Constant, Ramp, Sine
-from pmr.simulation import InitialState, TimeStepping, balance
+from pmr.simulation import InitialState, TimeStepping
+from pmr.simulation.stepping import GROWN, NOTABLE, energy_surplus
 from pmr.system.body import FullBody
 
 FAST = Ramp(times=(0.05, 0.6, 1.15), values=(0.7, 4.2, 0.7))
@@ -62,22 +63,22 @@ def test_growth_is_an_error_in_every_simulator(beam: FullBody, simulator: Simula
 @pytest.mark.slow
 def test_what_is_right_passes_in_every_simulator(beam: FullBody, simulator: Simulate) -> None:
     found = simulator(beam, driven(SLOWER, LOAD, TimeStepping(2.0, 1e-3, 0.9)))
-    assert 0.0 <= found.surplus < 0.1 * balance.NOTABLE
+    assert 0.0 <= found.surplus < 0.1 * NOTABLE
 
 
 def test_between_the_two_it_is_notable(beam: FullBody) -> None:
     """With rho_inf = 0.9 too, on a fast path: 29 % of the energy from nowhere before the displacements show it."""
     found = one_body.simulate(beam, driven(FAST, LOAD, TimeStepping(1.2, 1e-3, 0.9)))
     sound = one_body.simulate(flexible(beam, 12), driven(FAST, LOAD, TimeStepping(1.2, 1e-3, 0.9)))
-    assert balance.NOTABLE < found.surplus < balance.GROWN
-    assert sound.surplus < 0.1 * balance.NOTABLE
+    assert NOTABLE < found.surplus < GROWN
+    assert sound.surplus < 0.1 * NOTABLE
 
 
 def test_a_row_that_gives_way_does_not_grow(beam: FullBody) -> None:
     """The same path and rho_inf, without a multiplier of index 3."""
     model = flexible(beam, 8)
     for simulate in (one_body.simulate, one_body.in_exudyn):
-        assert simulate(model, driven(FAST, LOAD, TimeStepping(1.2, 1e-3, 0.999))).surplus < 0.02 * balance.NOTABLE
+        assert simulate(model, driven(FAST, LOAD, TimeStepping(1.2, 1e-3, 0.999))).surplus < 0.02 * NOTABLE
 
 
 @pytest.mark.parametrize("of", [flexible, enriched, lambda beam, count: beam], ids=["flexible", "inertial", "full"])
@@ -111,11 +112,11 @@ def test_an_initial_deformation_has_its_energy(beam: FullBody) -> None:
     ],
 )
 def test_surplus(stored: list[float], work: list[float], expected: float) -> None:
-    assert balance.energy_surplus(np.array(stored), np.array(work)) == expected
+    assert energy_surplus(np.array(stored), np.array(work)) == expected
 
 
 def test_round_off_has_no_source(beam: FullBody) -> None:
-    assert balance.energy_surplus(np.array([0.0, 1e-30]), np.zeros(2), least=1e-20) == 0.0
+    assert energy_surplus(np.array([0.0, 1e-30]), np.zeros(2), least=1e-20) == 0.0
     at = full_body(elements=16)
     found = one_body.simulate(flexible(at, 8), driven(Constant(amount=5.0), LOAD, TimeStepping(0.5, 1e-3, 0.9)))
     assert np.abs(found.q).max() < 1e-12  # the slider stands under the load
@@ -124,4 +125,4 @@ def test_round_off_has_no_source(beam: FullBody) -> None:
 
 def test_rows_that_open_and_close_are_measured_from_the_start() -> None:
     stored, work = np.array([4.0, 2.0, 3.0]), np.zeros(3)
-    assert balance.energy_surplus(stored, work, since_start=True) == 0.0
+    assert energy_surplus(stored, work, since_start=True) == 0.0

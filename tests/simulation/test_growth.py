@@ -16,8 +16,9 @@ from oracle import flexible, full_body
 from pmr.compare.errors import nrms
 from pmr.files.arrays import Array
 from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase, Sine, SmoothRamp
-from pmr.simulation import TimeStepping, balance
+from pmr.simulation import TimeStepping
 from pmr.simulation.modal import ModalForm, modal_form
+from pmr.simulation.stepping import GROWN, NOTABLE
 from pmr.system.body import Trajectory
 
 CASES = 600 if os.environ.get("PMR_SWEEP") == "full" else 30
@@ -60,7 +61,7 @@ def random_drive(rng: np.random.Generator) -> Drive:
 
 
 def grows_not(*runs: Trajectory) -> bool:
-    return all(run.surplus <= balance.NOTABLE for run in runs)
+    return all(run.surplus <= NOTABLE for run in runs)
 
 
 def kept(form: ModalForm, found: Trajectory, f: Array) -> Array:
@@ -80,7 +81,7 @@ def found() -> list[Found]:
     full, rich = modal_form(beam), modal_form(flexible(beam, 24))
     results = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(balance, "GROWN", np.inf)
+        patch.setattr("pmr.simulation.stepping.GROWN", np.inf)
         for _ in range(CASES):
             drive = random_drive(rng)
             stepping = drive.stepping
@@ -121,17 +122,17 @@ def test_nothing_is_alarmed_that_its_step_resolves(found: list[Found]) -> None:
         if one.drive.speed < 3.0 and one.drive.steps_a_period > 20.0 and one.drive.stepping.rho_inf <= 0.9
     ]
     assert len(calm) > len(found) / 10
-    assert max(one.full.surplus for one in calm) < 0.2 * balance.NOTABLE
-    assert max(one.flexible.surplus for one in calm) < 0.2 * balance.NOTABLE
+    assert max(one.full.surplus for one in calm) < 0.2 * NOTABLE
+    assert max(one.flexible.surplus for one in calm) < 0.2 * NOTABLE
 
 
 @pytest.mark.slow
 def test_what_is_alarmed_is_wrong(found: list[Found]) -> None:
     """In energy, which shows growth first; or both models are alarmed, as the step does not resolve the motion."""
     for one in found:
-        if one.full.surplus > balance.NOTABLE:
-            unresolved = one.flexible.surplus > 0.5 * balance.NOTABLE
-            assert not one.energy_error < 0.5 * balance.NOTABLE or unresolved, one.drive
+        if one.full.surplus > NOTABLE:
+            unresolved = one.flexible.surplus > 0.5 * NOTABLE
+            assert not one.energy_error < 0.5 * NOTABLE or unresolved, one.drive
 
 
 @pytest.mark.slow
@@ -139,7 +140,7 @@ def test_what_is_refused_is_beyond_doubt(found: list[Found]) -> None:
     """Of motions that their own step resolves nothing reaches a third of what is an error."""
     for one in found:
         if one.drive.stepping.rho_inf <= 0.5 and one.drive.steps_a_period > 10.0:
-            assert one.full.surplus < balance.GROWN / 3.0, one.drive
+            assert one.full.surplus < GROWN / 3.0, one.drive
 
 
 @pytest.mark.slow
@@ -157,7 +158,4 @@ def test_a_coarse_step_alone_is_no_growth(seed: int) -> None:
     )
     load = Chirp(amplitude=50.0, times=(0.0, end), frequencies=(1.0, float(rng.uniform(2.0, 15.0))))
     body = modal_form(full_body(elements=20))
-    assert (
-        one_body.simulate_modal(body, driven(paths[seed % 3], load, TimeStepping(end, step, rho))).surplus
-        < balance.GROWN
-    )
+    assert one_body.simulate_modal(body, driven(paths[seed % 3], load, TimeStepping(end, step, rho))).surplus < GROWN

@@ -9,8 +9,6 @@ from pmr.errors import lazy_names
 from pmr.errors.environment import import_package
 
 if TYPE_CHECKING:
-    from pmr.simulation.exudyn.drawing import add_drawing as add_drawing
-    from pmr.simulation.exudyn.drawing import add_sensors as add_sensors
     from pmr.simulation.exudyn.equations import NodeCoordinate as NodeCoordinate
     from pmr.simulation.exudyn.formulations import Formulation as Formulation
     from pmr.simulation.exudyn.free_base import OnBody as OnBody
@@ -20,6 +18,8 @@ if TYPE_CHECKING:
     from pmr.simulation.exudyn.simulator import add_sliding_body as add_sliding_body
     from pmr.simulation.exudyn.simulator import add_system as add_system
     from pmr.simulation.exudyn.simulator import simulate_system as simulate_system
+    from pmr.simulation.exudyn.solver import add_drawing as add_drawing
+    from pmr.simulation.exudyn.solver import add_sensors as add_sensors
 
 #: Formulations by the names of the simulators of a scene.
 FORMULATIONS: dict[str, Formulation] = {
@@ -29,13 +29,13 @@ FORMULATIONS: dict[str, Formulation] = {
 }
 
 _NAMES = {
-    "drawing": ("add_drawing", "add_sensors"),
     "equations": ("NodeCoordinate",),
     "formulations": ("Formulation",),
     "free_base": ("OnBody",),
     "hook": ("Hook", "add_hook"),
     "items": ("add_pre_step_function",),
     "simulator": ("add_sliding_body", "add_system", "simulate_system"),
+    "solver": ("add_drawing", "add_sensors"),
 }
 _PLACES = {name: f"{__name__}.{module}:{name}" for module, names in _NAMES.items() for name in names}
 #: An InputError is raised where Exudyn is not installed.

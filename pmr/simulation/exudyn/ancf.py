@@ -46,15 +46,8 @@ from pmr.errors import InputError
 from pmr.files.arrays import Array, Indices
 from pmr.results import Energy
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.exudyn.items import add_pre_step_function
-from pmr.simulation.exudyn.solver import (
-    add_force_sensor,
-    add_node_sensors,
-    describe_slider,
-    read_sensor,
-    solve,
-    solver_settings,
-)
+from pmr.simulation.exudyn.items import add_force_sensor, add_node_sensors, add_pre_step_function
+from pmr.simulation.exudyn.solver import describe_slider, read_sensor, solve, solver_settings
 from pmr.simulation.stepping import Progress, TimeStepping
 
 #: Position and slope, each in the plane.

@@ -23,9 +23,9 @@ import numpy as np
 from pmr.errors import InputError, SimulationError
 from pmr.files.arrays import Array
 from pmr.kernel.laws import ContactError, solve_contact
-from pmr.simulation.balance import half_form, row_products, step_means
 from pmr.simulation.exudyn.equations import Equations, Inputs
 from pmr.simulation.start import Grip, slide
+from pmr.simulation.stepping import half_form, row_products, step_means
 from pmr.system.contact_rows import ContactRows
 from pmr.system.contacts import Friction
 

@@ -20,11 +20,11 @@ their own adds the stiffness D / h and the force D eta_n / h, set once a step.  
 for these coordinates, so that Exudyn can solve for the initial accelerations of all others.
 """
 
-# ruff: noqa: N815 - items are numbered as Exudyn users do: nodes n..., objects o..., markers m...
-
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+# ruff: noqa: N815 - items are numbered as Exudyn users do: nodes n..., objects o..., markers m...
+# ruff: noqa: N815 - items are numbered as Exudyn users do: nodes n..., objects o..., markers m...
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -38,6 +38,8 @@ from exudyn.itemInterface import (
     NodePointGround,
     ObjectConnectorCoordinateVector,
     ObjectGenericODE2,
+    SensorNode,
+    SensorObject,
 )
 
 from pmr.errors import InputError
@@ -350,3 +352,16 @@ def rates(equations: Equations, t: Array, q: Array, v: Array) -> Array:
     changed[:, still] = 0.0
     changed[1:, still] = np.diff(q[:, still], axis=0) / np.diff(t)[:, None]
     return changed
+
+
+def add_node_sensors(
+    mbs: exu.MainSystem, nodes: Iterable[exu.NodeIndex], kind: exu.OutputVariableType
+) -> list[exu.SensorIndex]:
+    """Add sensors that store an output variable `kind` of nodes at every step; return their numbers."""
+    return [mbs.AddSensor(SensorNode(nodeNumber=node, outputVariableType=kind, storeInternal=True)) for node in nodes]
+
+
+def add_force_sensor(mbs: exu.MainSystem, connector: exu.ObjectIndex) -> exu.SensorIndex:
+    """Add a sensor that stores a connector's force at every step; return its number."""
+    kind = exu.OutputVariableType.Force
+    return mbs.AddSensor(SensorObject(objectNumber=connector, outputVariableType=kind, storeInternal=True))

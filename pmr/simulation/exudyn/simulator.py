@@ -17,27 +17,26 @@ import numpy as np
 from pmr.errors import InputError
 from pmr.files.arrays import Array
 from pmr.scene.choice import refuse_unsupported
-from pmr.simulation import balance
 from pmr.simulation.contact_step import StepParts, contact_frequency, with_schedule
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.exudyn.contacts import Balance, Contacts, Motion, Pads, balance_energy
 from pmr.simulation.exudyn.equations import Driving, Equations, NodeCoordinate, SignalInputs, TabulatedInputs
 from pmr.simulation.exudyn.formulations import FORMULATIONS, Formulation
 from pmr.simulation.exudyn.free_base import Base, OnBody, add_extended, driven_by_base, terms_on_base, with_base
-from pmr.simulation.exudyn.items import SystemItems, rates, with_quasi_static, with_terms
-from pmr.simulation.exudyn.solver import (
+from pmr.simulation.exudyn.items import (
+    SystemItems,
     add_force_sensor,
     add_node_sensors,
-    override_newton,
-    read_sensor,
-    solve,
-    solver_settings,
+    rates,
+    with_quasi_static,
+    with_terms,
 )
+from pmr.simulation.exudyn.solver import override_newton, read_sensor, solve, solver_settings
 from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.modal import LARGEST
 from pmr.simulation.native import systems
 from pmr.simulation.start import InitialState
-from pmr.simulation.stepping import Progress
+from pmr.simulation.stepping import Progress, energy_round_off, energy_surplus, refuse_growth
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import ALONE, SLIDER, Friction
 from pmr.system.states import SystemTrajectory
@@ -251,9 +250,9 @@ class SystemRun:
         system, ends, parts = self.system, self._lengths.ends, self._lengths.parts
         pushes, t = ~np.isnan(system.clearance), self._excitation.times
         B, inertia = self._equations.B, self._equations.assembly.M.diagonal()
-        least = balance.round_off(B.T @ (B / inertia[:, None]), motion.f, float(t[1]))
-        surplus = balance.energy_surplus(balanced.stored, balanced.work, least, since_start=bool(pushes.any()))
-        balance.refuse_growth(surplus, "Exudyn", list(self._needs.rigid_moving_rows))
+        least = energy_round_off(B.T @ (B / inertia[:, None]), motion.f, float(t[1]))
+        surplus = energy_surplus(balanced.stored, balanced.work, least, since_start=bool(pushes.any()))
+        refuse_growth(surplus, "Exudyn", list(self._needs.rigid_moving_rows))
         within = np.maximum.reduceat(motion.forces[1:], ends[:-1], axis=0)
         of_body = self._equations.body_coordinates
         states = {name: (of_body(name, motion.q[ends]), of_body(name, motion.v[ends])) for name in system.bodies}

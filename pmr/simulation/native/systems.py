@@ -22,13 +22,20 @@ from pmr.files.arrays import Array
 from pmr.kernel._native import lib
 from pmr.kernel.kernel import Signals
 from pmr.kernel.state import Record, Settings, State, StepError
-from pmr.simulation import balance, contact_step
+from pmr.simulation import contact_step
 from pmr.simulation.excitation import Excitation, first_moves, side_positions
 from pmr.simulation.native.form import SystemForm, begin, driver_signals, path_text, step_failure
 from pmr.simulation.native.form import start_of as start_of
 from pmr.simulation.native.form import static_start as static_start
 from pmr.simulation.start import InitialState
-from pmr.simulation.stepping import Progress, Recorder, SimulationEnd
+from pmr.simulation.stepping import (
+    Progress,
+    Recorder,
+    SimulationEnd,
+    energy_round_off,
+    energy_surplus,
+    refuse_growth,
+)
 from pmr.system.states import SystemTrajectory, displacements
 from pmr.system.system import System
 
@@ -144,7 +151,7 @@ class March:
 
         `take` is called for some consecutive steps at a time, with the number of the first one and their `Steps`.
         `progress`, if it is not None, is called with the share of steps that are done.  Raises GrowthError if more than
-        the share `balance.GROWN` of the largest energy comes from neither loads nor contacts that travel.
+        the share `GROWN` of the largest energy comes from neither loads nor contacts that travel.
         """
         paths, inputs, least = self.form.kernel.paths, self.form.kernel.inputs, 0.0
 
@@ -154,12 +161,12 @@ class March:
             at = slice(first, first + len(steps.z))
             self._stored[at], self._work[at] = steps.energy.T
             loads = steps.drivers[:, paths : paths + inputs]
-            least = max(least, balance.round_off(self.form.mobility, loads, float(self.t[1])))
+            least = max(least, energy_round_off(self.form.mobility, loads, float(self.t[1])))
             take(first, steps)
 
         seconds = self.observe(1, record_block, progress)
-        surplus = balance.energy_surplus(self._stored, self._work, least, since_start=bool(self.pushing.any()))
-        balance.refuse_growth(surplus, "march", self._growing)
+        surplus = energy_surplus(self._stored, self._work, least, since_start=bool(self.pushing.any()))
+        refuse_growth(surplus, "march", self._growing)
         return SimulationEnd(seconds, surplus)
 
     def rerun(self) -> float:

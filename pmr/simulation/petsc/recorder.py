@@ -17,10 +17,9 @@ from pmr.fem.distributed import local_csr, without_zeros
 from pmr.files.arrays import Array
 from pmr.fullmodel.model import FullSystem
 from pmr.results import Energy
-from pmr.simulation import balance
 from pmr.simulation.petsc.rows import PathRows
 from pmr.simulation.petsc.start import SampledExcitation, State, Terms
-from pmr.simulation.stepping import TimeStepping
+from pmr.simulation.stepping import TimeStepping, energy_round_off, energy_surplus, row_products
 from pmr.system.contacts import Friction
 
 
@@ -45,7 +44,7 @@ class SolutionErrors:
     velocity : (T,) array, m/s
         Largest violation of a rigid row's time derivative, max |C v + s' C' q|; NaN if any row gives way.
     surplus : float
-        Share of the largest energy that neither loads nor moving rows put in (`pmr.simulation.balance`).
+        Share of the largest energy that neither loads nor moving rows put in (`pmr.simulation.stepping`).
     """
 
     position: Array
@@ -220,11 +219,11 @@ class Recorder:
         if not system.compliance.rigid.all():
             drift = np.full_like(drift, np.nan)
         kinetic, stored, potential, work = energies_of_steps.T
-        strain = stored + balance.row_products(forces, deflections) / 2.0
-        least = balance.round_off(self._mobility(), at.f, float(at.t[1]))
+        strain = stored + row_products(forces, deflections) / 2.0
+        least = energy_round_off(self._mobility(), at.f, float(at.t[1]))
         done = np.cumsum(work) + of_cylinders
         done[1:] += np.cumsum(system.compliance.drum_work(forces, ropes))
-        surplus = balance.energy_surplus(kinetic + strain, done, least, since_start=bool(pushes.any()))
+        surplus = energy_surplus(kinetic + strain, done, least, since_start=bool(pushes.any()))
         return History(
             t=at.t,
             s=at.s,

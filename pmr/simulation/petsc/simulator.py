@@ -24,7 +24,6 @@ from pmr.files.arrays import Indices
 from pmr.files.whole import NotWrittenError
 from pmr.fullmodel.model import FullSystem
 from pmr.scene.choice import REFERENCE, refuse_unsupported
-from pmr.simulation.balance import refuse_growth
 from pmr.simulation.contact_step import StepParts
 from pmr.simulation.excitation import Excitation, side_positions
 from pmr.simulation.petsc.constraint import ContactState
@@ -33,7 +32,7 @@ from pmr.simulation.petsc.recorder import History, Recorder, WallTimes
 from pmr.simulation.petsc.rows import BlockFactor
 from pmr.simulation.petsc.start import SampledExcitation, State, stacked_start, starting_state, starts_moving
 from pmr.simulation.start import Grip, InitialState, needs_of
-from pmr.simulation.stepping import Progress
+from pmr.simulation.stepping import Progress, refuse_growth
 from pmr.system.contacts import Friction, friction_joints
 
 #: How many times progress is reported.

@@ -11,7 +11,7 @@ from free_turret import Turret
 from pmr import InputError
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn import add_drawing, add_sensors, add_system
-from pmr.simulation.exudyn.drawing import BoomDrawing, section_tubes
+from pmr.simulation.exudyn.solver import BoomDrawing, section_tubes
 
 pytestmark = pytest.mark.slow  # a boom is reduced
 
