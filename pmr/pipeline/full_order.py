@@ -36,9 +36,9 @@ from pmr.simulation.petsc.rows import contact_rows
 from pmr.simulation.reactions import Supports, with_forces_on_machine, with_reactions
 from pmr.simulation.start import needs_of
 from pmr.system.assembly import Assembly
+from pmr.system.body_matrices import natural_frequencies
 from pmr.system.contacts import Friction
 from pmr.system.from_scene import contacts_of
-from pmr.system.soundness import natural_frequencies
 from pmr.system.states import BodyStates, friction_on_body
 from pmr.system.system import System
 from pmr.system.terms import add_terms, hoist_of, terms_of

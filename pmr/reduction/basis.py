@@ -42,9 +42,9 @@ from pmr.files.arrays import Array
 from pmr.fullmodel.eigensolvers import is_dense
 from pmr.fullmodel.model import FullModel
 from pmr.reduction.snapshots import Snapshots
+from pmr.system.body_matrices import dependence_of_rows, symmetric_part
 from pmr.system.polynomials import stack_tables
 from pmr.system.reduced_model import ReducedModel, satisfied_rows
-from pmr.system.soundness import dependence_of_rows, symmetric_part
 
 logger = logging.getLogger(__name__)
 

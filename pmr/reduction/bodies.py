@@ -50,9 +50,9 @@ from pmr.scene import Scene
 from pmr.scene.keys import ALONE
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.members import Member, members
+from pmr.system.body_matrices import symmetric_part
 from pmr.system.from_scene import system_of
 from pmr.system.reduced_model import ReducedModel, SectionOf
-from pmr.system.soundness import symmetric_part
 from pmr.system.states import BodyStates
 from pmr.system.system import System
 

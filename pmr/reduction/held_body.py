@@ -36,8 +36,8 @@ from pmr.models import DIRECTIONS, StructuralModel, is_assembled
 from pmr.models.matrices import Matrices
 from pmr.results.field_series import FramedBody, Frames, NodalBody, Places
 from pmr.scene import Scene
+from pmr.system.body_matrices import symmetric_part
 from pmr.system.rows import Row, Rows, fixed_row
-from pmr.system.soundness import symmetric_part
 
 
 def held_body(scene: Scene, s: float, count: int) -> NodalBody:

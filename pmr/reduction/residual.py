@@ -25,11 +25,11 @@ from pmr.reduction.residual_tables import (
 )
 from pmr.scene.members import TAIL
 from pmr.system.attachment import RICHER
+from pmr.system.body_matrices import dependence_of_flexibility
 from pmr.system.carriers import CarrierFlexibility, CarrierRows, CylinderResponses, Flexibility
 from pmr.system.polynomials import add_tables, multiply_tables
 from pmr.system.reduced_model import ReducedModel, satisfied_rows
 from pmr.system.rows import SharedCarriers
-from pmr.system.soundness import dependence_of_flexibility
 from pmr.system.truncation import is_modal, truncate, with_tables
 
 #: Largest coefficient of a fixed row on a basis that satisfies this row, over the largest coefficient of all rows.

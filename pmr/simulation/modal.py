@@ -33,10 +33,9 @@ from pmr.errors import InputError
 from pmr.files.arrays import Array
 from pmr.simulation.start import InitialState, dense
 from pmr.system.body import SlidingBody, Trajectory, projected
-from pmr.system.body_matrices import Rayleigh, Reactions
+from pmr.system.body_matrices import Rayleigh, Reactions, symmetric_part
 from pmr.system.polynomials import add_tables, apply_table, transpose
 from pmr.system.reduced_model import ReducedModel
-from pmr.system.soundness import symmetric_part
 
 Long = NDArray[np.longdouble]
 

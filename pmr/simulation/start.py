@@ -34,8 +34,8 @@ from pmr.kernel.laws import JointCylinder, slide_pads
 from pmr.scene.choice import SimulatorNeeds
 from pmr.system.assembly import Assembly
 from pmr.system.body import Body, SlidingBody
+from pmr.system.body_matrices import dependence_of_rows
 from pmr.system.contacts import Contact, Friction, friction_joints
-from pmr.system.soundness import dependence_of_rows
 from pmr.system.system import BodySystem
 
 #: Violation of a row that is round-off, over the sum of absolute values of the row times the largest coordinate.

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from pmr.files.arrays import Array, Indices
 from pmr.system.body import SlidingBody
+from pmr.system.body_matrices import natural_frequencies
 from pmr.system.contact_rows import ContactRows, add_springs, clear_rows, free_motions, is_round_off
 from pmr.system.contacts import Place
 from pmr.system.polynomials import evaluate
 from pmr.system.rows import TouchedWeights
-from pmr.system.soundness import natural_frequencies
 from pmr.system.system import System, consecutive
 from pmr.system.terms import Term, add_terms
 

@@ -46,10 +46,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from pmr.files.arrays import Array
-from pmr.system.body_matrices import DAMPING, Reactions
+from pmr.system.body_matrices import DAMPING, Reactions, pivoted_cholesky, symmetric_part
 from pmr.system.carriers import CarrierFlexibility, CylinderResponses, EnrichmentModes
 from pmr.system.reduced_model import ReducedModel
-from pmr.system.soundness import pivoted_cholesky, symmetric_part
 from pmr.system.truncation import extend, extend_carriers, with_tables
 
 #: Share of the inertia of all responses that may be left out, and largest number of attachment modes.

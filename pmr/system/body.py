@@ -24,12 +24,11 @@ from scipy.interpolate import PPoly
 from pmr.files.arrays import Array, Indices, Mask
 from pmr.results.response import FORCES
 from pmr.scene.signals.base import Interval
-from pmr.system.body_matrices import Rayleigh, Reactions
+from pmr.system.body_matrices import Rayleigh, Reactions, symmetric_part
 from pmr.system.carriers import CarrierRows
 from pmr.system.polynomials import stack_tables, transpose
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Rows, SharedCarriers
-from pmr.system.soundness import symmetric_part
 
 #: Rows on common carriers, of a reduced body or of a distributed one.
 RowsOnCarriers: TypeAlias = CarrierRows | SharedCarriers

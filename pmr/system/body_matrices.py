@@ -1,4 +1,7 @@
-r"""Matrices of a body for damping, a moving frame, axial forces and rigid supports, besides mass and stiffness.
+r"""Matrices of a body for damping, a moving frame, axial forces and rigid supports, and whether matrices are sound.
+
+Arrays of a reduced model that contradict each other, and values that no structure has, are described in words
+(`describe_misfit`, `describe_asymmetry`).  Small dense matrices are tested for definiteness and for dependent rows.
 
 Forces of rigid supports, which have no multiplier of their own, follow from the equations of motion.  With motions
 :math:`\Phi` of the body that move one support by one and leave all others at rest,
@@ -16,13 +19,16 @@ rigid motions, and the equations are the sums of forces and moments).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, ClassVar
 
 import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
+from pmr.errors import LONGEST_NAME, is_name
 from pmr.files.arrays import Array
 from pmr.system.polynomials import select_columns
 
@@ -145,3 +151,186 @@ class Reactions:
     def with_rows(self, numbers: list[int]) -> Reactions:
         """Reactions of the body if it has only the rows with these `numbers`."""
         return replace(self, rows=select_columns(self.rows, numbers))
+
+
+#: Deviation from symmetry, and size of a negative eigenvalue, that are allowed relative to the largest entry.
+SYMMETRIC = 1e-6
+#: Most letters of a name that is composed of several names.
+LONGEST = 4 * LONGEST_NAME
+
+
+def describe_misfit(part: Any, sizes: Mapping[str, int], prefix: str = "") -> str | None:
+    """Description of what is wrong with arrays, names and tables of the dataclass `part`; None if nothing is.
+
+    ``part.AXES`` has a letter for each axis of a field, such as ``{"rows": "mr"}`` for values (m, r).  The size of a
+    letter is taken from `sizes`, or else from the first axis with this letter.  Fields that are None are not checked;
+    fields that are dataclasses with ``AXES`` of their own are.  Only the first fault is described.  `prefix` begins the
+    names of the fields in the description.
+    """
+    sizes = dict(sizes)
+    for name, axes in part.AXES.items():
+        value = getattr(part, name)
+        if value is None:
+            continue
+        if wrong := describe_names(name, value):
+            return prefix + wrong
+        values, has = (value.c, value.c.shape[2:]) if isinstance(value, PPoly) else (value, np.shape(value))
+        if len(has) != len(axes):
+            return f"{prefix}{name} has shape {has}, {len(axes)} axes are allowed"
+        for letter, size in zip(axes, has, strict=True):
+            sizes.setdefault(letter, size)
+        if has != (allowed := tuple(sizes[letter] for letter in axes)):
+            return f"{prefix}{name} has shape {has}, {allowed} is allowed"
+        if not isinstance(value, tuple) and not np.isfinite(values).all():
+            return f"{prefix}{name} is not finite"
+        if isinstance(value, PPoly) and not (np.all(np.diff(value.x) > 0.0) and np.isfinite(value.x).all()):
+            return f"the breaks of {prefix}{name} do not increase"
+    parts = {field.name: getattr(part, field.name) for field in fields(part)}
+    within = (
+        describe_misfit(inner, sizes, f"{prefix}{name}.") for name, inner in parts.items() if hasattr(inner, "AXES")
+    )
+    return next((wrong for wrong in within if wrong), None)
+
+
+def describe_misshapen(field: str, matrices: Mapping[str, NDArray[np.float64]], size: int) -> str | None:
+    """Description of the first matrix, as ``field.name``, that is not (size, size) or not finite; None if all are.
+
+    `matrices` are matrices by name.
+    """
+    for name, A in matrices.items():
+        if A.shape != (size, size) or not np.isfinite(A).all():
+            return f"{field}.{name} has shape {A.shape} or is not finite, {(size, size)} is allowed"
+    return None
+
+
+def describe_names(field: str, names: object) -> str | None:
+    """Description of the first entry of `names` that is no name (`pmr.errors.is_name`); None if there is none.
+
+    `field` is what holds them.  None is also returned if `names` is no tuple.
+    """
+    wrong = [name for name in names if not is_name(name, LONGEST)] if isinstance(names, tuple) else []
+    return f"{field} holds {wrong[0]!r:.60}, which is not a name" if wrong else None
+
+
+def symmetric_part(A: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Symmetric part (A + A^T) / 2 of matrices (..., n, n), which removes round-off."""
+    return (A + A.swapaxes(-2, -1)) / 2.0
+
+
+def pivoted_cholesky(A: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Factor L (n, r) of a positive semidefinite matrix A = L L^T (n, n) of rank r, by pivoted Cholesky.
+
+    The product equals A up to round-off.
+    """
+    factor, pivots, rank, _ = scipy.linalg.lapack.dpstrf(A, lower=1)
+    L = np.zeros((len(A), rank))
+    L[pivots - 1] = np.tril(factor)[:, :rank]
+    return L
+
+
+def describe_asymmetry(matrices: Mapping[str, NDArray[np.float64]]) -> str | None:
+    """Description of the first of `matrices`, (n, n) each, that is not symmetric or has a negative eigenvalue.
+
+    None is returned if all are sound.  The matrix called M must not be singular either.  Deviations up to `SYMMETRIC`
+    of the largest entry count as round-off.
+    """
+    for name, matrix in matrices.items():
+        size = np.abs(matrix).max(initial=0.0)
+        if np.abs(matrix - matrix.T).max(initial=0.0) > SYMMETRIC * size:
+            return f"{name} is not symmetric"
+        lowest = np.linalg.eigvalsh(matrix / size)[0] if size else 0.0
+        if lowest < -SYMMETRIC or (name == "M" and lowest <= 0.0):
+            return f"{name} has a negative eigenvalue" if lowest < 0.0 else f"{name} is singular"
+    return None
+
+
+#: Norm of A - L L^T, over the norm of A, up to which the difference is round-off.
+ROUND_OFF = 1e-9
+
+
+def cholesky_root(A: Array) -> Array | None:
+    """Factor L (n, r) of a positive semidefinite A = L L^T (n, n), by Cholesky with pivots.
+
+    None is returned if A is not positive semidefinite.  For any L, the norm of A - L L^T is at least the absolute value
+    of the lowest eigenvalue of A, if that is negative.
+    """
+    L = pivoted_cholesky(A)
+    return L if np.linalg.norm(A - L @ L.T) <= ROUND_OFF * np.linalg.norm(A) else None
+
+
+def first_singular(A: Array, B: Array) -> float:
+    """Smallest load P > 0 at which A + P B is not positive definite; infinity if there is no such P.
+
+    A and B are (n, n); only their symmetric parts count.  If A itself is not positive definite, 0 is returned.
+    """
+    A, B = (A + A.T) / 2.0, (B + B.T) / 2.0
+    try:
+        least = float(scipy.linalg.eigh(B, A, eigvals_only=True, subset_by_index=(0, 0))[0])
+    except np.linalg.LinAlgError:
+        return 0.0
+    return -1.0 / least if least < 0.0 else np.inf
+
+
+def natural_frequencies(M: Array, V: Array | None, K: Array) -> Array:
+    """Frequencies omega (n,) in rad/s, ascending, of M q'' + V q' + K q = 0; V is antisymmetric, or None for zero.
+
+    Directions in which K is not positive have omega = 0.  With the coordinates z of the modes of K, and z' and omega z
+    as unknowns, the equations have the antisymmetric matrix (0, W; -W, -V), W = diag(omega).  So round-off is relative
+    to the largest omega, not to its square.
+    """
+    if V is None or not np.any(V):
+        return np.sqrt(np.maximum(scipy.linalg.eigh(K, M, eigvals_only=True), 0.0))
+    omega2, X = scipy.linalg.eigh(K, M)
+    W = np.diag(np.sqrt(np.maximum(omega2, 0.0)))
+    turning = np.block([[np.zeros_like(W), W], [-W, -X.T @ V @ X]])
+    return np.asarray(scipy.linalg.svdvals((turning - turning.T) / 2.0)[::-2])  # each omega is a singular value twice
+
+
+#: A row takes part in a dependence if its share is at least this fraction of the largest share.
+TAKES_PART = 1e-2
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """Result of a test whether rows depend on each other: `measure` is 1 for orthogonal rows, 0 for dependent ones.
+
+    `names` are rows that take part in the combination of rows closest to zero: their share in it is at least
+    `TAKES_PART` of the largest share.
+    """
+
+    measure: float
+    names: tuple[str, ...]
+
+
+def dependence_of_rows(C: Array, names: Sequence[str]) -> Dependence:
+    """Dependence of rows C (m, r), measured by their smallest singular value after each is scaled to unit length.
+
+    `names` are the names of the m rows.  The result names the rows that nearly depend on each other; if some rows are
+    zero, the measure is 0 and only these rows are named.
+    """
+    size = np.linalg.norm(C, axis=1)
+    if not size.all():
+        return Dependence(0.0, tuple(name for name, length in zip(names, size, strict=True) if length == 0.0))
+    U, sigma, _ = np.linalg.svd(C / size[:, None], full_matrices=True)
+    measure = float(sigma[-1]) if len(sigma) == len(C) else 0.0
+    return Dependence(measure, _involved_names(U[:, -1], names))
+
+
+def dependence_of_flexibility(F: Array, names: Sequence[str]) -> Dependence:
+    """Dependence of rows, measured by the lowest eigenvalue of their symmetric flexibility F (m, m).
+
+    `names` are the names of the rows.  F is scaled to a unit diagonal before.  If diagonal entries are not positive,
+    the measure is 0 and only the rows of these entries are named.
+    """
+    diagonal = np.diagonal(F)
+    if not np.all(diagonal > 0.0):
+        return Dependence(0.0, tuple(name for name, d in zip(names, diagonal, strict=True) if not d > 0.0))
+    scale = np.sqrt(diagonal)
+    values, vectors = np.linalg.eigh(F / np.outer(scale, scale))
+    return Dependence(float(values[0]), _involved_names(vectors[:, 0], names))
+
+
+def _involved_names(shares: Array, names: Sequence[str]) -> tuple[str, ...]:
+    """Names out of `names` (m) of the rows whose share in `shares` (m,) is at least `TAKES_PART` of the largest."""
+    large = np.abs(shares) >= TAKES_PART * np.abs(shares).max()
+    return tuple(name for name, takes_part in zip(names, large, strict=True) if takes_part)

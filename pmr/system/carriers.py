@@ -35,9 +35,9 @@ from scipy.interpolate import PPoly
 
 from pmr.files import npz
 from pmr.files.arrays import Array, Indices
+from pmr.system.body_matrices import describe_misfit, symmetric_part
 from pmr.system.polynomials import apply_table, select_columns, select_rows, transpose
 from pmr.system.rows import Row, RowPolynomials
-from pmr.system.soundness import describe_misfit, symmetric_part
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,16 @@ from pmr.errors import InputError, missing_file_reason, overview
 from pmr.files import npz
 from pmr.files.arrays import Array, Indices
 from pmr.scene.signals.base import Interval
-from pmr.system.body_matrices import CONSTANT, LINEAR, Rayleigh, Reactions
+from pmr.system.body_matrices import (
+    CONSTANT,
+    LINEAR,
+    Rayleigh,
+    Reactions,
+    describe_asymmetry,
+    describe_misfit,
+    describe_misshapen,
+    describe_names,
+)
 from pmr.system.carriers import CarrierRows, EnrichmentModes, Flexibility, pack_model, unpack_model
 from pmr.system.polynomials import (
     apply_table,
@@ -38,7 +47,6 @@ from pmr.system.polynomials import (
     select_columns,
     select_rows,
 )
-from pmr.system.soundness import describe_asymmetry, describe_misfit, describe_misshapen, describe_names
 
 FORMAT = "pmr-reduced-model"
 FORMAT_VERSION = 6

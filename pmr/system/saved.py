@@ -23,11 +23,11 @@ from pydantic import TypeAdapter, ValidationError
 
 from pmr.errors import InputError, missing_file_reason
 from pmr.files import npz
+from pmr.system.body_matrices import describe_names
 from pmr.system.carriers import pack_model, unpack_model
 from pmr.system.contacts import ALONE, Contact
 from pmr.system.reduced_model import FORMAT as ONE_BODY
 from pmr.system.reduced_model import READING, ReducedModel
-from pmr.system.soundness import describe_names
 from pmr.system.terms import Term
 
 FORMAT = "pmr-system"

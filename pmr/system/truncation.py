@@ -15,10 +15,9 @@ from dataclasses import replace
 import numpy as np
 
 from pmr.files.arrays import Array
-from pmr.system.body_matrices import DAMPING
+from pmr.system.body_matrices import DAMPING, symmetric_part
 from pmr.system.carriers import EnrichmentModes
 from pmr.system.reduced_model import ReducedModel
-from pmr.system.soundness import symmetric_part
 
 #: Largest entry that couples two modes, relative to their diagonal entries, in a modal form.
 MODAL = 1e-6

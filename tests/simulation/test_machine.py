@@ -16,7 +16,7 @@ from pmr.simulation import Excitation
 from pmr.simulation.frame_motion import FrameRotation, MachineMotion, with_computed_motion
 from pmr.simulation.free_base import Extensions, FrameMotion, FreeBase, base_equations
 from pmr.simulation.native import systems
-from pmr.simulation.native.machine import machine_motion
+from pmr.simulation.native.free_motion import machine_motion
 from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import ChangingRows, EliminatedContacts
 from pmr.system.states import SystemTrajectory

@@ -9,9 +9,9 @@ from oracle import carried_rows, enriched, free_modes, rich_body
 from scipy.interpolate import PPoly
 
 from pmr import InputError, ReducedModel
+from pmr.system.body_matrices import describe_misfit
 from pmr.system.carriers import CarrierRows
 from pmr.system.polynomials import apply_table, evaluate
-from pmr.system.soundness import describe_misfit
 from pmr.system.truncation import extend, truncate
 
 FULL = rich_body()

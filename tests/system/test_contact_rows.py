@@ -14,10 +14,10 @@ from pmr import InputError, ReducedModel, SimulationError, System
 from pmr.simulation import InitialState, TimeStepping
 from pmr.system.assembly import Assembly
 from pmr.system.body import FullBody
+from pmr.system.body_matrices import dependence_of_flexibility, dependence_of_rows
 from pmr.system.changing_rows import ChangingRows
 from pmr.system.contact_rows import ROUND_OFF, compliant_rows, is_round_off
 from pmr.system.rows import Rows
-from pmr.system.soundness import dependence_of_flexibility, dependence_of_rows
 
 
 def test_the_diagonal_decides_and_its_bound_counts() -> None:

@@ -11,8 +11,8 @@ from scipy.interpolate import PPoly
 
 from pmr import InputError, ReducedModel
 from pmr.files import npz
+from pmr.system.body_matrices import symmetric_part
 from pmr.system.carriers import pack_model, unpack_model
-from pmr.system.soundness import symmetric_part
 from pmr.system.truncation import with_tables
 
 FULL = rich_body()

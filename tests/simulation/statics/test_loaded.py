@@ -12,8 +12,8 @@ from scipy.optimize import brentq
 from pmr import InputError
 from pmr.simulation.statics.loaded import Equations, Form, LoadedStructure, LoadEffects
 from pmr.studies.allowed import first_load
+from pmr.system.body_matrices import cholesky_root, first_singular
 from pmr.system.contact_rows import ContactRows
-from pmr.system.soundness import cholesky_root, first_singular
 
 Array = np.ndarray
 
