@@ -7,9 +7,9 @@ import free_boom
 import numpy as np
 
 from pmr.files.arrays import Array
-from pmr.kernel.machine import CYLINDER_COLUMNS
 from pmr.simulation.free_base import FreeBase
 from pmr.simulation.native.free_motion import LuffingRun
+from pmr.simulation.native.machine import CYLINDER_COLUMNS
 
 G = 9.80665
 FOOT, LUG, STROKE = np.array([0.5, -0.6]), np.array([1.2, -0.15]), (0.6, 1.3)

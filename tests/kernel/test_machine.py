@@ -9,12 +9,11 @@ import pytest
 
 from pmr import InputError, SimulationError
 from pmr.files.arrays import Array
-from pmr.kernel.machine import MachineSimulation
 from pmr.kernel.state import Settings, State
 from pmr.scene.frame import DIRECTIONS
 from pmr.simulation.frame_motion import FrameRotation
 from pmr.simulation.free_base import Extensions, FrameMotion, FreeBase, base_equations
-from pmr.simulation.native.machine import MachineRun, modes_in_bodies
+from pmr.simulation.native.machine import MachineRun, MachineSimulation, modes_in_bodies
 from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import ChangingRows, EliminatedContacts
 

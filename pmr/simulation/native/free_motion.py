@@ -29,10 +29,9 @@ import numpy as np
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array
-from pmr.kernel._native import lib
+from pmr.kernel._native import ffi, lib
 from pmr.kernel.further import ComputedData
 from pmr.kernel.kernel import Kernel, Signals
-from pmr.kernel.machine import CYLINDER_COLUMNS, LUFFING_REASONS, Fields, cylinder_numbers
 from pmr.kernel.state import Record, Settings, State, StepError
 from pmr.results.response import LUFFING_ANGLE
 from pmr.scene import Scene
@@ -43,11 +42,19 @@ from pmr.scene.keys import LUFFING_CYLINDER, cylinder_name
 from pmr.scene.signals import Constant, SignalBase
 from pmr.simulation.contact_step import contact_frequency_within, part_counts
 from pmr.simulation.excitation import Excitation, side_positions
-from pmr.simulation.frame_motion import ComputedMotion, MotionSamples, with_computed_motion
+from pmr.simulation.frame_motion import ComputedMotion, MachineMotion, MotionSamples, with_computed_motion
 from pmr.simulation.free_base import with_all_inertia
-from pmr.simulation.moving import DRIVE, EXTENSION_DRIVE, GRAVITY, OF_FRAME, MovingFrame, held_at_start, read_scene
+from pmr.simulation.moving import (
+    DRIVE,
+    EXTENSION_DRIVE,
+    GRAVITY,
+    OF_FRAME,
+    MovingFrame,
+    held_at_start,
+    read_scene,
+)
 from pmr.simulation.native.form import SystemForm, begin, path_text, step_failure
-from pmr.simulation.native.machine import MachineRun, machine_motion
+from pmr.simulation.native.machine import CYLINDER_COLUMNS, Fields, MachineRun
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.contacts import Friction, FrictionLaw
 from pmr.system.system import System
@@ -344,3 +351,33 @@ def luffing_arrays(machine: Fields, frame: MovingFrame) -> dict[str, Array]:
     arrays["integers"] = np.array([*sizes, *machine["axes"], *at, cylinder.get("kind", 0)])
     arrays["numbers"] = np.concatenate([*map(np.ravel, numbers), cylinder_numbers(cylinder)])
     return {f"luffing_{name}": array for name, array in arrays.items()}
+
+
+#: The reasons where the machine is what a free luffing angle turns.
+LUFFING_REASONS = {
+    lib.PMR_LOST: "the luffing angle is not found at step {k}, t = {t:g} s: a shorter time.step",
+    lib.PMR_UPRIGHT: "foot, lug and pivot of the luffing cylinder come in line at t = {t:g} s; without a cylinder, the "
+    "boom has swung by 90 degrees",
+}
+
+
+def cylinder_numbers(cylinder: Fields) -> Array:
+    """Numbers (k,) of a luffing cylinder in the order of the kernel's ``pmr_actuator``, from its field ``foot`` on.
+
+    `cylinder` has the values of the structure's fields by name.
+    """
+    first = ffi.offsetof("pmr_actuator", "foot")
+    return np.frombuffer(ffi.buffer(ffi.new("pmr_actuator *", cylinder))[first:])
+
+
+def machine_motion(scene: Scene, system: System) -> MachineMotion:
+    """Compute the motion of the machine of a scene, with the boom.
+
+    Raises
+    ------
+    InputError
+        If rows of the system are not on carriers, or supports of the base are not known.
+    SimulationError
+        If a step fails, or the machine pitches until it stands upright.
+    """
+    return MachineRun(scene, with_all_inertia(system)).run()

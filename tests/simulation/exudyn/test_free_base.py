@@ -17,7 +17,7 @@ from pmr.simulation import Excitation
 from pmr.simulation.exudyn import NodeCoordinate, add_hook, add_sensors, simulate_system
 from pmr.simulation.frame_motion import FrameRotation
 from pmr.simulation.native import systems
-from pmr.simulation.native.machine import machine_motion
+from pmr.simulation.native.free_motion import machine_motion
 
 pytestmark = pytest.mark.slow  # a boom is reduced
 

@@ -12,12 +12,12 @@ import pmr
 from pmr import InputError, System
 from pmr.export.fmi.description import reference
 from pmr.export.fmi.variables import Drivers, variables
-from pmr.kernel.machine import CYLINDER_COLUMNS
 from pmr.kernel.state import StepError
 from pmr.scene import Scene
 from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.moving import read_scene
 from pmr.simulation.native.free_motion import LuffingRun
+from pmr.simulation.native.machine import CYLINDER_COLUMNS
 
 pytestmark = pytest.mark.slow  # a boom is reduced
 
