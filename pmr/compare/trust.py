@@ -34,8 +34,8 @@ def reason_for_distrust(response: Response, rigid: Sequence[str] = ()) -> str | 
     `rigid` are the names of rigid contacts, which the reason mentions.
 
     There is a reason if displacements are not finite, or if energy of the response comes from neither loads nor
-    contacts that travel (`pmr.simulation.stepping`).  The energy of the ANCF cable leaves out the axial strain; for this
-    cable there is a reason instead if displacements alternate from step to step.
+    contacts that travel (`pmr.simulation.stepping`).  The energy of the ANCF cable leaves out the axial strain; for
+    this cable there is a reason instead if displacements alternate from step to step.
     """
     if not np.isfinite(response.displacement).all():
         return "its displacements are not finite"

@@ -1,8 +1,8 @@
 r"""Largest stress in the walls of sections at rings of pads, and forces of pads at which walls begin to yield.
 
-Pads k push inwards with the forces :math:`f_k`, and have the local stresses :math:`\sigma_k` of
-`pmr.fullmodel.wall_piece`.  With the section forces F of the whole section and the beam's law S, the stress at each
-point p of the wall is
+The local stress :math:`\sigma_k` of pad k is that of a shell of a piece of the section, which its inertia holds, under
+1 N that pulls outwards at the pad, less the stress of a beam of the same piece.  Pads push inwards with the forces
+:math:`f_k`.  With the section forces F of the whole section and the beam's law S, the stress at a point p of a wall is
 
 .. math:: \sigma(p) = S(p)\, F(x_p) - \sum_k f_k\, \sigma_k(p)
 
@@ -14,20 +14,211 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from pmr.errors import InputError, environment
+from pmr.files import npz
 from pmr.files.arrays import Array
 from pmr.fullmodel.pads import Pad
-from pmr.fullmodel.wall_piece import Estimate, RingStress, SectionPiece, estimates_of_pads
-from pmr.results.field_stress import PLANE, von_mises
+from pmr.fullmodel.wall_compliance import HeldModel, PlateBody, beam_of, shell_of
+from pmr.models.meshed import mean_by_place, node_fits
+from pmr.models.profile_section import section_of
+from pmr.models.sections_along import axial_stress_factors, torsion_stress_factors
+from pmr.models.shell import draw_box
+from pmr.results.field_stress import FORCES, PLANE, von_mises
 from pmr.scene.built import PadRing
 from pmr.scene.choice import traits_of
 from pmr.scene.joints import BoomSection
 from pmr.scene.members import Member, body_ring, member_at, members, seats
 from pmr.scene.scene import Scene
 from pmr.scene.signals.base import Interval
+
+#: Length of the piece of a section that is looked at, less that of the pads, over the larger of width and height.
+PIECE = 3.0
+#: Cells along and across a pad, which are taken times the fineness of each mesh, the coarser one first.
+ALONG, ACROSS = 4, 2
+FINENESS = (1.5, 2.5)
+#: Order with which the largest stress converges as cells get smaller.
+ORDER = 2
+#: Shares of the stress that its error bar has on top, within a wall and at an edge where two walls meet: for where pads
+#: lie among the cells, and for what turns the corners of the section beyond the piece.
+MARGIN, EDGE_MARGIN = 0.01, 0.08
+#: Points are stored at which the stress of a pad alone is at least this share of its largest one.
+STORED = 0.3
+
+
+class Estimate(NamedTuple):
+    r"""Value that is extrapolated from two meshes, and its error bar, both in the same unit.
+
+    With cells of the sizes :math:`h_1` and :math:`h_2 < h_1`, a stress converges with their square; m is its `margin`:
+
+    .. math:: \sigma_v = \sigma_2 + d,\; e = |d| + m \sigma_v,\; d = (\sigma_2 - \sigma_1) / (h_1^2 / h_2^2 - 1)
+    """
+
+    value: float
+    error: float
+
+    @classmethod
+    def from_meshes(cls, coarse: float, fine: float, margin: float) -> Estimate:
+        """Extrapolate from the values on a `coarse` and a `fine` mesh; the error bar is the last change and a `margin`.
+
+        The margin is a share of the value.
+        """
+        change = (fine - coarse) / ((FINENESS[1] / FINENESS[0]) ** ORDER - 1.0)
+        return cls(fine + change, abs(change) + margin * abs(fine + change))
+
+
+@dataclass(frozen=True)
+class RingStress:
+    """Local stresses of k pads, each with 1 N outwards alone, at P points on both faces of the walls around them."""
+
+    points: Array  # (P, 3) m: x from the middle of the pads, y and z
+    thickness: Array  # (P,) m
+    unit: Array  # (k, P, 3) Pa/N: along, across and shear
+    on_edge: Array  # (P,): 1 where two walls meet, else 0
+
+    def margin(self, point: int) -> float:
+        """Share of the stress that an error bar has on top if the stress is the largest one at this point."""
+        return EDGE_MARGIN if self.on_edge[point] else MARGIN
+
+
+def estimates_of_pads(coarse: RingStress, fine: RingStress) -> list[Estimate]:
+    """Largest von Mises stress in Pa/N of each pad alone, from the stresses on two meshes."""
+    on_coarse, on_fine = (von_mises(stress.unit, PLANE) for stress in (coarse, fine))
+    return [
+        Estimate.from_meshes(float(first.max()), float(second[point]), fine.margin(point))
+        for first, second, point in zip(on_coarse, on_fine, on_fine.argmax(axis=1).tolist(), strict=True)
+    ]
+
+
+class SectionPiece:
+    """A piece of a section around pads of one size, as a shell on two meshes."""
+
+    def __init__(self, part: BoomSection, length: float, width: float) -> None:
+        """Choose the meshes for pads of this `length` and `width` in m.
+
+        Raises an `InputError` if the walls change along the section, or the cells would be too many.
+        """
+        box = part.body.box
+        if box is None or not part.has_even_walls:
+            raise InputError("scene", "body.box", None, "walls that stay the same along the section are allowed")
+        self._code = environment.computing_digest()
+        self.section, self.length = box, min(box.length, length + PIECE * max(box.width, box.height))
+        piece = box.model_copy(update={"length": self.length})
+        meshes = [draw_box(piece, width / (f * ACROSS), length / (f * ALONG)) for f in FINENESS]
+        self.bodies = [PlateBody(mesh, piece, part.body.material, part.body.shear_correction) for mesh in meshes]
+
+    @cached_property
+    def beam(self) -> PieceBeam:
+        """Beam of the piece, which both meshes are compared with."""
+        return PieceBeam(self.bodies[0])
+
+    @cached_property
+    def meshes(self) -> list[PieceMesh]:
+        """Models of the piece on the coarser and the finer mesh."""
+        return [PieceMesh(body, self.beam) for body in self.bodies]
+
+    def place(self, x: Array) -> Array:
+        """Return the places (...) in m on the piece that stand for places x (...) in m on the section."""
+        middle, ahead = self.length / 2.0, self.section.length - x
+        return np.where(x < middle, x, np.where(ahead < middle, self.length - ahead, middle)).round(9)
+
+    def stresses(self, pads: Sequence[Pad], place: float) -> list[RingStress]:
+        """Return the local stresses of pads at a place in m on the piece, on the coarser and the finer mesh.
+
+        The stresses are stored in the user's cache folder.  Raises an `InputError` if a pad leaves its face.
+        """
+        ring = [
+            Pad("pad", pad.on, place, pad.across, length=pad.length, width=pad.width, stiffness=1.0) for pad in pads
+        ]
+
+        def compute(number: int) -> dict[str, Array]:
+            return npz.record_arrays(self.meshes[number].stress(ring), "")
+
+        result = []
+        for number, body in enumerate(self.bodies):
+            request = repr((body, ring, self._code))
+            arrays = npz.stored_or_computed("wall-stress", request, partial(compute, number))
+            result.append(npz.record_from_arrays(RingStress, arrays, ""))
+        return result
+
+    def factors(self, stress: RingStress) -> Array:
+        """Return the stresses (P, 3, 6) in Pa at the points of `stress` per unit of each section force.
+
+        Section forces are in the order of `FORCES`.  Stresses are along, across and shear as in `RingStress`.
+        """
+        box, factors = self.section, np.zeros((len(stress.points), 3, len(FORCES)))
+        section = section_of(box, self.bodies[0].material.poisson)
+        factors[:, 0] = axial_stress_factors(section, stress.points[:, 1:])
+        factors[:, 2] = -torsion_stress_factors(box, stress.thickness)  # along x and clockwise
+        return factors
+
+    def destroy(self) -> None:
+        """Free the memory of the models."""
+        if "meshes" in self.__dict__:
+            self.beam.destroy()
+            for mesh in self.meshes:
+                mesh.destroy()
+
+
+class PieceBeam:
+    """Beam of a piece of a section, and its section forces under pads."""
+
+    def __init__(self, body: PlateBody) -> None:
+        line = beam_of(body)
+        self._held, self._rows = HeldModel(line, body), line.section_forces()
+
+    def section_forces(self, pads: Sequence[Pad], x: Array) -> Array:
+        """Section forces (k, 6, P) under 1 N of each of k pads at the places x (P,) in m."""
+        forces, names = self._rows.rows @ self._held.under_pads(pads), np.array(self._rows.names)
+        result = np.zeros((len(pads), len(FORCES), len(x)))
+        for number, name in enumerate(FORCES):
+            if np.any(of := names == name):
+                at, values = mean_by_place(self._rows.x[of], forces[of].T)
+                result[:, number] = [np.interp(x, at, value) for value in values]
+        return result
+
+    def destroy(self) -> None:
+        """Free the memory of the model."""
+        self._held.destroy()
+
+
+class PieceMesh:
+    """Shell of a piece of a section, its beam, and the shell's stresses at the nodes of its walls."""
+
+    def __init__(self, body: PlateBody, beam: PieceBeam) -> None:
+        shell = shell_of(body)
+        self._body, self._beam, self._held = body, beam, HeldModel(shell, body)
+        self._rows, self._thickness = shell.stresses(), shell.thickness
+        self._fits, self._on_edge = node_fits(shell.mesh)
+
+    def stress(self, pads: Sequence[Pad]) -> RingStress:
+        """Return the local stresses of pads, at points near the pads.
+
+        At each point, the stress of a pad is at least the share `STORED` of the pad's largest stress.
+        """
+        rows, fits = self._rows, self._fits
+        stress = rows.evaluate(self._held.under_pads(pads).T)
+        faces = [rows.points_on(face) for face in (rows.faces[0], rows.faces[-1])]
+        points = np.concatenate([fits @ rows.points[on] for on in faces])
+        unit = np.array([np.concatenate([fits @ of_pad[on] for on in faces]) for of_pad in stress])
+        thickness = np.tile(fits @ self._thickness, 2)
+        section = section_of(self._body.profile, self._body.material.poisson)
+        forces = self._beam.section_forces(pads, points[:, 0])
+        unit[..., 0] -= np.einsum("pc,kcp->kp", axial_stress_factors(section, points[:, 1:]), forces)
+        unit[..., 2] += np.einsum("pc,kcp->kp", torsion_stress_factors(self._body.profile, thickness), forces)
+        size = von_mises(unit, PLANE)
+        near = np.any(size >= STORED * size.max(axis=1)[:, None], axis=0)
+        points[:, 0] -= pads[0].at
+        return RingStress(points[near], thickness[near], unit[:, near], np.tile(self._on_edge, 2)[near])
+
+    def destroy(self) -> None:
+        """Free the memory of the model."""
+        self._held.destroy()
+
 
 #: Places along its range at which a ring that slides on a section is looked at.
 PLACES = 3

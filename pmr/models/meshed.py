@@ -37,7 +37,7 @@ from pmr.scene.structures import Material
 
 if TYPE_CHECKING:
     from pmr.fem.compat import Expr, FunctionSpace, Mesh
-
+from typing import NamedTuple
 
 #: Faces of a wall on which stresses are evaluated.
 FACES = ("outer", "middle", "inner")
@@ -254,3 +254,56 @@ def coordinate_rows(entries: Array, coordinates: Indices, size: int) -> sp.csr_m
     columns = np.broadcast_to(coordinates[:, None], entries.shape)
     ends = np.arange(0, entries.size + 1, entries.shape[-1])
     return sp.csr_matrix((entries.ravel(), columns.ravel(), ends), (len(ends) - 1, size))
+
+
+#: Exponent by which the weight of a cell in a fit falls with the square of its distance, over the largest distance.
+FOCUS = 2.0
+
+
+def mean_by_place(x: Array, values: Array) -> tuple[Array, Array]:
+    """Return the different places of x (P,), ascending (p,), and the means (S, p) of values (S, P) at each of them."""
+    places, inverse, counts = np.unique(x.round(9), return_inverse=True, return_counts=True)
+    means = sp.csr_matrix((1.0 / counts[inverse], (np.arange(len(x)), inverse)))
+    return places, np.asarray(values @ means)
+
+
+class NodeFits(NamedTuple):
+    """Matrix from values of C cells to values at the p nodes of all walls, and the nodes at edges of two walls."""
+
+    matrix: sp.csr_matrix  # (p, C)
+    on_edge: Array  # (p,): 1 at these nodes, else 0
+
+
+def node_fits(mesh: NamedMesh) -> NodeFits:
+    """Return the values at the nodes of each wall, at its edges too, that fit values of cells.
+
+    At each node the value is that of a quadratic polynomial in the two directions of the wall.  The polynomial fits the
+    values in the middles of the cells that touch the node, and of all cells that share a node with them; cells that are
+    farther away have less weight.
+    """
+    middles = mesh.points[mesh.cells].mean(axis=1)
+    fits, walls = list[sp.csr_matrix](), np.zeros(len(mesh.points))
+    for of_wall in mesh.regions.values():
+        walls[np.unique(mesh.cells[of_wall])] += 1.0
+    on_edge = list[Array]()
+    for of_wall in mesh.regions.values():
+        nodes, corners = np.unique(mesh.cells[of_wall], return_inverse=True)
+        numbers = np.arange(len(of_wall)).repeat(mesh.cells.shape[1])
+        touching = sp.csr_matrix((np.ones(len(numbers)), (numbers, corners.ravel())))
+        around = (touching.T @ touching @ touching.T).tocsr()
+        points, counts = mesh.points[nodes], np.diff(around.indptr)
+        across = np.linalg.svd(points[:, 1:] - points[:, 1:].mean(axis=0), full_matrices=False)[2][0]
+        directions = np.array([[1.0, 0.0, 0.0], [0.0, *across]]).T
+        weights = np.zeros(around.nnz)
+        for count in np.unique(counts):
+            rows = np.flatnonzero(counts == count)
+            entries = around.indptr[rows][:, None] + np.arange(count)
+            apart = (middles[of_wall[around.indices[entries]]] - points[rows, None]) @ directions
+            x, y = np.moveaxis(apart / np.abs(apart).max(axis=1, keepdims=True), -1, 0)
+            terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+            weighted = np.exp(-FOCUS * (x * x + y * y))[..., None] * terms
+            inverse = np.linalg.pinv(np.swapaxes(terms, 1, 2) @ weighted, hermitian=True)
+            weights[entries] = np.einsum("pct,pt->pc", weighted, inverse[:, 0])
+        on_edge.append((walls[nodes] > 1.0).astype(float))
+        fits.append(sp.csr_matrix((weights, of_wall[around.indices], around.indptr), (len(nodes), len(mesh.cells))))
+    return NodeFits(sp.vstack(fits, "csr"), np.concatenate(on_edge))

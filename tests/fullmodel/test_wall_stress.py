@@ -5,18 +5,21 @@ import pytest
 
 import pmr
 from pmr.errors import InputError
-from pmr.fullmodel import wall_piece, wall_stress
+from pmr.fullmodel import wall_stress
 from pmr.fullmodel.pads import Pad
 from pmr.fullmodel.wall_compliance import HeldModel, PlateBody, beam_of, shell_of
-from pmr.fullmodel.wall_piece import (
+from pmr.fullmodel.wall_stress import (
     EDGE_MARGIN,
     Estimate,
+    LoadedRing,
+    PadStress,
     SectionPiece,
+    SectionStates,
     estimates_of_pads,
-    mean_by_place,
-    node_fits,
+    wall_peak,
+    yield_forces,
 )
-from pmr.fullmodel.wall_stress import LoadedRing, PadStress, SectionStates, wall_peak, yield_forces
+from pmr.models.meshed import mean_by_place, node_fits
 from pmr.models.shell import draw_box
 from pmr.results.field_stress import FORCES, PLANE, von_mises
 from pmr.scene import Scene
@@ -54,8 +57,8 @@ def test_a_value_and_its_bar_follow_from_two_meshes_by_an_error_of_second_order(
 
 def test_the_bar_is_larger_where_the_largest_stress_is_on_an_edge() -> None:
     stresses = np.array([[[9.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [[1.0, 0.0, 0.0], [9.0, 0.0, 0.0]]])
-    ring = wall_piece.RingStress(np.zeros((2, 3)), np.ones(2), stresses, np.array([0.0, 1.0]))
-    assert [of.error / 9.0 for of in estimates_of_pads(ring, ring)] == pytest.approx([wall_piece.MARGIN, EDGE_MARGIN])
+    ring = wall_stress.RingStress(np.zeros((2, 3)), np.ones(2), stresses, np.array([0.0, 1.0]))
+    assert [of.error / 9.0 for of in estimates_of_pads(ring, ring)] == pytest.approx([wall_stress.MARGIN, EDGE_MARGIN])
 
 
 def test_values_at_nodes_are_those_of_a_quadratic_field_up_to_the_edges_of_each_wall() -> None:
@@ -105,8 +108,8 @@ def test_cells_two_thirds_as_large_give_a_stress_within_the_bar(
 ) -> None:
     part, of_case = section(**keys), Pad("pad", face, 0.0, across, *size)
     on_its_cells = largest(part, of_case, x)
-    monkeypatch.setattr(wall_piece, "ALONG", 1.5 * wall_piece.ALONG)
-    monkeypatch.setattr(wall_piece, "ACROSS", 1.5 * wall_piece.ACROSS)
+    monkeypatch.setattr(wall_stress, "ALONG", 1.5 * wall_stress.ALONG)
+    monkeypatch.setattr(wall_stress, "ACROSS", 1.5 * wall_stress.ACROSS)
     on_smaller = largest(part, of_case, x)
     assert abs(on_smaller.value - on_its_cells.value) < on_its_cells.error < 0.12 * on_its_cells.value
     assert on_smaller.error < on_its_cells.error
@@ -128,7 +131,7 @@ def test_local_and_whole_stress_add_up_to_that_of_a_shell_of_the_whole_section()
     f = np.array([2e3, 1e3, 39e3, -0.5e3, 39e3, -0.5e3, -40e3, -40e3])  # N, outwards
 
     def whole(fineness: int) -> float:
-        cells = size[1] / (fineness * wall_piece.ACROSS), size[0] / (fineness * wall_piece.ALONG)
+        cells = size[1] / (fineness * wall_stress.ACROSS), size[0] / (fineness * wall_stress.ALONG)
         body = PlateBody(draw_box(box, *cells), box, part.body.material, part.body.shear_correction)
         shell = shell_of(body)
         model, rows, fits = HeldModel(shell, body), shell.stresses(), node_fits(shell.mesh).matrix
@@ -148,7 +151,7 @@ def test_local_and_whole_stress_add_up_to_that_of_a_shell_of_the_whole_section()
     states = SectionStates(along, np.stack(by_name, axis=1))
     peak = wall_peak(part, states, [LoadedRing(tuple(middle), np.array([1.0]), -f[None, :2])])
     assert peak is not None
-    expected = Estimate.from_meshes(*map(whole, wall_piece.FINENESS), 0.0)
+    expected = Estimate.from_meshes(*map(whole, wall_stress.FINENESS), 0.0)
     assert abs(peak.stress.value - expected.value) < peak.stress.error < 0.15 * peak.stress.value
     states_at_rest = SectionStates(along, 0.0 * states.forces)
     local = wall_peak(part, states_at_rest, [LoadedRing(tuple(middle), np.array([1.0]), -f[None, :2])])
@@ -157,7 +160,7 @@ def test_local_and_whole_stress_add_up_to_that_of_a_shell_of_the_whole_section()
 
 def test_the_largest_stress_is_that_at_its_time_and_of_the_ring_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """With local stresses of 1 Pa/N at one point, forces alone decide; without pads there is no stress."""
-    point = wall_piece.RingStress(
+    point = wall_stress.RingStress(
         np.array([[0.1, 0.1, 0.0]]), np.array([0.006]), np.array([[[1.0, 0.0, 0.0]]]), np.zeros(1)
     )
     monkeypatch.setattr(SectionPiece, "stresses", lambda piece, pads, place: [point, point])

@@ -12,8 +12,15 @@ from pmr.compare.simulated import simulate_with_states
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.pads import Pad
-from pmr.fullmodel.wall_piece import Estimate, RingStress, SectionPiece
-from pmr.fullmodel.wall_stress import LoadedRing, SectionStates, WallPeak, store_stresses
+from pmr.fullmodel.wall_stress import (
+    Estimate,
+    LoadedRing,
+    RingStress,
+    SectionPiece,
+    SectionStates,
+    WallPeak,
+    store_stresses,
+)
 from pmr.pipeline import stress_at_pads as at_pads
 from pmr.pipeline.model_errors import reduce_scene
 from pmr.reduction.recovery import recover
