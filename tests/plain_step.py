@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from pmr import System
 from pmr.files.arrays import Array
 from pmr.system.assembly import Assembly
-from pmr.system.contact_rows import ContactRows
 from pmr.system.contacts import Friction
+from pmr.system.states import ContactRows
 
 
 def complementary(A: Array, b: Array, pushes: NDArray[np.bool_]) -> tuple[Array, NDArray[np.bool_]]:

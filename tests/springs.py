@@ -3,10 +3,10 @@
 import numpy as np
 
 from pmr.files.arrays import Array
-from pmr.system.body import SlidingBody
+from pmr.system.body import SlidingBody, compliant_rows
 from pmr.system.carriers import Flexibility
-from pmr.system.contact_rows import check_determined, compliant_rows
 from pmr.system.polynomials import apply_table, evaluate
+from pmr.system.states import check_determined
 
 
 class CompliantRows:

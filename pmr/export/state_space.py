@@ -36,9 +36,9 @@ from pmr.simulation.modal import Modes, diagonalise, modal_damping
 from pmr.simulation.moving import path_ranges
 from pmr.system.assembly import Assembly
 from pmr.system.body_matrices import symmetric_part
-from pmr.system.contact_rows import ContactRows, check_determined
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.saved import read
+from pmr.system.states import ContactRows, check_determined
 from pmr.system.system import System
 
 #: Share of their largest entry by which rigid rows may differ between grid points and still be the same.

@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.files.arrays import Array, Indices
+from pmr.system.body import clear_rows, is_round_off
 from pmr.system.carriers import CarrierFlexibility
-from pmr.system.contact_rows import clear_rows, is_round_off
 from pmr.system.contacts import SLIDER, Friction
 from pmr.system.polynomials import (
     common_breaks,

@@ -29,8 +29,7 @@ from pmr.simulation.excitation import term_signals
 from pmr.simulation.reactions import is_reaction, outputs_of, with_forces_at_pivot, with_support_reactions
 from pmr.system.assembly import Assembly
 from pmr.system.body import Trajectory
-from pmr.system.contact_rows import ContactRows
-from pmr.system.states import SystemTrajectory
+from pmr.system.states import ContactRows, SystemTrajectory
 
 #: Number of angles among which the steepest angle is searched.
 ANGLES = 1001

@@ -12,12 +12,12 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.files.arrays import Array, Indices
-from pmr.system.body import SlidingBody
+from pmr.system.body import SlidingBody, clear_rows, is_round_off
 from pmr.system.body_matrices import natural_frequencies
-from pmr.system.contact_rows import ContactRows, add_springs, clear_rows, free_motions, is_round_off
 from pmr.system.contacts import Place
 from pmr.system.polynomials import evaluate
 from pmr.system.rows import TouchedWeights
+from pmr.system.states import ContactRows, add_springs, free_motions
 from pmr.system.system import System, consecutive
 from pmr.system.terms import Term, add_terms
 

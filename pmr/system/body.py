@@ -26,7 +26,7 @@ from pmr.results.response import FORCES
 from pmr.scene.signals.base import Interval
 from pmr.system.body_matrices import Rayleigh, Reactions, symmetric_part
 from pmr.system.carriers import CarrierRows
-from pmr.system.polynomials import stack_tables, transpose
+from pmr.system.polynomials import power_contributions, stack_tables, transpose
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Rows, SharedCarriers
 
@@ -304,3 +304,31 @@ def projected(body: SlidingBody, V: Array) -> ReducedModel:
         reactions=None if body.reactions is None else body.reactions.project(V),
         section=body.section,
     )
+
+
+#: Flexibility of a contact below this share of the largest is round-off of a rigid one.
+ROUND_OFF = 1e-14
+
+
+def is_round_off(F: Array, largest: float = 0.0) -> Mask:
+    """Mask (..., m) of m contacts that are rigid: their flexibility, in F (..., m, m) in m/N, is round-off.
+
+    The diagonal entry of a rigid contact is at most `ROUND_OFF` times the largest entry, or times `largest` if that is
+    more.  `largest` is the largest flexibility of the bodies in m/N, needed because all of F may be round-off.
+    """
+    diagonal = np.diagonal(F, axis1=-2, axis2=-1)
+    most = np.maximum(diagonal.max(axis=-1, keepdims=True, initial=0.0), largest)
+    return np.asarray(diagonal <= ROUND_OFF * most)
+
+
+def clear_rows(F: Array, mask: Mask) -> None:
+    """Set to zero, in place, the rows and columns of the contacts in a `mask` (..., m) of F (..., m, m)."""
+    F[np.broadcast_to(mask[..., :, None] | mask[..., None, :], F.shape)] = 0.0
+
+
+def compliant_rows(body: SlidingBody) -> list[int]:
+    """Numbers of the rows of a body that have flexibility: residual flexibility, or the compliance of a pad."""
+    F = np.diag(body.row_compliance)
+    if body.flexibility is not None:
+        F = F + np.abs(power_contributions(body.flexibility.rows)).max(axis=(0, 1))
+    return np.flatnonzero(~is_round_off(F)).tolist()

@@ -25,8 +25,9 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.files.arrays import Array, Mask
 from pmr.system.assembly import Assembly
-from pmr.system.contact_rows import ContactRows, clear_rows, is_round_off
+from pmr.system.body import clear_rows, is_round_off
 from pmr.system.rows import TouchedWeights
+from pmr.system.states import ContactRows
 from pmr.system.system import Side
 
 Number = TypeVar("Number", bound=np.generic)

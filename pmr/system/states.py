@@ -1,20 +1,103 @@
-"""Simulated motion of a system, the outputs of its bodies, and states from which their full coordinates follow."""
+r"""A system at given times: rows of its contacts, its simulated motion, and outputs and states of its bodies.
+
+Compliant rows are eliminated: they are springs that travel with the slider, and no constraint is left.  With the
+flexibility F(s) = G(s) + 1/k, of the residual flexibility G and the compliance 1/k of pads,
+
+.. math::
+    \lambda = F^{-1} (C q + H f), \qquad
+    M \ddot q + D \dot q + \big( K + C^T F^{-1} C \big) q = \big( B - C^T F^{-1} H \big) f
+
+which is an ordinary second-order system whose stiffness and inputs depend on s.  From the states of a body its full
+coordinates follow.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.files.arrays import Array, Indices
-from pmr.system.body import Body, Trajectory
+from pmr.errors import SimulationError
+from pmr.files.arrays import Array, Indices, Mask
+from pmr.system.body import Body, Trajectory, is_round_off
 from pmr.system.contacts import Friction
 from pmr.system.polynomials import apply_table, select_columns, select_rows
 from pmr.system.system import BodySystem, System
+
+
+@dataclass(frozen=True)
+class ContactRows:
+    """Rows of m contacts at given coordinates of their places, at one time or at T times, on n coordinates."""
+
+    C: Array  # ([T,] m, n)
+    F: Array  # ([T,] m, m) m/N: G + 1/k, residual flexibility plus compliance
+    H: Array  # ([T,] m, i) m/N: motion of the contacts that i unit inputs cause by the residual flexibility
+    X: Array  # ([T,] o, m) m/N: reduction of o outputs that unit contact forces cause by this flexibility
+
+    def at_time(self, k: int) -> ContactRows:
+        """Rows of the contacts at the time with number k; only for rows at T times."""
+        return ContactRows(self.C[k], self.F[k], self.H[k], self.X[k])
+
+    def select(self, mask: Mask) -> ContactRows:
+        """Rows of those contacts alone that are in a `mask` (m,)."""
+        F = self.F[..., mask, :][..., mask]
+        return ContactRows(self.C[..., mask, :], F, self.H[..., mask, :], self.X[..., mask])
+
+    def force_scale(self, K: sp.csr_matrix | Array) -> float:
+        """Factor by which contact equations are scaled: the largest entry of the stiffness K (n, n).
+
+        If K is zero, as for rigid motions, it is the square of the largest entry of C over the largest entry of F, or 1
+        if F is zero.
+        """
+        flexibility = abs(self.F).max(initial=0.0)
+        return float(abs(K).max() or (abs(self.C).max() ** 2 / flexibility if flexibility else 1.0))
+
+    @cached_property
+    def force_coefficients(self) -> Array:
+        """Contact forces (m, n + i) at one time by unit coordinates, F^-1 C, then by unit inputs, F^-1 H."""
+        return np.asarray(np.linalg.solve(self.F, np.hstack([self.C, self.H])))
+
+    @property
+    def rigid(self) -> Mask:
+        """Mask (m,), or (T, m) at T times, of the contacts that are rigid: their flexibility F is zero or round-off."""
+        return is_round_off(self.F)
+
+
+def add_springs(K: Array, rows: ContactRows) -> Array:
+    """Return K (n, n) plus the stiffness C^T F^-1 C (n, n) of those contacts of `rows` that are not rigid."""
+    soft = rows.select(~rows.rigid)
+    return np.asarray(K + soft.C.T @ np.linalg.solve(soft.F, soft.C))
+
+
+def free_motions(C: Array) -> Array | None:
+    """Orthonormal basis (n, k) of the motions that rigid contacts C (m, n) leave free; None if m is 0."""
+    return scipy.linalg.null_space(C) if len(C) else None
+
+
+#: Smallest eigenvalue of F, after scaling to a unit diagonal, with which F can be inverted.
+REGULAR = 1e-13
+
+
+def check_determined(F: Array, names: Sequence[str], where: Callable[[int], str]) -> None:
+    """Raise a SimulationError if a flexibility F (T, m, m) in m/N of the rows `names` (m,) is singular at some time.
+
+    The forces of the rows are then not determined, as of a slider on a support, or of two sliders at one point.
+    ``where(k)`` is the beginning of the message about the time with number k.
+    """
+    if not len(names):
+        return
+    scale = np.sqrt(np.maximum(np.einsum("tmm->tm", F), np.finfo(float).tiny))
+    regular = np.linalg.eigvalsh(F / (scale[:, :, None] * scale[:, None, :]))[:, 0] > REGULAR
+    regular &= ~is_round_off(F).any(axis=1)
+    if not regular.all():
+        place = where(int(np.argmin(regular)))
+        raise SimulationError(f"{place}: the forces of the rows {', '.join(names)} are not determined there")
 
 
 @dataclass(frozen=True)

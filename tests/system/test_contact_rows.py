@@ -13,10 +13,9 @@ from springs import CompliantRows
 from pmr import InputError, ReducedModel, SimulationError, System
 from pmr.simulation import InitialState, TimeStepping
 from pmr.system.assembly import Assembly
-from pmr.system.body import FullBody
+from pmr.system.body import ROUND_OFF, FullBody, compliant_rows, is_round_off
 from pmr.system.body_matrices import dependence_of_flexibility, dependence_of_rows
 from pmr.system.changing_rows import ChangingRows
-from pmr.system.contact_rows import ROUND_OFF, compliant_rows, is_round_off
 from pmr.system.rows import Rows
 
 

@@ -26,8 +26,8 @@ from pmr.kernel.laws import ContactError, solve_contact
 from pmr.simulation.exudyn.equations import Equations, Inputs
 from pmr.simulation.start import Grip, slide
 from pmr.simulation.stepping import half_form, row_products, step_means
-from pmr.system.contact_rows import ContactRows
 from pmr.system.contacts import Friction
+from pmr.system.states import ContactRows
 
 #: Most values that are computed at once, which bounds the memory of a long simulation.
 ENTRIES = 1_000_000

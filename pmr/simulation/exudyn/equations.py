@@ -32,9 +32,9 @@ from pmr.simulation.excitation import Excitation, side_positions, signals_in_ord
 from pmr.simulation.free_base import Extensions
 from pmr.simulation.start import InitialState, consistent_start, dense, needs_of
 from pmr.system.assembly import Assembly
-from pmr.system.body import SlidingBody
-from pmr.system.contact_rows import ContactRows, check_determined, compliant_rows
+from pmr.system.body import SlidingBody, compliant_rows
 from pmr.system.contacts import ALONE
+from pmr.system.states import ContactRows, check_determined
 from pmr.system.system import System
 
 

@@ -24,8 +24,8 @@ from pmr.simulation.exudyn.contacts import Contacts, Pads, Rows
 from pmr.simulation.exudyn.equations import Equations, Inputs
 from pmr.simulation.exudyn.items import Steps, SystemItems, add_bodies, add_coordinates, with_contacts
 from pmr.simulation.start import InitialState
-from pmr.system.contact_rows import ContactRows
 from pmr.system.contacts import Friction
+from pmr.system.states import ContactRows
 
 Start = Mapping[str, InitialState]
 

@@ -33,7 +33,7 @@ from pmr.simulation.exudyn.equations import SignalInputs
 from pmr.simulation.exudyn.items import SystemItems, add_pre_step_function
 from pmr.simulation.stepping import Progress, TimeStepping
 from pmr.system.body import kinds_of, units_of
-from pmr.system.contact_rows import ContactRows
+from pmr.system.states import ContactRows
 from pmr.system.system import System
 
 _log = logging.getLogger(__name__)

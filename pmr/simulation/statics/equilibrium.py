@@ -46,7 +46,7 @@ from pmr.errors import InputError
 from pmr.files.arrays import Array, Mask
 from pmr.kernel.laws import ContactSearch
 from pmr.system.assembly import Assembly
-from pmr.system.contact_rows import ContactRows
+from pmr.system.states import ContactRows
 from pmr.system.terms import add_terms
 
 #: Share of the lowest omega^2 with which M holds otherwise free bodies; relative change of q that this may cause.

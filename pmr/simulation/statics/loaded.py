@@ -37,7 +37,7 @@ from pmr.files.arrays import Array, Mask
 from pmr.kernel.laws import ContactSearch
 from pmr.simulation.statics.equilibrium import LARGER, SMALLER, BorderedMatrix
 from pmr.system.body_matrices import cholesky_root, first_singular
-from pmr.system.contact_rows import ContactRows
+from pmr.system.states import ContactRows
 
 #: Share of the largest eigenvalue of the geometric stiffness below which an eigenvalue is round-off; share of the
 #: contacts' largest flexibility below which the flexibility at the load's own position is round-off.

@@ -35,7 +35,7 @@ from pmr.simulation.reactions import machine_wrench, outputs_of, outputs_of_grou
 from pmr.simulation.statics.loaded import Equations, LoadEffects
 from pmr.system.assembly import Assembly
 from pmr.system.body import kinds_of
-from pmr.system.contact_rows import ContactRows
+from pmr.system.states import ContactRows
 from pmr.system.system import System
 
 #: Name of the load of a chart, with the unit 1 kg.

@@ -21,8 +21,8 @@ from pmr.simulation.exudyn import Formulation, contacts, items, simulator
 from pmr.simulation.exudyn.solver import describe_slider, read_sensor
 from pmr.system.assembly import Assembly
 from pmr.system.body import FullBody, SlidingBody, Trajectory
-from pmr.system.contact_rows import ContactRows
 from pmr.system.rows import Rows
+from pmr.system.states import ContactRows
 
 PATH = Sine(amplitude=0.7, frequency=0.8, offset=2.0)
 LOADS = (

@@ -9,8 +9,8 @@ from scipy.interpolate import PPoly
 from pmr import InputError, ReducedModel, System
 from pmr.simulation.statics.equilibrium import equilibrium, saddle_point_solver
 from pmr.system.assembly import Assembly
-from pmr.system.contact_rows import ContactRows
 from pmr.system.contacts import Contact, Place
+from pmr.system.states import ContactRows
 from pmr.system.terms import Term
 
 

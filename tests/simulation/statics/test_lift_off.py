@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 
 from pmr.simulation.statics.loaded import Equations, Form, LoadEffects
 from pmr.simulation.statics.swings import Rope, lift_off
-from pmr.system.contact_rows import ContactRows
+from pmr.system.states import ContactRows
 
 G = 9.80665
 

@@ -13,7 +13,7 @@ from pmr import InputError
 from pmr.simulation.statics.loaded import Equations, Form, LoadedStructure, LoadEffects
 from pmr.studies.allowed import first_load
 from pmr.system.body_matrices import cholesky_root, first_singular
-from pmr.system.contact_rows import ContactRows
+from pmr.system.states import ContactRows
 
 Array = np.ndarray
 
