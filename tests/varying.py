@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 from statics import static_outputs
 
-from pmr.fullmodel.structural import structural_model
-from pmr.fullmodel.structure import Action, Clamp, Structure
+from pmr.fullmodel.actions import Action
+from pmr.fullmodel.structure import Clamp, Structure, structural_model
 from pmr.models import DIRECTIONS
 from pmr.models.beam3d import Beam3D, box_beam
 from pmr.models.box_mesh import write_shell

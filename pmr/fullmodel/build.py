@@ -30,8 +30,7 @@ from pmr.files.arrays import Array
 from pmr.files.fit import UNCHECKED
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.model import FullModel, FullSystem
-from pmr.fullmodel.structural import structural_model
-from pmr.fullmodel.structure import Structure
+from pmr.fullmodel.structure import Structure, structural_model
 from pmr.models import DIRECTIONS, StructuralModel
 from pmr.models.named_mesh import NamedMesh
 from pmr.scene import Scene

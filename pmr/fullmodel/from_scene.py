@@ -14,9 +14,9 @@ import numpy as np
 from pmr.errors import InputError, call_on_first_rank, environment
 from pmr.fem.compat import MPI, check_fenicsx
 from pmr.files.arrays import Array
+from pmr.fullmodel.actions import Action, Inertia, LineLoad, PadForce, Warmth, Weight, gauges
 from pmr.fullmodel.pads import Pad, Pads, Slider, Support
-from pmr.fullmodel.probes import gauges
-from pmr.fullmodel.structure import Action, Clamp, Inertia, LineLoad, PadForce, Structure, Warmth, Weight
+from pmr.fullmodel.structure import Clamp, Structure
 from pmr.models import StructuralModel
 from pmr.models.box_mesh import DIMENSIONS, BoxBoom, write_shell, write_solid
 from pmr.models.matrices import Matrices

@@ -29,8 +29,7 @@ from pmr.fem.factor import BLOCK, factor_for_columns
 from pmr.files import npz
 from pmr.files.arrays import Array
 from pmr.fullmodel.pads import Pad, under_pad
-from pmr.fullmodel.structural import structural_model
-from pmr.fullmodel.structure import Clamp, Structure, couple
+from pmr.fullmodel.structure import Clamp, Structure, couple, structural_model
 from pmr.fullmodel.walls import Sliding, Standing, Walls
 from pmr.models import DIRECTIONS, StructuralModel
 from pmr.models.beam3d import Beam3D, box_beam

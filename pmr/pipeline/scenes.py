@@ -25,10 +25,10 @@ from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions
 from pmr.files.arrays import Summary
+from pmr.fullmodel.actions import probe_summary
 from pmr.fullmodel.build import AssembledBody, build_bodies, free_motion_warnings, models_of
 from pmr.fullmodel.build import warnings as build_warnings
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.probes import probe_summary
 from pmr.fullmodel.walls import summary as summary_of_walls
 from pmr.pipeline.bodies import Bodies, Motions, Precomputed
 from pmr.pipeline.model_errors import (

@@ -25,13 +25,14 @@ from pmr.errors import InputError
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import free_objects, gather, sparse, times
 from pmr.files.arrays import Array, Indices
+from pmr.fullmodel.actions import Action
 from pmr.fullmodel.assembly import operators_of
 from pmr.fullmodel.build import AssembledBody, build
 from pmr.fullmodel.eigensolvers import eigensolver
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.moving import SingularError, static_solver
 from pmr.fullmodel.pads import restrain
-from pmr.fullmodel.structure import Action, Structure, couple
+from pmr.fullmodel.structure import Structure, couple
 from pmr.models import DIRECTIONS, StructuralModel, is_assembled
 from pmr.models.matrices import Matrices
 from pmr.results.field_series import FramedBody, Frames, NodalBody, Places

@@ -31,12 +31,13 @@ import scipy.sparse.linalg as spla
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import local_csr
 from pmr.files.arrays import Array
+from pmr.fullmodel.actions import Action
 from pmr.fullmodel.assembly import operators_of
 from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.moving import FrameAssembler
 from pmr.fullmodel.pads import restrain
-from pmr.fullmodel.structure import Action, Structure, couple
+from pmr.fullmodel.structure import Structure, couple
 from pmr.fullmodel.walls import Walls
 from pmr.models import Cut
 from pmr.results.field_stress import ForceRows

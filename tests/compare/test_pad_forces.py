@@ -13,7 +13,7 @@ from pmr import scene as scenes
 from pmr.compare.errors import errors_between, with_common_forces
 from pmr.compare.forces import pad_extremes, pulled_pad_warnings, unknown_force_warnings
 from pmr.fullmodel.from_scene import structure_of
-from pmr.fullmodel.structural import structural_model
+from pmr.fullmodel.structure import structural_model
 from pmr.report.columns import forces_of
 from pmr.results import Energy
 from pmr.scene import Scene

@@ -10,8 +10,7 @@ from textbook import CLOSED_FORM
 
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.eigensolvers import DenseEigenSolver, SlepcEigenSolver
-from pmr.fullmodel.structural import structural_model
-from pmr.fullmodel.structure import Clamp, Structure
+from pmr.fullmodel.structure import Clamp, Structure, structural_model
 from pmr.models.beam2d import Beam2D
 from pmr.models.solid import Solid
 from pmr.scene.structures import Material, SolidBody

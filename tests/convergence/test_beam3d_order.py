@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from pmr.fullmodel.eigensolvers import DenseEigenSolver
-from pmr.fullmodel.structural import structural_model
-from pmr.fullmodel.structure import Clamp, Structure
+from pmr.fullmodel.structure import Clamp, Structure, structural_model
 from pmr.models.beam3d import Beam3D
 from pmr.scene.structures import Beam3DBody, BoxProfile
 

@@ -16,8 +16,8 @@ from cylinder import pinched
 from statics import static_outputs
 from surfaces import mapped
 
-from pmr.fullmodel.structural import structural_model
-from pmr.fullmodel.structure import Action, Clamp, Structure, Weight
+from pmr.fullmodel.actions import Action, Weight
+from pmr.fullmodel.structure import Clamp, Structure, structural_model
 from pmr.models.named_mesh import Group
 from pmr.models.shell import Shell
 from pmr.scene.structures import Material, Plate, ShellBody

@@ -20,7 +20,7 @@ from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.structural import structural_model
+from pmr.fullmodel.structure import structural_model
 from pmr.models.beam3d import Beam3D
 from pmr.models.box_mesh import BoxBoom, write_shell
 from pmr.models.shell import Shell

@@ -13,11 +13,11 @@ from surfaces import mapped
 
 from pmr import InputError, System
 from pmr.fem.compat import MPI
+from pmr.fullmodel.actions import Action, Inertia
 from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.fullmodel.moving import FrameAssembler
 from pmr.fullmodel.pads import Pads, Support
-from pmr.fullmodel.structural import structural_model
-from pmr.fullmodel.structure import Action, Clamp, Inertia, Structure
+from pmr.fullmodel.structure import Clamp, Structure, structural_model
 from pmr.models import StructuralModel
 from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D

@@ -10,9 +10,9 @@ from gathering import gathered
 
 from pmr import InputError
 from pmr.fem.compat import MPI
+from pmr.fullmodel.actions import Action, PadForce, Weight
 from pmr.fullmodel.pads import Pad, Pads, Support, fixed_pad, moving_pad, restrain
-from pmr.fullmodel.structural import structural_model
-from pmr.fullmodel.structure import Action, PadForce, Structure, Weight
+from pmr.fullmodel.structure import Structure, structural_model
 from pmr.models import StructuralModel
 from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D

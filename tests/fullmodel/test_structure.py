@@ -9,10 +9,10 @@ from surfaces import mapped
 from textbook import relative
 
 from pmr import InputError
+from pmr.fullmodel.actions import Action, Weight
 from pmr.fullmodel.eigensolvers import DenseEigenSolver, SlepcEigenSolver
 from pmr.fullmodel.from_scene import structure_of
-from pmr.fullmodel.structural import structural_model
-from pmr.fullmodel.structure import Action, Clamp, Structure, Weight
+from pmr.fullmodel.structure import Clamp, Structure, structural_model
 from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
 from pmr.models.named_mesh import NamedMesh

@@ -7,9 +7,9 @@ import pytest
 import scipy.linalg
 from gathering import gathered
 
+from pmr.fullmodel.actions import Action
 from pmr.fullmodel.pads import Pad, Pads, Support
-from pmr.fullmodel.structural import structural_model
-from pmr.fullmodel.structure import Action, Clamp, Structure
+from pmr.fullmodel.structure import Clamp, Structure, structural_model
 from pmr.fullmodel.wall_compliance import A_LAYER, PlateBody, Ring, places_along, wall_compliance
 from pmr.fullmodel.walls import Sliding, Standing, Walls, summary
 from pmr.models.beam3d import Beam3D

@@ -11,8 +11,7 @@ from pmr import InputError
 from pmr.files.matrices import GivenMatrices
 from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.pads import Pads, Support, restrain
-from pmr.fullmodel.structural import structural_model
-from pmr.fullmodel.structure import Structure
+from pmr.fullmodel.structure import Structure, structural_model
 from pmr.models.matrices import Matrices
 from pmr.models.trace import Window
 from pmr.reduction.recovery import BodyFields

@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 from statics import static_outputs
 
+from pmr.fullmodel.actions import Action
 from pmr.fullmodel.eigensolvers import SlepcEigenSolver
-from pmr.fullmodel.structural import structural_model
-from pmr.fullmodel.structure import Action, Clamp, Structure
+from pmr.fullmodel.structure import Clamp, Structure, structural_model
 from pmr.models import StructuralModel
 from pmr.models.box_mesh import BoxBoom, write_shell, write_solid
 from pmr.models.named_mesh import read_mesh

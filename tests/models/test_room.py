@@ -12,10 +12,10 @@ from surfaces import mapped
 
 from pmr import InputError
 from pmr.fem.compat import MPI
+from pmr.fullmodel.actions import Action, Inertia, Weight
 from pmr.fullmodel.assembly import assemble_model
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.structural import structural_model
-from pmr.fullmodel.structure import Action, Clamp, Inertia, Structure, Weight
+from pmr.fullmodel.structure import Clamp, Structure, structural_model
 from pmr.models import FiniteElementModel
 from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D, box_beam

@@ -17,11 +17,11 @@ from peers.pads import Patch
 from statics import static_outputs
 
 from pmr import scene as scenes
+from pmr.fullmodel.actions import Action
 from pmr.fullmodel.eigensolvers import SlepcEigenSolver, eigensolver
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.model import FullModel, FullSystem
-from pmr.fullmodel.structural import structural_model
-from pmr.fullmodel.structure import Action, Clamp, Structure
+from pmr.fullmodel.structure import Clamp, Structure, structural_model
 from pmr.models.box_mesh import BoxBoom, write_shell
 from pmr.models.named_mesh import read_mesh
 from pmr.models.shell import Shell

@@ -16,8 +16,7 @@ from pmr.files.foreign import ForeignFiles, foreign_files, read_foreign
 from pmr.files.matrices import GivenMatrices
 from pmr.fullmodel.build import build
 from pmr.fullmodel.eigensolvers import eigensolver
-from pmr.fullmodel.structural import structural_model
-from pmr.fullmodel.structure import Clamp, Structure
+from pmr.fullmodel.structure import Clamp, Structure, structural_model
 from pmr.models.matrices import Matrices
 
 pytestmark = [pytest.mark.peers, pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) not found")]

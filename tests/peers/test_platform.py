@@ -21,9 +21,9 @@ from statics import static_outputs
 import pmr
 from pmr import scene as scenes
 from pmr.fem.distributed import local_csr
+from pmr.fullmodel.actions import Action
 from pmr.fullmodel.pads import Pad, Pads, Support
-from pmr.fullmodel.structural import structural_model
-from pmr.fullmodel.structure import Action, Structure
+from pmr.fullmodel.structure import Structure, structural_model
 from pmr.models.box_mesh import BoxBoom, write_shell
 from pmr.models.named_mesh import read_mesh
 from pmr.models.shell import Shell, shell_body

@@ -17,10 +17,10 @@ from nested import Nested, full, reduced
 
 from pmr import InputError, ReducedModel, System
 from pmr.files import npz
+from pmr.fullmodel.actions import Action, Weight
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.pads import Pad, Pads
-from pmr.fullmodel.structural import structural_model
-from pmr.fullmodel.structure import Action, Clamp, Structure, Weight
+from pmr.fullmodel.structure import Clamp, Structure, structural_model
 from pmr.models.shell import Shell
 from pmr.reduction.basis import modal_basis
 from pmr.reduction.free_body import FreeBody

@@ -14,7 +14,7 @@ from pmr import ReducedModel
 from pmr.fem.distributed import inner, local_csr, times
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.structural import structural_model
+from pmr.fullmodel.structure import structural_model
 from pmr.models.shell import Shell
 from pmr.reduction.basis import Basis, modal_basis, reduced_model
 from pmr.reduction.free_body import FreeBody

@@ -8,8 +8,7 @@ from boxes import box
 from pmr.fem.compat import MPI
 from pmr.fullmodel.assembly import share
 from pmr.fullmodel.build import AssembledBody
-from pmr.fullmodel.structural import structural_model
-from pmr.fullmodel.structure import Clamp, Structure, couple
+from pmr.fullmodel.structure import Clamp, Structure, couple, structural_model
 from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell

@@ -7,10 +7,10 @@ import pytest
 
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import local_csr
+from pmr.fullmodel.actions import Action, Weight
 from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.pads import Pad, Pads, Slider, Support
-from pmr.fullmodel.structural import structural_model
-from pmr.fullmodel.structure import Action, Clamp, Structure, Weight
+from pmr.fullmodel.structure import Clamp, Structure, structural_model
 from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D, box_beam
 from pmr.reduction.section_forces import SectionForces

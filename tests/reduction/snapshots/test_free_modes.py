@@ -11,10 +11,10 @@ from textbook import EA, EI, LENGTH, RHO_A
 from pmr import InputError
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import inner, times
+from pmr.fullmodel.actions import Action
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.structural import structural_model
-from pmr.fullmodel.structure import Action, Clamp, Structure
+from pmr.fullmodel.structure import Clamp, Structure, structural_model
 from pmr.models.beam2d import Beam2D
 from pmr.reduction.free_body import FreeBody, rigid_modes
 from pmr.reduction.snapshots import Snapshots, eigenmode_snapshots, free_modes, node_set, positions

@@ -13,8 +13,7 @@ from pmr.fullmodel.build import build
 from pmr.fullmodel.eigensolvers import eigensolver
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.structural import structural_model
-from pmr.fullmodel.structure import Clamp, Structure
+from pmr.fullmodel.structure import Clamp, Structure, structural_model
 from pmr.reduction.free_body import FreeBody, rigid_modes
 from pmr.reduction.snapshots import _remove_rigid_modes, free_modes
 from pmr.scene import Damping

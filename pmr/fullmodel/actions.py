@@ -1,8 +1,9 @@
-r"""Probes as outputs: stresses, strains and displacements of a place as rows on a model's coordinates.
+r"""What acts on a structure, and what is measured on it: loads, displacements, forces of pads, and probes.
 
-The normal strains :math:`\varepsilon` and shear strains :math:`\gamma` follow from the stresses :math:`\sigma` and
-:math:`\tau` by Hooke's law, on a shell for plane stress, with Young's modulus E, Poisson's ratio :math:`\nu` and the
-shear modulus G of the cell's material:
+Probes are stresses, strains and displacements of a place as rows on a model's coordinates.  The normal strains
+:math:`\varepsilon` and shear strains :math:`\gamma` follow from the stresses :math:`\sigma` and :math:`\tau` by
+Hooke's law, on a shell for plane stress, with Young's modulus E, Poisson's ratio :math:`\nu` and the shear modulus G of
+the cell's material:
 
 .. math:: \varepsilon = \frac{(1 + \nu)\, \sigma - \nu \operatorname{tr}(\sigma)\, 1}{E}, \qquad \gamma = \frac{\tau}{G}
 
@@ -23,9 +24,108 @@ from pmr.errors import InputError
 from pmr.files.arrays import Array, Indices
 from pmr.models import FiniteElementModel, StructuralModel, is_assembled, is_beam
 from pmr.results.field_stress import StressRows
+from pmr.scene.built import WEIGHT, force_name
+from pmr.scene.frame import INERTIA
 from pmr.scene.joints import OneBody
 from pmr.scene.keys import Point, qualified_name
 from pmr.scene.structures import Material, Probe
+
+#: Directions of displacements.
+ALONG = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Action:
+    """A force (N) or moment (N m) along or about `direction` on a place; as an output, displacement or rotation."""
+
+    name: str
+    on: str | float
+    direction: str
+    point: tuple[float, float, float] | None = None  # m: moves rigidly with the place; None: the place's centroid
+    measures: str = "beam"  # kind of output: ``beam`` for a place along the body, ``tip`` for its tip
+
+    @property
+    def kind(self) -> str:
+        """Kind of the output and its direction, such as ``tip z`` or ``probe ry`` (`pmr.results.response`)."""
+        return f"{self.measures if self.direction in ALONG else 'probe'} {self.direction}"
+
+    @property
+    def is_displacement(self) -> bool:
+        """Whether the action is a force on the centroid of its place, and measures the displacement there."""
+        return self.direction in ALONG and self.point is None
+
+    @property
+    def unit(self) -> str:
+        """Unit of the measured displacement or rotation."""
+        return "m" if self.direction in ALONG else "rad"
+
+
+@dataclass(frozen=True)
+class Warmth:
+    """A load by a difference of temperature across a beam; its input is the difference in K.
+
+    `gradient` is the gradient along `direction` (y or z) of the strain of a free beam, in 1/m for a difference of 1 K.
+    """
+
+    name: str
+    direction: str
+    gradient: float
+
+
+@dataclass(frozen=True)
+class LineLoad:
+    """A force per length along `direction` on a beam, a Legendre polynomial of its length; its input is in N/m."""
+
+    name: str
+    direction: str
+    degree: int
+
+
+@dataclass(frozen=True)
+class PadForce:
+    """An output: the force in N of a pad or support that does not move, has a stiffness and holds both ways."""
+
+    pad: str
+    kind: str = "pad"  # or ``support``
+
+    @property
+    def name(self) -> str:
+        """Name of the output."""
+        return force_name(self.pad)
+
+    @property
+    def unit(self) -> str:
+        """Unit of the force, N."""
+        return "N"
+
+
+@dataclass(frozen=True)
+class Weight:
+    """A load that accelerates the structure and its attached masses along `direction` (3,); its input is in m/s^2.
+
+    The length of `direction` is not used.
+    """
+
+    direction: tuple[float, float, float] = (0.0, 0.0, -1.0)
+    name: str = WEIGHT
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """A load by a field of acceleration at the points r: uniform along axis j, or along j and proportional to r_k.
+
+    `field` is ``j`` for the uniform field :math:`e_j` or ``jk`` for the linear field :math:`r_k e_j`, with the letters
+    x, y or z for j and k.  The input of the load is minus the amplitude of the field, so that it has the sign of a
+    force.  Its unit is m/s^2 for a uniform and 1/s^2 for a linear field.
+    """
+
+    field: str
+
+    @property
+    def name(self) -> str:
+        """Name of the input."""
+        return INERTIA + self.field
+
 
 #: Units of measures.  Displacements are in mm, as errors and estimates are computed for all outputs in m.
 UNITS = {"stress": "Pa", "strain": "1", "displacement": "mm"}

@@ -7,8 +7,8 @@ import pytest
 
 from pmr import InputError, RunResult, full_model, run
 from pmr import scene as scenes
+from pmr.fullmodel.actions import Gauge
 from pmr.fullmodel.from_scene import structure_of
-from pmr.fullmodel.probes import Gauge
 from pmr.fullmodel.structure import Structure
 from pmr.models.profile_section import section_of
 from pmr.scene import Scene
