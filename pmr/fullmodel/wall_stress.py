@@ -24,10 +24,11 @@ from pmr.files import npz
 from pmr.files.arrays import Array
 from pmr.fullmodel.pads import Pad
 from pmr.fullmodel.wall_compliance import HeldModel, PlateBody, beam_of, shell_of
-from pmr.models.meshed import mean_by_place, node_fits
+from pmr.models.meshed import node_fits
 from pmr.models.profile_section import section_of
 from pmr.models.sections_along import axial_stress_factors, torsion_stress_factors
 from pmr.models.shell import draw_box
+from pmr.results.field_series import mean_by_place
 from pmr.results.field_stress import FORCES, PLANE, von_mises
 from pmr.scene.built import PadRing
 from pmr.scene.choice import traits_of

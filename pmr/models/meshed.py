@@ -260,13 +260,6 @@ def coordinate_rows(entries: Array, coordinates: Indices, size: int) -> sp.csr_m
 FOCUS = 2.0
 
 
-def mean_by_place(x: Array, values: Array) -> tuple[Array, Array]:
-    """Return the different places of x (P,), ascending (p,), and the means (S, p) of values (S, P) at each of them."""
-    places, inverse, counts = np.unique(x.round(9), return_inverse=True, return_counts=True)
-    means = sp.csr_matrix((1.0 / counts[inverse], (np.arange(len(x)), inverse)))
-    return places, np.asarray(values @ means)
-
-
 class NodeFits(NamedTuple):
     """Matrix from values of C cells to values at the p nodes of all walls, and the nodes at edges of two walls."""
 

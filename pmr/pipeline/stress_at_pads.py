@@ -15,9 +15,9 @@ from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.pads import Pad, restrain
 from pmr.fullmodel.structure import couple
 from pmr.fullmodel.wall_stress import LoadedRing, SectionStates, WallPeak, wall_peak, yield_forces
-from pmr.models.meshed import mean_by_place
 from pmr.pipeline.model_errors import UNNEEDED
 from pmr.reduction.recovery import RecoveredBody
+from pmr.results.field_series import mean_by_place
 from pmr.results.field_stress import FORCES
 from pmr.scene import Scene
 from pmr.scene.choice import traits_of

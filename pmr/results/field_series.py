@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -25,6 +26,9 @@ from pmr.files import npz
 from pmr.files.arrays import Array, Indices
 from pmr.scene.box import Box
 from pmr.scene.built import Face, PadRing
+
+if TYPE_CHECKING:
+    pass
 
 Single = NDArray[np.float32]
 MOST_EXPANSION = 100.0  # largest size of fields as a multiple of their compressed file; moving fields take 4/3 of it
@@ -285,3 +289,10 @@ class Pose:
         The vectors are given in components along the moving axes.
         """
         return np.asarray(np.asarray(vectors, float) @ self.rotation[k].T)
+
+
+def mean_by_place(x: Array, values: Array) -> tuple[Array, Array]:
+    """Return the different places of x (P,), ascending (p,), and the means (S, p) of values (S, P) at each of them."""
+    places, inverse, counts = np.unique(x.round(9), return_inverse=True, return_counts=True)
+    means = sp.csr_matrix((1.0 / counts[inverse], (np.arange(len(x)), inverse)))
+    return places, np.asarray(values @ means)

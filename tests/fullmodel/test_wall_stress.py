@@ -19,8 +19,9 @@ from pmr.fullmodel.wall_stress import (
     wall_peak,
     yield_forces,
 )
-from pmr.models.meshed import mean_by_place, node_fits
+from pmr.models.meshed import node_fits
 from pmr.models.shell import draw_box
+from pmr.results.field_series import mean_by_place
 from pmr.results.field_stress import FORCES, PLANE, von_mises
 from pmr.scene import Scene
 from pmr.scene.joints import BoomSection
