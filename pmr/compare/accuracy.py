@@ -236,9 +236,10 @@ def _none_if_unknown(errors: Mapping[str, float]) -> dict[str, float | None]:
 
 
 def accuracy_warnings(choice: Choice) -> list[str]:
-    """Warnings if the model and its step, or the mesh, exceed the tolerance.
+    """Warnings that an error of the chosen model exceeds the tolerance of the scene.
 
-    The list is empty if the scene has no tolerance.
+    Compared are the error of reduction and step, that of the mesh, and the sum of both.  The list is empty if each is
+    within the tolerance, or if the scene has none.
     """
     accuracy, trial = choice.scene.accuracy, choice.trial
     if accuracy is None:

@@ -228,9 +228,10 @@ class Trials:
         return Trial(sizes, self.coordinates(sizes), steps, reduction, step, self.is_settled(sizes, steps), *of_run)
 
     def is_resolved(self, sizes: Sizes, steps: int) -> bool:
-        """Whether `steps` steps are short enough to show whether models of these sizes have too few coordinates.
+        """Whether a run with this number of steps is accurate enough in time to tell the error of a reduction.
 
-        Only to be called after `step_errors` for the same sizes and steps.
+        This is the case if the error of the step is settled, and at most `RESOLVED` in every kind of output.  `sizes`
+        are those of the models.  Only to be called after `step_errors` for the same sizes and steps.
         """
         run_error = self._step_errors[sizes, steps]
         return run_error is not None and run_error.settled and max(self.step_errors(sizes, steps).values()) <= RESOLVED

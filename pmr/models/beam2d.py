@@ -179,8 +179,9 @@ class Beam2D(Beam):
     def in_elements(self, h: Array, X: Array, number: Indices) -> Array:
         """Shape functions (q, d, 2 d): motion of the axis at a point in each of q elements.
 
-        Columns are the d coordinates of the element's first node, then those of its second node; d is 3 with axial
-        motion, else 2.  h, X and number (q,) are as in `Beam.in_elements`.
+        Point i is at the share X[i] in [0, 1] of an element with length h[i] in m and section number[i]; h, X and
+        number are (q,).  Columns are the d coordinates of the element's first node, then those of its second node; d is
+        3 with axial motion, else 2.
         """
         d, (value, slope) = len(self.directions), Bending(self.stiffnesses.bending).shape_weights(h, X, number)
         local = np.zeros((len(h), d, 2 * d))

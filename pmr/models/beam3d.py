@@ -280,10 +280,11 @@ class Beam3D(Beam):
         return [plane.deflection(w, h, X, of_elements) for plane, w in zip(self.planes, cubics, strict=True)]
 
     def in_elements(self, h: Array, X: Array, number: Indices) -> Array:
-        """Motion (q, 6, 12) of the axis along and about x, y, z at a point in each of q elements.
+        """Motion (q, 6, 12) of the axis along and about x, y, z at a point in each of q elements, by unit coordinates.
 
-        h, X and number are as in `Beam.in_elements`.  The coordinates of the function space at a node are u, phi, v,
-        v', w and w'.
+        Point i is at the share X[i] in [0, 1] of an element with length h[i] in m and section number[i]; h, X and
+        number are (q,).  The 12 columns are u, phi, v, v', w and w' at the element's first node, then at its second
+        one: displacements u, v and w along x, y and z, the twist phi, and slopes v' and w'.
         """
         local = np.zeros((len(h), 6, 12))
         for row, component in ((0, 0), (3, 1)):

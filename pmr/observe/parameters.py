@@ -96,9 +96,10 @@ class ParameterObserver:
         return np.concatenate([np.ones((*u.shape[:-1], 1)), u, u[..., i] * u[..., j]], axis=-1)
 
     def run(self, measured: Mapping[str, tuple[Array, Array]]) -> Estimates:
-        """Estimate outputs, unknowns and then the p parameters, at the steps of the models.
+        """Estimate outputs, unknowns and the p parameters of the scene at the time steps of the observers' models.
 
-        `measured` has times (n,) in s and values (n,) by the sensors' outputs, as for `Observer.run`.
+        The parameters, with their standard deviations, follow the unknowns in the result.  `measured` has times (n,) in
+        s and values (n,) by the name of the output that a sensor measures, as for `Observer.run`.
         """
         every, p = [observer.run(measured) for observer in self.observers], len(self.names)
         first, models = every[0], (self.values - self.mean) / self.deviation

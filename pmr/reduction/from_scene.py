@@ -264,9 +264,9 @@ def enrichment_of(scene: Scene, choice: Reduction, model: FullModel) -> int:
     """Number of enrichment modes: modes beyond the coordinates, for estimates of errors or as modes without inertia.
 
     - If errors are estimated for a tolerance or a budget: `SEARCHED_MODES`, or `SEARCHED_OF_SECTIONS` for a section
-      of a boom.  A coarse mesh has fewer, so that a quarter of its modes stays unused, but never fewer than
-      `ENRICHMENT_MODES`: attachment modes, rigid sliders and pads need the flexibility of unused modes
-      (`pmr.reduction.snapshots`).
+      of a boom.  On a coarse mesh the number is smaller, so that coordinates and enrichment modes together are at most
+      three quarters of all modes, but not smaller than `ENRICHMENT_MODES`.  The other modes have to remain, as
+      attachment modes, rigid sliders and pads need their flexibility (`pmr.reduction.snapshots`).
     - If errors are estimated without a tolerance or a budget: `ENRICHMENT_MODES`.
     - Otherwise `QUASI_STATIC` if the body may be stressed and its basis can be extended, and 0 if not.
     """

@@ -176,7 +176,10 @@ class _HeldModel:
 
 
 def framed_body(scene: Scene, s: float, count: int) -> FramedBody:
-    """Body of a scene with its sliders at s (m), with frames at loads and the tip and `count` modes; on one rank.
+    """Body of a scene with its sliders held at s (m): its frames, and `count` elastic modes with all frames held.
+
+    The first frame is on the ground; the others are at the points of loads and at the tip.  Only to be called in a
+    run on a single MPI rank.
 
     Raises
     ------

@@ -142,9 +142,9 @@ class Box(BoxProfile):
         return self
 
     def mid_dimensions(self, sign: float) -> dict[str, Any]:
-        """Return the dimensions of the mid-surface as `BoxProfile.mid_dimensions`, with those of the tapers' ends.
+        """Return keys and values of the box by its mid-surface; the tapers among them have those of their ends.
 
-        `sign` is -1 if the box has dimensions of the outer surface, 1 for the inner one.
+        `sign` is -1 if the dimensions of the box are those of the outer surface, 1 for the inner one.
         """
         dimensions = super().mid_dimensions(sign)
         for key, taper in self._tapers.items():

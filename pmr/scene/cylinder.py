@@ -133,7 +133,7 @@ class DrivenCylinder(SceneTable):
 
     @model_validator(mode="after")
     def _check_drive(self) -> Self:
-        """Refuse several drives, and a drive that lacks another key, such as oil that lacks a valve."""
+        """Refuse several drives, a length without a spring over which it drives, and a spring without a length."""
         drives = self.drives
         if len(drives) > 1:
             raise key_error(drives[1], None, f"one of force, length and oil is allowed: {drives[0]} is there")

@@ -306,7 +306,7 @@ class Frame(BoomAngles):
     def angles(self) -> FrameAngles:
         """Luffing and slewing angle in rad; a constant 0 for an angle that the scene does not set.
 
-        A free luffing angle is where it begins.
+        A free luffing angle is represented by a constant, its value at t = 0.
         """
         luffing = Constant(amount=self.luffing_start) if self.luffing == "free" else self.luffing_signal
         return FrameAngles(self._in_rad(luffing), self._in_rad(self.slewing))

@@ -144,9 +144,9 @@ def check_joints(scene: Scene) -> None:
 
 
 def _check_section_names(scene: Scene) -> None:
-    """Refuse equal names of sections or of rings at one end, a joint of the base, and others without a joint.
+    """Refuse equal names of sections, a base with a joint, and a further section without a joint.
 
-    A mover is refused unless its joint is a wheel.
+    In a joint, equal names of rings at the same end are refused.  A mover is refused unless its joint is a wheel.
     """
     check_names("sections", scene.names)
     if scene.sections[0].joint is not None:

@@ -138,7 +138,10 @@ class Rope(SceneTable):
 
 
 def _extension_tag(data: object) -> str:
-    """``free`` for an extension of this kind, `OVER_TIME` for all others, which is no key that errors could name."""
+    """Return ``free`` for an extension of this kind, else `OVER_TIME`; pydantic chooses the extension's type by it.
+
+    `OVER_TIME` stands for a signal.  It is no key of a scene, so that messages leave it out.
+    """
     kind = data.get("kind") if isinstance(data, dict) else getattr(data, "kind", None)
     return "free" if kind == "free" else OVER_TIME
 

@@ -306,10 +306,8 @@ def _merge(
 def _entry(entries: list[object], name: str, source: str, key: str, value: object) -> int:
     """Return the number of the entry called `name` in a list `entries`; `name` may also be the number itself.
 
-    `source`, `key` and `value` are for messages.  Messages name the innermost one of nested tables that hold one key
-    each.
-
-    Raises InputError if there is no such entry.
+    Raises InputError if there is no such entry, with the `source`, the `key` and the `value` that was to be laid over
+    the entry.  If this value is a table of a single key, the message names the inner key and its value, and so on.
     """
     while isinstance(value, Mapping) and len(value) == 1:
         ((part, value),) = value.items()

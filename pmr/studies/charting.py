@@ -118,14 +118,14 @@ class Chart:
         return error
 
     def comparison_errors(self, models: ChartModels, part: str, k: int, loads: Array) -> Array:
-        """Return for each limit the error (l,) in kg by mesh, structural model or play of its smallest load.
+        """Return by how many kg (l,) mesh, structural model or play change the smallest load of each limit.
 
-        `loads` (c, l) in kg are the loads that the reduced model allows at the k-th posture; for each limit the
-        smallest of all cases is compared.  `part` is ``"mesh"``, ``"model"`` or ``"play"``.  The error is the
-        difference to the smallest load of the model ``models.comparisons[part]``, times ``share`` of that model.  The
-        error is NaN for limits that this model can't evaluate, and for all limits if there is no such model, or if its
-        pads have play that no load takes up.  An InputError of a limit's function is raised with the name of this model
-        in its message.
+        `part` says which of them: ``"mesh"``, ``"model"`` or ``"play"``.  `loads` (c, l) in kg are those that the
+        reduced model allows at the k-th posture, for c cases and l columns: the limits, then stability.  For each
+        column, the smallest load of all cases is compared with that of the model ``models.comparisons[part]``.  The
+        error is the magnitude of the difference, times ``share`` of that model.  It is NaN for limits that this model
+        can't evaluate, and for all columns if there is no such model, or if its pads have play that no load takes up.
+        An InputError of a limit's function is raised with the name of this model in its message.
         """
         errors = np.full(loads.shape[1], np.nan)
         if (other := models.comparisons.get(part)) is not None:

@@ -232,7 +232,10 @@ class EliminatedContacts:
         self._stored = dict[bytes, InputResponse]()
 
     def response(self, s: Array) -> InputResponse:
-        """Response to inputs with the paths at s (P,) m; the last few responses are stored."""
+        """Response to inputs with the paths at s (P,) m: its matrices B and E, and their derivatives by s.
+
+        The last few responses are stored, and returned again for the same s.
+        """
         key = s.tobytes()
         if key not in self._stored:
             B, E = self._B, self._E

@@ -372,10 +372,10 @@ class _BodyRows:
 
     @cached_property
     def _carrier_measures(self) -> Array:
-        """Values (K, any) of the K carriers on modes, flexibility and inputs, each kind scaled to its largest value.
+        """Values (K, any) of the K carriers: on modes, and on rows, inputs and outputs of the flexibility.
 
-        The many columns of the flexibility are replaced by a few sums with random weights, which show dependent rows
-        just as well.
+        Each carrier has one row.  Each kind of values is scaled to its largest one.  A kind with more than `SUMS`
+        columns is replaced by `SUMS` sums of its columns with random weights, which show dependent rows just as well.
         """
         parts, rng = [self._carriers.values], np.random.default_rng(11)
         if (flexibility := self._carriers.flexibility) is not None:

@@ -346,7 +346,8 @@ def inputs_csv(run: Reference, variables: Sequence[Variable]) -> str:
 def outputs_csv(run: Reference, drivers: Drivers, variables: Sequence[Variable]) -> str:
     """Text of resources/reference_out.csv: time, body outputs and contact forces of a run, under the variables' names.
 
-    `drivers` has the system.
+    `variables` are all of the FMU; rates among them are left out.  `drivers` has the system, which names the outputs
+    and contacts of the bodies.
     """
     titles = {*drivers.system.output_names, *map(force_name, drivers.system.contact_names)}
     outputs = [v for v in variables if v.role.causality == "output" and v.kind != "rate"]

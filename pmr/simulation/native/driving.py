@@ -204,9 +204,10 @@ class Drivers:
         self._write(readings)
 
     def lead_rates(self, rates: Array) -> None:
-        """Write the rates (2, n) at the step's beginning and end.
+        """Write the rates of the n drivers at the beginning and the end of a step into `rates` (2, n).
 
-        Rates that are given at both ends are taken as they are; otherwise both are the mean rate of the step.
+        If the rate of a driver is given at both ends, both are taken as they are; otherwise both are the mean rate of
+        the step.
         """
         smooth, mean = (
             np.minimum(self.rows, self._begun_rows) >= 2,
