@@ -19,7 +19,7 @@ from pmr.compare.accuracy_search import (
     reduce_cost,
     worst_ratio,
 )
-from pmr.compare.attachment_loads import reason_without_estimate
+from pmr.compare.motion import reason_without_estimate
 from pmr.compare.trials import Trial, Trials
 from pmr.compare.trust import LOAD_JUMPS, SLIDER_IMPACTS
 from pmr.errors import InputError, percent, two_digits

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
-from pmr.compare.attachment_loads import reason_without_estimate
 from pmr.compare.estimate import MARGIN, Estimate, UnsettledError, estimate_by_other_model, estimate_error
 from pmr.compare.evaluation import SimulatedSystem
 from pmr.compare.model_part import FREQUENCIES, evenly_spaced_steps, frequency_error
+from pmr.compare.motion import reason_without_estimate
 from pmr.compare.outputs import OUTPUT_KINDS, fits_in_memory, has_impulsive_force, tip_columns
 from pmr.compare.step_error import STEP_LIMIT, StepError, step_error
 from pmr.compare.trust import (

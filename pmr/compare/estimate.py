@@ -22,9 +22,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pmr.compare.attachment_loads import carried_loads, reason_without_estimate
 from pmr.compare.errors import errors_between, relative_error
 from pmr.compare.evaluation import SimulatedSystem
+from pmr.compare.motion import carried_loads, only_body_motion, reason_without_estimate
 from pmr.compare.outputs import (
     OUTPUT_KINDS,
     Outputs,
@@ -47,7 +47,6 @@ from pmr.compare.trust import (
     has_damped_jump,
     is_ringing,
 )
-from pmr.compare.velocities import only_body_motion
 from pmr.errors import GrowthError, SimulationError
 from pmr.files.arrays import Array
 from pmr.results import Response

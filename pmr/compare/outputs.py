@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare.errors import RELATIVE_FLOOR, ResponseFunction, refuse_infinite, relative_error
+from pmr.compare.motion import displacement_rates
 from pmr.compare.round_off import Pair, force_round_off, probe_round_off, round_off, zero_round_off
-from pmr.compare.velocities import displacement_rates
 from pmr.files.arrays import Array
 from pmr.results import Response
 from pmr.scene import Scene

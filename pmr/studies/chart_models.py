@@ -113,7 +113,7 @@ def richer_system(scene: Scene, system: System, positions: PostureSet, up_to: fl
     Further modes are for the contact forces of the shape in which the boom buckles.  `positions` are all postures of
     the chart; three luffing angles at each extension are used.
     """
-    from pmr.compare.attachment_loads import system_with_attachment_modes
+    from pmr.compare.motion import system_with_attachment_modes
 
     few = positions.select(_sample_postures(positions))
     sample, half = PostureMatrices.from_scene(scene, system, few), up_to / 2.0

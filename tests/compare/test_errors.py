@@ -15,8 +15,8 @@ from scipy.interpolate import PPoly
 
 from pmr import ReducedModel, Response, SimulationError
 from pmr.compare.errors import absolute_error, errors_between, nrms, relative_error
+from pmr.compare.motion import force_rates, load_rates, output_rates
 from pmr.compare.round_off import zero_round_off
-from pmr.compare.velocities import force_rates, load_rates, output_rates
 from pmr.files.arrays import Array
 from pmr.results import Energy
 from pmr.scene.signals import Sine, SmoothRamp

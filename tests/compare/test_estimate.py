@@ -19,9 +19,9 @@ from random_scenes import pushing_scene, sliding_scene
 
 from pmr import ReducedModel, SimulationError, System
 from pmr.compare import error_parts
-from pmr.compare.attachment_loads import reason_without_estimate
 from pmr.compare.error_parts import error_envelope, estimate_warnings
 from pmr.compare.estimate import MARGIN, Estimate, estimate_by_other_model
+from pmr.compare.motion import reason_without_estimate
 from pmr.compare.outputs import OUTPUT_KINDS, Outputs, RoundOffBounds, differences, divide_steps, probe_differences
 from pmr.compare.trust import reduction_warnings
 from pmr.fem.compat import MPI
