@@ -1,49 +1,51 @@
-"""The bodies of a scene during a run: reduced, sized to a tolerance, simulated, recovered and compared."""
+"""Bodies of a scene in a run: reduced, sized to a tolerance, simulated, recovered, compared; stress at their pads."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from pmr.compare.accuracy import Choice, Search, prepare_scene, scene_on_other_mesh
-from pmr.compare.error_parts import (
-    ReductionError,
-    needs_other_model,
-    other_model_scene,
-    reduction_error,
-    step_part,
-)
+from pmr.compare.error_parts import ReductionError, needs_other_model, other_model_scene, reduction_error, step_part
 from pmr.compare.evaluation import SimulatedSystem
 from pmr.compare.frequencies import WayPoints, frequencies_on_way, way_points
 from pmr.compare.responses import Simulations, compared_quantities, simulate
 from pmr.compare.second_order import decide_second_order
 from pmr.compare.strength import utilisation_part
-from pmr.compare.summary import (
-    comparison_part,
-    impacts_part,
-    masses_part,
-    parts_of_motion,
-    sections_part,
-)
+from pmr.compare.summary import comparison_part, impacts_part, masses_part, parts_of_motion, sections_part
 from pmr.compare.trust import reduction_warnings, rigid_contacts
 from pmr.errors import ConvergenceError, InputError, call_on_first_rank
 from pmr.errors.environment import Clock
 from pmr.files.arrays import Array
 from pmr.fullmodel.build import AssembledBody, models_of
+from pmr.fullmodel.pads import Pad, restrain
+from pmr.fullmodel.structure import couple
 from pmr.pipeline.full_order import FullOrder, References
-from pmr.pipeline.model_errors import ComparedScene
+from pmr.pipeline.model_errors import UNNEEDED, ComparedScene
 from pmr.reduction.bodies import cached_body, join_bodies, reduce_bodies, with_stress_flags
 from pmr.reduction.cache import Cache
 from pmr.reduction.from_scene import summary as describe_basis
 from pmr.reduction.recovery import RecoveredBody, recover
 from pmr.results import BodyResult, Frequencies, Response, Shapes
+from pmr.results.field_series import mean_by_place
+from pmr.results.field_stress import FORCES
 from pmr.results.run import SummaryPart
 from pmr.scene import Scene
+from pmr.scene.choice import traits_of
+from pmr.scene.joints import BoomSection
 from pmr.scene.keys import ALONE
+from pmr.scene.members import members
 from pmr.simulation import Excitation
 from pmr.simulation.native.free_motion import with_free_motion
 from pmr.simulation.petsc import Checkpoint
+from pmr.system.states import BodyStates
+
+if TYPE_CHECKING:
+    from pmr.fullmodel.wall_stress import LoadedRing, SectionStates, WallPeak
 
 
 @dataclass(frozen=True)
@@ -262,3 +264,136 @@ class Bodies:
         content |= {"s": at.s.tolist(), "count": at.count} | ({"c": c.tolist()} if c.size else {})
         cache = self.caches[self.scene.names[0]]
         return cache.arrays("frequencies", content, lambda: self.full.frequencies(at.s, at.count, c))
+
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class LoadedSection:
+    """Section forces along a section, and forces of its pads, at S times."""
+
+    states: SectionStates
+    rings: list[LoadedRing]
+
+
+def stress_at_pads(
+    scene: Scene,
+    built: Mapping[str, AssembledBody],
+    recovered: Mapping[str, RecoveredBody],
+    states: Mapping[str, BodyStates],
+) -> dict[str, Any]:
+    """Entries of ``budget.model`` on stress in the walls of beams at pads; collective.
+
+    ``wall_stress`` is the largest von Mises stress at the times of `states`, which are those of the reduced bodies, the
+    same on every rank, from which `recovered` was recorded.  Its keys are ``value`` and its ``error`` by the meshes of
+    the walls in Pa, ``t`` in s, ``position`` in m, ``section``, ``region``, and ``yield`` in Pa if the walls have a
+    yield stress.  ``wall_stress_missing`` has the reason, by the name of each section with pads whose walls are not
+    looked at.  ``pad_yield`` has the force of a joint's pad at which walls begin to yield
+    (`pmr.fullmodel.wall_stress.yield_forces`), by the name of the joint's section.  Entries without content are left
+    out.
+    """
+    from pmr.fullmodel.wall_stress import wall_peak, yield_forces  # FEniCSx, which given matrices do without
+
+    peaks: dict[str, WallPeak] = {}
+    missing = dict[str, str]()
+    comm = next(iter(built.values())).model.comm
+    for member in members(scene):
+        part, body = member.part, built[member.part.name]
+        if part.body.box is None or not (body.structure.pads.fixed or body.structure.pads.moving):
+            continue
+        if not traits_of(member).is_beam:
+            missing[part.name] = "it is no beam: its stress is that of its own cells"
+        elif not part.has_even_walls:
+            missing[part.name] = "its walls change along it, or have frames or plates of their own"
+        else:
+            loaded = _loaded_section(body, recovered[part.name], states[part.name])
+            try:
+                peak = comm.bcast(call_on_first_rank(comm, lambda: wall_peak(part, loaded.states, loaded.rings)))  # noqa: B023
+            except UNNEEDED as error:
+                missing[part.name] = error.allowed if isinstance(error, InputError) else str(error)
+                continue
+            peaks |= {} if peak is None else {part.name: peak}
+    entries: dict[str, Any] = {"wall_stress_missing": missing} if missing else {}
+    if peaks:
+        name = max(peaks, key=lambda name: peaks[name].stress.value)
+        entries["wall_stress"] = _peak_entry(scene.bodies[name], peaks[name], float(states[name].t[peaks[name].state]))
+    try:
+        forces = comm.bcast(call_on_first_rank(comm, lambda: yield_forces(scene))) if len(scene.sections) > 1 else {}
+    except UNNEEDED as error:
+        _log.warning("the force at which walls yield under pads is not known: %s", error)
+        forces = {}
+    return entries | ({"pad_yield": {name: asdict(force) for name, force in forces.items()}} if forces else {})
+
+
+def _peak_entry(part: BoomSection, peak: WallPeak, t: float) -> dict[str, Any]:
+    """Return the entry ``wall_stress`` for `peak`, the largest stress of a section, at the time t in s.
+
+    It has ``value`` and ``error`` in Pa, ``t``, ``position`` in m, ``section``, the wall as ``region``, and, if the
+    material has a yield stress, ``yield`` in Pa.
+    """
+    box, material = part.body.box, part.body.material
+    assert box is not None
+    flat = [side for side in box.sides if side.centre is None]
+    off_mid = {side.name: abs(float((peak.position[1:] - side.start) @ side.normal)) for side in flat}
+    off_face = {side.name: abs(off_mid[side.name] - side.thickness / 2.0) for side in flat}  # at an edge not the same
+    entry = {
+        "value": peak.stress.value,
+        "error": peak.stress.error,
+        "t": t,
+        "position": peak.position.tolist(),
+        "section": part.name,
+        "region": min(off_face, key=lambda name: off_face[name]),
+    }
+    allowed = None if material is None else material.yield_stress
+    return entry | ({} if allowed is None else {"yield": allowed})
+
+
+def _loaded_section(body: AssembledBody, recovered: RecoveredBody, states: BodyStates) -> LoadedSection:
+    """Return the section forces of a beam and the forces of its pads, at the times of its `states`; collective.
+
+    `recovered` has the objects that compute full coordinates and section forces of the beam.
+    """
+    from pmr.fullmodel.wall_stress import SectionStates
+
+    along, recovery = recovered.forces, recovered.recovery
+    assert along is not None and recovery is not None  # as of every beam with a profile
+    q = np.concatenate([np.hstack(body.model.comm.allgather(block)) for block in recovery.blocks(states)])
+    values, names = along.evaluate(q, states), np.array(along.names)
+    x = np.unique(along.x.round(9))
+    forces = np.zeros((len(q), len(FORCES), len(x)))
+    for number, name in enumerate(FORCES):
+        if np.any(of := names == name):
+            forces[:, number] = mean_by_place(along.x[of], values[:, of])[1]
+    return LoadedSection(SectionStates(x, forces), _loaded_rings(body, states, q))
+
+
+def _loaded_rings(body: AssembledBody, states: BodyStates, q: Array) -> list[LoadedRing]:
+    """Return the pads of a body by their place along the body, with their forces in `states`.
+
+    q (S, n) are the full coordinates, from which the forces of springs follow.
+    """
+    from pmr.fullmodel.wall_stress import LoadedRing
+
+    pads, structure = body.structure.pads, body.structure
+    rings = dict[bytes, list[tuple[Pad, Array, Array]]]()
+
+    def add(pad: Pad, x: Array, force: Array) -> None:
+        size = np.array([pad.length, pad.width])
+        rings.setdefault(np.concatenate([x, size]).round(6).tobytes(), []).append((pad, x, force))
+
+    by_name = {pad.name: (pad, moves) for moves, some in ((0.0, pads.fixed), (1.0, pads.moving)) for pad in some}
+    for name, s, force in zip(states.rows, states.s.T, states.multipliers.T, strict=True):
+        if name in by_name:
+            pad, moves = by_name[name]
+            add(pad, pad.at + moves * s, force)
+    T = couple(structure).T
+    restraints = restrain(pads, structure.model, T)
+    for row in restraints.springs:
+        if row.name in by_name and row.name not in states.rows:
+            pad = by_name[row.name][0]
+            add(pad, np.full(len(q), pad.at), np.asarray(q @ restraints.force(row.name, T.shape[1]).toarray()[0]))
+    return [
+        LoadedRing(tuple(pad for pad, _, _ in ring), ring[0][1], np.stack([force for _, _, force in ring], axis=1))
+        for ring in rings.values()
+    ]

@@ -164,7 +164,7 @@ def start_stresses(scene: Scene, helper: Executor) -> Future[None] | None:
 
 
 def _store_stresses(scene: Scene) -> None:
-    """Store the local stress in the walls of a scene; errors are those of `pmr.pipeline.stress_at_pads`."""
+    """Store the local stress in the walls of a scene; errors are those of `pmr.pipeline.bodies`."""
     from pmr.fullmodel.wall_stress import store_stresses  # FEniCSx, which bodies of given matrices go without
 
     with suppress(*UNNEEDED):  # the process that needs the stress meets them too

@@ -30,7 +30,7 @@ from pmr.fullmodel.build import AssembledBody, build_bodies, free_motion_warning
 from pmr.fullmodel.build import warnings as build_warnings
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.walls import summary as summary_of_walls
-from pmr.pipeline.bodies import Bodies, Motions, Precomputed
+from pmr.pipeline.bodies import Bodies, Motions, Precomputed, stress_at_pads
 from pmr.pipeline.model_errors import (
     RunMotion,
     decide_models,
@@ -280,8 +280,6 @@ def _stress_at_pads(bodies: Bodies, motions: Motions, simulation: Simulation | N
     scene, comm = bodies.scene, next(iter(bodies.built.values())).model.comm
     if scene.recovery is None or not scene.recovery.stress:
         return {}
-    from pmr.pipeline.stress_at_pads import stress_at_pads  # FEniCSx, which bodies of given matrices go without
-
     states = comm.bcast(None if simulation is None else simulation.states)
     return stress_at_pads(scene, bodies.built, motions.recovered, states)
 

@@ -11,6 +11,7 @@ import pmr
 from pmr.compare.simulated import simulate_with_states
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
+from pmr.fullmodel import wall_stress
 from pmr.fullmodel.pads import Pad
 from pmr.fullmodel.wall_stress import (
     Estimate,
@@ -21,7 +22,7 @@ from pmr.fullmodel.wall_stress import (
     WallPeak,
     store_stresses,
 )
-from pmr.pipeline import stress_at_pads as at_pads
+from pmr.pipeline import bodies as at_pads
 from pmr.pipeline.model_errors import reduce_scene
 from pmr.reduction.recovery import recover
 from pmr.scene.joints import BoomSection
@@ -47,8 +48,8 @@ def test_rings_have_places_and_forces_of_pads_and_the_largest_stress_of_all_sect
         place = np.array([1.0, box.width / 2.0, -(box.height + box.sides[0].thickness) / 2.0])
         return WallPeak(Estimate(2e8 if part.name == middle else 1e8, 3e6), 1, place)
 
-    monkeypatch.setattr(at_pads, "wall_peak", wall_peak)
-    monkeypatch.setattr(at_pads, "yield_forces", lambda scene: {})
+    monkeypatch.setattr(wall_stress, "wall_peak", wall_peak)
+    monkeypatch.setattr(wall_stress, "yield_forces", lambda scene: {})
     recovered = recover(scene, reduction.built, reduction.bodies, simulated.states, {})
     entries = at_pads.stress_at_pads(scene, reduction.built, recovered, simulated.states)
     assert entries["wall_stress_missing"] == {base: "a pad on its face is allowed"}
