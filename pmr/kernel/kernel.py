@@ -40,31 +40,33 @@ class FrameDrivers(NamedTuple):
     derivatives: Array  # (N, 3, n): of u by values, rates and second rates of the motions
 
 
-class Kernel:
-    """A system in memory, read only, for any number of states in any number of threads.
+class StateSizes:
+    """Sizes of the state of a system and of what follows from it, as in `pmr_sizes` (src/pmr_kernel.h)."""
 
-    Attributes
-    ----------
-    modes, contacts, forces, inputs, outputs, paths, terms, pads, drivers, motions, pushing, further : int
-    hoist, computed, ground : int
-        Sizes as in `pmr_sizes` (src/pmr_kernel.h); `modes` includes padding.
-    """
-
-    modes: int
+    modes: int  # with padding
     contacts: int
     forces: int
-    inputs: int
     outputs: int
-    paths: int
-    terms: int
     pads: int
-    drivers: int
-    motions: int
     pushing: int
     further: int
+
+
+class DriverSizes:
+    """Sizes of what drives a system, as in `pmr_sizes` (src/pmr_kernel.h)."""
+
+    inputs: int
+    paths: int
+    terms: int
+    drivers: int
+    motions: int
     hoist: int
     computed: int
     ground: int
+
+
+class Kernel(StateSizes, DriverSizes):
+    """A system in memory, read only, for any number of states in any number of threads."""
 
     def __init__(self, block: bytes | bytearray) -> None:
         """Copy and open a block; an InputError is raised if the bytes are no block of this kernel, or damaged."""

@@ -234,7 +234,16 @@ def _response_at_rest(
             t, coordinates, np.zeros_like(coordinates), system.side_multipliers(name, forces), at, 0.0
         )
     trajectory = SystemTrajectory(
-        t, bodies, forces, forces, loads, none, none, 0.0, np.nan, amplitudes=c if system.terms else None
+        t=t,
+        bodies=bodies,
+        forces=forces,
+        peaks=forces,
+        loads=loads,
+        energy=none,
+        work=none,
+        seconds=0.0,
+        surplus=np.nan,
+        amplitudes=c if system.terms else None,
     )
     outputs = outputs_of(system)
     springs = [k for k, output in enumerate(outputs) if output.is_force]

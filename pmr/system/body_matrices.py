@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -114,7 +114,7 @@ class Reactions:
     reduced body, and the identity for a full one.
     """
 
-    AXES: ClassVar = {"names": "h", "units": "h", "inputs": "hi", "rows": "hm"} | dict.fromkeys(
+    AXES = {"names": "h", "units": "h", "inputs": "hi", "rows": "hm"} | dict.fromkeys(
         ("inertia", "damping", "stiffness"), "hn"
     )
 

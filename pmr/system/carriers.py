@@ -26,7 +26,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -44,7 +44,7 @@ from pmr.system.rows import Row, RowPolynomials
 class Flexibility:
     """Tables of the residual flexibility of a body with m rows, i inputs and o outputs over its path coordinate s."""
 
-    AXES: ClassVar = {"rows": "mm", "inputs": "mi", "outputs": "om", "direct": "oi", "energy": "ii"}
+    AXES = {"rows": "mm", "inputs": "mi", "outputs": "om", "direct": "oi", "energy": "ii"}
 
     rows: PPoly  # G(s) = C R C^T (m, m) m/N: displacement at one row under a unit force at another
     inputs: PPoly  # H(s) = C R B (m, i) m/N
@@ -82,7 +82,7 @@ class EnrichmentModes:
     coordinates, and `pmr.system.truncation` makes them coordinates.
     """
 
-    AXES: ClassVar = {"stiffness": "c", "damping": "c", "B": "ci", "outputs": "oc"}
+    AXES = {"stiffness": "c", "damping": "c", "B": "ci", "outputs": "oc"}
 
     stiffness: Array  # omega^2 (c,) in (rad/s)^2
     damping: Array  # phi^T D phi = 2 zeta omega (c,) 1/s
@@ -101,7 +101,7 @@ class EnrichmentModes:
 class CarrierFlexibility:
     """Residual flexibility R between K carriers U, i inputs B and o outputs O."""
 
-    AXES: ClassVar = {"rows": "KK", "inputs": "Ki", "outputs": "oK", "direct": "oi", "energy": "ii"}
+    AXES = {"rows": "KK", "inputs": "Ki", "outputs": "oK", "direct": "oi", "energy": "ii"}
 
     rows: Array  # U R U^T (K, K) m/N
     inputs: Array  # U R B (K, i) m/N
@@ -141,7 +141,7 @@ class CylinderResponses:
     mode leaves R, :math:`x_k` loses this.
     """
 
-    AXES: ClassVar = {"load": "K", "rows": "Kn", "inputs": "in", "outputs": "on", "stiffness": "nn", "inertia": "nn"}
+    AXES = {"load": "K", "rows": "Kn", "inputs": "in", "outputs": "on", "stiffness": "nn", "inertia": "nn"}
     AXES |= {"supports": "hn", "turned": "ka"}
 
     load: Array  # (K,): weights of the row c on the carriers
@@ -179,7 +179,7 @@ class CylinderResponses:
 class CarrierRows:
     """The m rows of a body with r coordinates on K carriers U, and the flexibility that these coordinates leave out."""
 
-    AXES: ClassVar = {"values": "Kr", "enrichment": "Kc"}
+    AXES = {"values": "Kr", "enrichment": "Kc"}
 
     values: Array  # U V (K, r): values of the coordinates on the carriers
     # weights b(x) of each row, as `pmr.system.rows.Row` has them, by the row's number as text: "0", "1", ...

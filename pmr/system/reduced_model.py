@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from os.path import isfile
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -138,7 +138,7 @@ class ReducedModel:
     rayleigh: Rayleigh | None = None
     carriers: CarrierRows | None = None
     reactions: Reactions | None = None
-    AXES: ClassVar = {"M": "rr", "D": "rr", "K": "rr", "input_names": "i", "row_names": "m", "output_positions": "o"}
+    AXES = {"M": "rr", "D": "rr", "K": "rr", "input_names": "i", "row_names": "m", "output_positions": "o"}
     AXES |= {"B": "ri", "outputs": "or", "rows": "mr", "pads": "m"}
 
     section: SectionOf | None = None

@@ -100,32 +100,44 @@ def check_determined(F: Array, names: Sequence[str], where: Callable[[int], str]
         raise SimulationError(f"{place}: the forces of the rows {', '.join(names)} are not determined there")
 
 
-@dataclass(frozen=True)
-class SystemTrajectory:
-    """Motion of a simulated system at T times, with m contacts, i inputs, k terms and P paths."""
+@dataclass(frozen=True, kw_only=True)
+class ContactHistory:
+    """Forces of m contacts of a system at T times."""
+
+    forces: Array  # (T, m) N: positive where contacts push
+    # (T, m) N: for contacts that only push, the largest force in the step that ends at t; for others the force at t
+    peaks: Array
+    # (T, m) N s: impulse in the step that ends at t, with generalized-alpha's weights; None if no contact only pushes
+    impulses: Array | None = None
+    # friction (T, n) in N along the boom of the n pads that have any (`pmr.system.contacts`), and its moments (T, m) in
+    # N m at all contacts; None without friction
+    friction: Array | None = None
+    moments: Array | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriverHistory:
+    """Values of what drives a system, at T times: of i inputs, k terms and P paths."""
+
+    loads: Array  # (T, i): values of the inputs `System.input_names`
+    amplitudes: Array | None = None  # c (T, k) of the k terms; None without terms
+    rates: Array | None = None  # (T, P) m/s: rates of the path coordinates; None if not known
+
+
+@dataclass(frozen=True, kw_only=True)
+class SystemTrajectory(ContactHistory, DriverHistory):
+    """Motion of a simulated system at T times, with its contacts and what drives it."""
 
     t: Array  # (T,) s
     # by name of a body: its coordinates, and for each of its sides (`System.sides_of`) the coordinate ``s`` (T, sides)
     # of the place in m and the ``multipliers`` (T, sides) in N, which have the sign of the side
     bodies: Mapping[str, Trajectory]
-    forces: Array  # (T, m) N: of the contacts, positive where they push
-    # (T, m) N: for contacts that only push, the largest force in the step that ends at t; for others the force at t
-    peaks: Array
-    loads: Array  # (T, i): values of the inputs `System.input_names`
     # (T,) J: kinetic plus strain energy; and work of loads and travelling contacts since t = 0, without that of damping
     energy: Array
     work: Array
     seconds: float  # wall time of the solver alone
     surplus: float  # energy that no work explains, over the largest energy (`pmr.simulation.stepping`)
     parts: Indices | None = None  # (T,): substeps of each step (`pmr.simulation.contact_step`)
-    # (T, m) N s: impulse in the step that ends at t, with generalized-alpha's weights; None if no contact only pushes
-    impulses: Array | None = None
-    amplitudes: Array | None = None  # c (T, k) of the k terms; None without terms
-    # friction (T, n) in N along the boom of the n pads that have any (`pmr.system.contacts`), and its moments (T, m) in
-    # N m at all contacts; None without friction
-    friction: Array | None = None
-    moments: Array | None = None
-    rates: Array | None = None  # (T, P) m/s: rates of the path coordinates; None if not known
     hoist: Array | None = None  # (T, 10): outputs of a hoist (`pmr.scene.hoist.OUTPUTS`); None without one
 
     @classmethod
@@ -159,9 +171,8 @@ class SystemTrajectory:
             for name, (q, v) in states.items()
         }
         peaks = forces if peaks is None else np.where(np.isnan(system.clearance), forces, peaks)
-        return cls(
-            t, bodies, forces, peaks, energy=energy[0], work=energy[1], friction=friction, moments=moments, **more
-        )
+        of_contacts: dict[str, Any] = {"forces": forces, "peaks": peaks, "friction": friction, "moments": moments}
+        return cls(t=t, bodies=bodies, energy=energy[0], work=energy[1], **of_contacts, **more)
 
     @property
     def arrays(self) -> list[NDArray[Any]]:
