@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,10 +19,9 @@ from pmr.scene import Scene
 from pmr.scene.built import PadRing, force_name, friction_name, reaction_name
 from pmr.scene.choice import has_axial_motion
 from pmr.scene.frame import INERTIA
-from pmr.scene.joints import JointPads
 from pmr.scene.keys import cylinder_name, qualified_name
 from pmr.scene.mechanism import drive_rows, longest_rope, rope_shares
-from pmr.scene.members import EXTENSION, body_ring, members
+from pmr.scene.members import EXTENSION, members, pads_on_faces
 from pmr.simulation.frame_motion import ComputedMotion
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact, Friction
@@ -37,17 +36,16 @@ def forces_part(scene: Scene, system: System, response: Response) -> SummaryPart
     """Entries ``pads``, ``cylinders``, ``reactions`` and ``supports`` of summary.json: extremes of each force.
 
     Each has its time and place.  Pads have the largest mean ``pressure`` in Pa too, the size of their force over length
-    times width.  Cylinders also have the largest ``friction`` in N to be overcome, the energy in J ``dissipated`` by
-    friction, and their impulses at ``kinks``.  Warnings name pulled pads and unknown forces.
+    times width, and the ``allowed_pressure`` of their ring if it states one.  Cylinders also have the largest
+    ``friction`` in N to be overcome, the energy in J ``dissipated`` by friction, and their impulses at ``kinks``.
+    Warnings name pulled pads, unknown forces, and a pressure above the allowed one.
     """
     joined, along, figures = len(scene.sections) > 1, scene.path_positions(response.t), dict[str, Any]()
+    pressed: Sequence[str] = ()
     if joined or scene.pads:
         loads = pad_extremes(scene, response)
-        areas = {name: of.ring.length * of.ring.width for name, of in pads_on_faces(scene).items()}
-        figures["pads"] = [
-            {"name": name, **of.summary()} | ({"pressure": of.size / areas[name]} if name in areas else {})
-            for name, of in loads.items()
-        ]
+        figures["pads"] = list(_pad_rows(scene, loads))
+        pressed = _pressure_warnings(figures["pads"], loads, response)
     if joined:
         figures["cylinders"] = list(_cylinder_rows(scene, system, response))
     kinks = {row["name"]: row.get("kinks", ()) for row in figures.get("cylinders", ())}
@@ -56,26 +54,37 @@ def forces_part(scene: Scene, system: System, response: Response) -> SummaryPart
     pulled = pulled_pad_warnings(scene, system.contacts, response)
     figures |= reaction_rows(scene, response, along)
     supports = support_rows(scene, response)
-    return SummaryPart(figures | ({"supports": supports} if supports else {}), warnings, pulled)
+    return SummaryPart(figures | ({"supports": supports} if supports else {}), warnings, [*pressed, *pulled])
 
 
-class PadOnFace(NamedTuple):
-    """Pad on a face of the body: its ring, and the name of the face."""
+def _pad_rows(scene: Scene, loads: Mapping[str, Extremes]) -> Iterator[dict[str, Any]]:
+    """Yield rows of ``pads`` in summary.json from the extremes `loads` of the pads' forces, by name."""
+    on_faces = pads_on_faces(scene)
+    for name, extremes in loads.items():
+        row: dict[str, Any] = {"name": name, **extremes.summary()}
+        if (pad := on_faces.get(name)) is not None:
+            row["pressure"] = extremes.size / pad.area
+            if pad.ring.allowed_pressure is not None:
+                row["allowed_pressure"] = pad.ring.allowed_pressure
+        yield row
 
-    ring: PadRing | JointPads
-    face: str
 
+def _pressure_warnings(
+    rows: Sequence[Mapping[str, Any]], loads: Mapping[str, Extremes], response: Response
+) -> list[str]:
+    """List a warning on the pad whose mean pressure is above the allowed one by the largest factor, if any is above it.
 
-def pads_on_faces(scene: Scene) -> dict[str, PadOnFace]:
-    """Ring and face of each pad of a scene that is on a face, by the name of the pad."""
-    pads = dict[str, PadOnFace]()
-    for body, part in scene.bodies.items():
-        for key, ring in part.keyed_rings.items():
-            if ring.faces is not None:
-                end = key.partition("[")[0].removeprefix("joint.").removeprefix("pads")
-                named = body_ring(ring, " ".join(filter(None, (body, end, ring.name))))
-                pads |= {name: PadOnFace(ring, face) for name, face, _ in named.named_pads}
-    return pads
+    `rows` are those of ``pads`` in summary.json, and `loads` the extremes of the pads' forces by name.
+    """
+    factors = {row["name"]: row["pressure"] / row["allowed_pressure"] for row in rows if "allowed_pressure" in row}
+    name = max(factors, key=lambda name: factors[name], default="")
+    if not name or factors[name] <= 1.0:
+        return []
+    largest = loads[name].largest
+    return [
+        f"the mean pressure of a pad is {factors[name]:.3g} times its allowed_pressure: {name} with "
+        f"{with_unit(abs(largest.value), 'N')} {response.when(largest.t, largest.s)}"
+    ]
 
 
 def support_rows(scene: Scene, response: Response) -> list[dict[str, Any]]:

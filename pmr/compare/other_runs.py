@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from pmr.compare.evaluation import append_machine
-from pmr.compare.forces import pads_on_faces, support_rows
+from pmr.compare.forces import support_rows
 from pmr.compare.outputs import RoundOffBounds, differences
 from pmr.compare.responses import Simulation, simulate_by
 from pmr.compare.trials import Sizes, Trials
@@ -39,7 +39,7 @@ from pmr.scene.choice import has_giving_walls, traits_of
 from pmr.scene.joints import BoomSection
 from pmr.scene.keys import LUFFING_CYLINDER
 from pmr.scene.mechanism import CYLINDER
-from pmr.scene.members import members
+from pmr.scene.members import members, pads_on_faces
 from pmr.simulation import Excitation
 from pmr.system.contacts import Contact
 from pmr.system.states import states_of

@@ -50,10 +50,7 @@ ROUND_OFF = 1e-9
 
 
 def force_rows(result: RunResult) -> LargestValues:
-    """Yield rows on what bears or drives the boom: cylinders, pads, walls, hoist, supports, machine and ground.
-
-    Rows on pressures of pads, dents of walls and dynamic factors are among them.
-    """
+    """Yield rows on what bears or drives the boom: cylinders, pads, walls, hoist, supports, machine and ground."""
     yield from _driven_rows(result)
     yield from _pressure_rows(result)
     yield from _indentation_rows(result)
@@ -154,11 +151,15 @@ def _push_or_pull(force: Extreme) -> str:
 
 
 def _pressure_rows(result: RunResult) -> LargestValues:
-    """Yield a row with the largest mean pressure of a pad; nothing if no pad has a size."""
+    """Yield rows with the largest mean pressure of a pad on a face, and with the largest share of an allowed one."""
     if pads := [pad for pad in result.summary.get("pads", ()) if "pressure" in pad]:
         pad = max(pads, key=lambda pad: float(pad["pressure"]))
         pressed = replace(Extremes.from_summary(pad).largest, value=pad["pressure"])
         yield largest_value("pad_pressure", value_at(result, pressed, "Pa", pad["name"]))
+        limited = {of["pressure"] / of["allowed_pressure"]: of for of in pads if "allowed_pressure" in of}
+        for share, pad in sorted(limited.items())[-1:]:
+            text = f"{format_percent(share)} of {format_quantity(pad['allowed_pressure'], 'Pa')}, {pad['name']}, "
+            yield largest_value("pad_use", text + extreme_clause(result, Extremes.from_summary(pad).largest), share)
 
 
 def _indentation_rows(result: RunResult) -> LargestValues:

@@ -24,7 +24,7 @@ from pmr.scene.built import Support, force_name, reaction_name
 from pmr.scene.choice import traits_of
 from pmr.scene.keys import cylinder_name, qualified_name
 from pmr.scene.mechanism import AT_GROUND, AT_PIVOT, CYLINDER, drive_rows, rope_shares
-from pmr.scene.members import members
+from pmr.scene.members import members, pads_on_faces
 from pmr.scene.scene import Scene
 
 #: Function from the values (T, c) of all c columns at T times to one quantity (T,).
@@ -59,6 +59,8 @@ class Columns:
         along the boom (`pmr.scene.mechanism.drive_rows`).
     ropes : tuple of str
         Names of the sections that hang on ropes, and of sections that others follow on ropes.
+    pad_forces : array (c,), N
+        Force of each pad at which its mean pressure is the allowed one; infinite for other columns and pads without it.
     """
 
     names: tuple[str, ...]
@@ -67,6 +69,7 @@ class Columns:
     bodies: tuple[str, ...]
     drives: Mapping[str, Array] = field(default_factory=dict)
     ropes: tuple[str, ...] = ()
+    pad_forces: Array = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
     def from_scene(cls, scene: Scene, response: Response) -> Columns:
@@ -78,7 +81,7 @@ class Columns:
     @classmethod
     def of_outputs(cls, scene: Scene, outputs: Sequence[Output]) -> Columns:
         """Return the description of columns with the names, kinds, units and bodies of `outputs` of a scene."""
-        names = tuple(output.name for output in outputs)
+        names, pads = tuple(output.name for output in outputs), pads_on_faces(scene)
         springs = {
             name: unit
             for body, part in scene.bodies.items()
@@ -92,6 +95,7 @@ class Columns:
             tuple(output.body for output in outputs),
             drive_rows(scene, names),
             tuple(rope_shares(scene)),
+            np.array([pads[output.name].allowed_force if output.name in pads else np.inf for output in outputs]),
         )
 
     def numbers_of_kind(self, *kinds: str) -> list[int]:
@@ -231,6 +235,18 @@ def _force_measure(kind: str) -> Callable[[Columns, Callable[[str], bool]], Meas
         return _largest_measure([k for k in columns.numbers_of_kind(kind) if looks_at(columns.names[k])])
 
     return measure
+
+
+def pad_pressure_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
+    """Return a function from the values (T, c) of all c columns to the largest share (T,) of a pad's allowed pressure.
+
+    It is None if no pad for whose name `looks_at` is true has an allowed pressure.
+    """
+    chosen = [k for k in columns.numbers_of_kind("pad") if looks_at(columns.names[k])]
+    allowed = columns.pad_forces[chosen]
+    if not np.isfinite(allowed).any():
+        return None
+    return lambda values: (np.abs(values[:, chosen]) / allowed).max(axis=1)
 
 
 def _support_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
@@ -427,6 +443,7 @@ QUANTITIES: Mapping[str, Quantity] = {
             limit=ChartLimit("pad", _force_measure("pad"), "pad forces"),
         ),
         Quantity("pad_pressure", "mean pressures of pads", "Pa", "pad", (), "largest mean pressure of a pad"),
+        Quantity("pad_use", "use of pads", "1", "pad", (), "largest share of the allowed pressure of a pad", "most"),
         Quantity("indentation", "indentations of walls", "m", "pad", (), "largest indentation of walls under a pad"),
         Quantity(
             "cylinder_force", "cylinder forces", "N", "cylinder", ("cylinder",),

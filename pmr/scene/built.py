@@ -13,6 +13,7 @@ from pmr.scene.box import Box
 from pmr.scene.keys import (
     AS_WORD,
     AllowedForce,
+    AllowedPressure,
     Count,
     Direction,
     Distance,
@@ -309,6 +310,11 @@ class PadRing(SceneTable):
     unilateral: Switch = Field(default=False, description="Whether pads only push, and lift off where they would pull")
     clearance: Annotated[Distance | dict[Face, Distance], Usual(0.0, 0.2)] = Field(
         default=0.0, description="Gap between pads that only push and the undeformed body, of all faces or by face"
+    )
+    allowed_pressure: AllowedPressure | None = Field(
+        default=None,
+        description="Largest mean pressure of a pad, its force over length times width; the first page has the share "
+        "that is used",
     )
 
     def clearance_on(self, face: Face) -> float:

@@ -19,6 +19,7 @@ from pmr.scene.built import ENDS, Body, Face, Load, MeshChoice, PadRing, Slider,
 from pmr.scene.cylinder import FreeExtension
 from pmr.scene.keys import (
     OVER_TIME,
+    AllowedPressure,
     AxialStiffness,
     Count,
     Distance,
@@ -60,6 +61,11 @@ class PadPlaces(SceneTable):
     clearance: Annotated[Distance | dict[Face, Distance], Usual(0.0, 0.2)] = Field(
         default=0.0, description="Gap between pads that only push and the undeformed section, of all faces or by face"
     )
+    allowed_pressure: AllowedPressure | None = Field(
+        default=None,
+        description="Largest mean pressure of a pad, its force over length times width; the first page has the share "
+        "that is used",
+    )
 
 
 class RingFriction(SceneTable):
@@ -94,9 +100,14 @@ class JointPads(RingFriction, PadPlaces):
 
     @model_validator(mode="after")
     def _check_friction_and_clearance(self) -> JointPads:
-        """Refuse a clearance of pads that hold both ways, or on faces without pads, and too small a static friction."""
+        """Refuse a clearance of pads that hold both ways, or on faces without pads, and too small a static friction.
+
+        An allowed pressure of pads without a size is refused, too.
+        """
         if self.clearance and not self.unilateral:
             raise ValueError("a clearance goes with unilateral = true")
+        if self.allowed_pressure is not None and self.faces is None:
+            raise ValueError("an allowed pressure goes with faces, on which pads have a length and a width")
         if self.static_friction and not 0.0 < self.friction <= self.static_friction:
             raise ValueError(f"static_friction = {self.static_friction:g} is allowed beside a smaller friction")
         faces = self.clearance if isinstance(self.clearance, dict) else ()

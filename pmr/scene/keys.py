@@ -300,6 +300,7 @@ SupportStiffness = Annotated[
 AxialStiffness = Annotated[float, Quantity("N", 1e-3, 1e15)]
 AllowedForce = Annotated[float, Quantity("N", 1e-3, 1e15), Usual(1e3, 1e8)]
 Pressure = Annotated[float, Quantity("Pa", 1e-3, 1e18)]
+AllowedPressure = Annotated[Pressure, Usual(1e5, 1e9)]
 Density = Annotated[float, Quantity("kg/m^3", 1e-9, 1e9)]
 Mass = Annotated[float, Quantity("kg", 0.0, 1e12), Usual(0.05, 1e8)]
 Inertia = Annotated[float, Quantity("kg m^2", 0.0, 1e15)]

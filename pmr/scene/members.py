@@ -290,6 +290,35 @@ def body_ring(ring: PadRing | JointPads, name: str) -> PadRing:
     )
 
 
+class PadOnFace(NamedTuple):
+    """Pad on a face of the body: its ring, and the name of the face."""
+
+    ring: PadRing | JointPads
+    face: str
+
+    @property
+    def area(self) -> float:
+        """Length times width of the pad in m^2."""
+        return self.ring.length * self.ring.width
+
+    @property
+    def allowed_force(self) -> float:
+        """Force in N at which the mean pressure is the allowed one; infinite if the ring states none."""
+        return np.inf if self.ring.allowed_pressure is None else self.ring.allowed_pressure * self.area
+
+
+def pads_on_faces(scene: Scene) -> dict[str, PadOnFace]:
+    """Ring and face of each pad of a scene that is on a face, by the name of the pad."""
+    pads = dict[str, PadOnFace]()
+    for body, part in scene.bodies.items():
+        for key, ring in part.keyed_rings.items():
+            if ring.faces is not None:
+                end = key.partition("[")[0].removeprefix("joint.").removeprefix("pads")
+                named = body_ring(ring, " ".join(filter(None, (body, end, ring.name))))
+                pads |= {name: PadOnFace(ring, face) for name, face, _ in named.named_pads}
+    return pads
+
+
 def _ring_key(ring: JointPads) -> tuple[object, ...]:
     """Return faces, positions, length and width of a ring as a key; rings with equal keys may share a name."""
     assert ring.faces is not None

@@ -21,7 +21,7 @@ from pmr.scene.choice import has_unlike_side_walls, lateral_load_reasons
 from pmr.scene.hints import boom_scales
 from pmr.scene.joint_checks import check_extension
 from pmr.scene.keys import SceneTable, key_error
-from pmr.scene.members import footprint, members, seats
+from pmr.scene.members import footprint, members, pads_on_faces, seats
 from pmr.scene.signals import Constant
 from pmr.studies.study import Count
 from pmr.system.from_scene import force_names
@@ -199,10 +199,10 @@ def _allowed_luffing_forces(scene: Scene) -> dict[str, float]:
 def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
     """Return the text of a study file for a load chart, over the ranges of the scene's extensions and luffing angle.
 
-    Limits are tipping, the stress at probes, the allowed forces of the luffing cylinder and of supports, and the stress
-    of walls at pads, as far as the scene has what they need.
-    The stress of walls is computed on shells of the sections, on which the pads press.  `up_to` is the largest load in
-    kg.  The scene is one that `check_chart` accepts.
+    Limits are tipping, the stress at probes, the allowed forces of the luffing cylinder and of supports, the allowed
+    pressure of pads, and the stress of walls at pads, as far as the scene has what they need.  The stress of walls is
+    computed on shells of the sections, on which the pads press.  `up_to` is the largest load in kg.  The scene is one
+    that `check_chart` accepts.
     """
     from jinja2 import Environment, PackageLoader
 
@@ -240,6 +240,7 @@ def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
         walls=_wall_limits(scene),
         cylinder=_allowed_luffing_forces(scene),
         supports=_support_limits(scene),
+        pressed=any(np.isfinite(pad.allowed_force) for pad in pads_on_faces(scene).values()),
     )
 
 

@@ -27,14 +27,14 @@ from pydantic import Field, model_validator
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array
-from pmr.results.quantities import LIMITED, LIMITS, Columns, Measure, matches_pattern
+from pmr.results.quantities import LIMITED, LIMITS, Columns, Measure, matches_pattern, pad_pressure_measure
 from pmr.scene import Scene
 from pmr.scene.choice import traits_of
 from pmr.scene.frame import boom_rotation
 from pmr.scene.ground import MachineMass, edge_rows, polygon_area
 from pmr.scene.keys import SceneTable, Usual, qualified_name
 from pmr.scene.mechanism import rope_shares
-from pmr.scene.members import members
+from pmr.scene.members import members, pads_on_faces
 from pmr.scene.structures import Probe
 from pmr.simulation.statics.loaded import Form, LoadedStates
 from pmr.simulation.statics.postures import MACHINE_WEIGHT, PostureMatrices, StandAtRest
@@ -250,7 +250,8 @@ class Limit(SceneTable):
     )
     most: Positive | None = Field(
         default=None,
-        description="Largest allowed value: stress in Pa, force in N, deflection in m, angle in rad, or of a function",
+        description="Largest allowed value: stress in Pa, force in N, deflection in m, angle in rad, or of a function; "
+        "without it a limit of pads is their allowed_pressure of the scene",
     )
     least: Positive | None = Field(
         default=None, description="Smallest allowed value: buckling factor, frequency in Hz, force of an outrigger in N"
@@ -280,6 +281,11 @@ class Limit(SceneTable):
         return KINDS[self.of]
 
     @property
+    def by_scene(self) -> bool:
+        """Whether the limit is the allowed pressure that the scene states for each pad."""
+        return self.of == "pad" and self.most is None
+
+    @property
     def hint_numbers(self) -> dict[str, tuple[float, Usual]]:
         """`most` with its usual range, as ``{"most": (value, range)}`` for hints; empty if either is missing."""
         usual = USUAL_PRESSURE if self.area else self.kind.usual
@@ -290,7 +296,7 @@ class Limit(SceneTable):
         """Refuse a limit without a key that its quantity needs, and one with a key of other kinds of limits."""
         needed = self.kind.amount
         for key in ("most", "least"):
-            if (getattr(self, key) is not None) != (key == needed):
+            if (getattr(self, key) is not None) != (key == needed) and not (key == "most" and self.by_scene):
                 raise ValueError(f"a limit of {self.of} {f'takes {needed}' if needed else 'takes no amount'}: {key}")
         if self.which != ("*",) and self.of in UNNAMED:
             raise ValueError(f"which belongs to a limit of parts with names: {self.of} has none")
@@ -301,6 +307,8 @@ class Limit(SceneTable):
                 raise ValueError("overturning needs a polygon with an area, and masses of the machine")
         if self.area is not None and self.of != "pad":
             raise ValueError("area belongs to a limit of pads")
+        if self.area is not None and self.most is None:
+            raise ValueError("area goes with most, the pressure")
         for key in ("function", "expression"):
             if (getattr(self, key) is not None) != (self.of == key):
                 raise ValueError(f"{key} belongs to a limit of {key!r}, which needs one")
@@ -312,8 +320,11 @@ class Limit(SceneTable):
     def allowed_amount(self) -> float:
         """Allowed amount: the largest allowed value or, for eigenvalues, the smallest one, `factor` times `least`.
 
-        The largest allowed value is `most`; for a pad with an `area` it is `most`, a pressure, times the area.
+        The largest allowed value is `most`; for a pad with an `area` it is `most`, a pressure, times the area.  It is
+        1, a share, for pads whose allowed pressure the scene states.
         """
+        if self.by_scene:
+            return 1.0
         if self.least is not None:
             return self.factor * self.least
         return float(self.most or 0.0) * float(np.prod(self.area or (1.0,)))
@@ -331,11 +342,15 @@ class Limit(SceneTable):
 
         Raises InputError if none of the columns belongs to the limit.
         """
-        measure = LIMITS[self.of].measure(columns, self.concerns)
+        measure = self._measure_of(columns, self.concerns)
         if measure is None:
             probes = [probe for probe in columns.stress_columns() if FIELD not in probe] if self.of == "stress" else []
             raise self._unknown_name(probes)
         return measure
+
+    def _measure_of(self, columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
+        """Return the quantity of those parts for whose name `looks_at` is true; None if none of the columns has it."""
+        return pad_pressure_measure(columns, looks_at) if self.by_scene else LIMITS[self.of].measure(columns, looks_at)
 
     def governing_member(self, scene: Scene, columns: Columns, values: Array) -> str:
         """Return the name of the pad, cylinder, rope, support or probe with the largest value in a state.
@@ -344,7 +359,7 @@ class Limit(SceneTable):
         """
         sizes = dict[str, float]()
         for member in filter(self.concerns, self.kind.names(scene) if self.kind.names else ()):
-            measure = LIMITS[self.of].measure(columns, partial(eq, member))
+            measure = self._measure_of(columns, partial(eq, member))
             if measure is not None:
                 sizes[member] = float(measure(values[None])[0])
         return max(sizes, key=lambda member: sizes[member], default="")
@@ -391,6 +406,12 @@ class Limit(SceneTable):
             names = self.kind.names(scene)
             if not all(any(matches_pattern((pattern,), name) for name in names) for pattern in self.which):
                 raise self._unknown_name(names)
+        pads = pads_on_faces(scene) if self.by_scene else {}
+        if self.by_scene and not any(
+            np.isfinite(pad.allowed_force) for name, pad in pads.items() if self.concerns(name)
+        ):
+            allowed = "a force or a pressure is allowed, or allowed_pressure of pads in the scene"
+            raise InputError("study", f"limits.{self.name}.most", None, allowed)
 
     def concerns(self, name: str) -> bool:
         """Return whether the limit depends on the column, probe or point of a stress field called `name`."""

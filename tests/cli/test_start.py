@@ -259,6 +259,17 @@ def test_limits_of_walls_take_the_pads_of_their_joint_alone(
     assert [len(names) for names in taken] == [16, 16] and sorted(sum(taken, [])) == sorted(pads)
 
 
+def test_an_allowed_pressure_of_pads_is_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_command) -> None:
+    _only_write_charts(monkeypatch)
+    monkeypatch.chdir(tmp_path)
+    template = (TEMPLATES / "crane.toml").read_text()
+    for name, text in (("with", template), ("without", re.sub(r"(?m)^allowed_pressure.*\n", "", template))):
+        (tmp_path / "crane.toml").write_text(text)
+        run_command("chart", "crane.toml", "--up-to", "20000", "--out", str(tmp_path / name))
+        limits = call.load(tmp_path / name / "chart.toml").parts[0].study.limits
+        assert [limit.name for limit in limits if limit.by_scene] == (["pressure of pads"] if name == "with" else [])
+
+
 def test_forces_that_luffing_cylinder_and_pin_bear_are_limits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_command
 ) -> None:
@@ -336,8 +347,8 @@ def test_a_chart_of_a_folder_has_its_name(tmp_path: Path, monkeypatch: pytest.Mo
     run_command("chart", "mine", "--up-to", "20000")
     study = call.load(tmp_path / "reports" / "chart_mine" / "chart.toml").parts[0].study
     limits = [(limit.of, limit.most, limit.factor) for limit in study.limits]
-    # the scene has outriggers, a probe of stress, allowed forces of cylinder and pin, and pads
-    borne = [("luffing", 385e3, 1.0), ("luffing-pull", 225e3, 1.0), ("support", 390e3, 1.0)]
+    # the scene has outriggers, a probe of stress, allowed forces of cylinder and pin, and pads with an allowed pressure
+    borne = [("luffing", 385e3, 1.0), ("luffing-pull", 225e3, 1.0), ("support", 390e3, 1.0), ("pad", None, 1.0)]
     assert limits == [("tipping", 1.0, 1.33), ("stress", 690e6, 1.5), *borne, ("pad", 35.5e3, 1.5)]
     assert study.limits[-1].which == ("middle tail *", "middle mouth *")
     assert study.slewing == (0.0, 45.0, 90.0, 135.0, 180.0)

@@ -94,6 +94,7 @@ def headline(study: FinishedStudy, least_loads: Array, slewing: Array) -> str:
     loads = [format_load(end) for end in (permitted.min(), permitted.max())] if len(permitted) else []
     if np.isnan(least_loads).any():
         loads = [*loads[:1], ceiling(study)]
+    limits_of_study = study.study_file["limits"]
     return prose(
         "headline",
         case=case,
@@ -103,7 +104,8 @@ def headline(study: FinishedStudy, least_loads: Array, slewing: Array) -> str:
         not_permitted=NOT_PERMITTED,
         loads=loads,
         slewing=slewing_clause(slewing),
-        looks_at_walls={"pad", "field"} & {str(limit["of"]) for limit in study.study_file["limits"]},
+        looks_at_walls=any(of["of"] == "field" or of["of"] == "pad" and of.get("most") for of in limits_of_study),
+        looks_at_pads=any(of["of"] == "pad" for of in limits_of_study),
     )
 
 
@@ -246,9 +248,9 @@ def case_grid(study: FinishedStudy) -> Grid:
 
 
 def _format_amount(limit: Mapping[str, object], amount: float | None) -> str:
-    """Format the amount of a limit with its unit; None is printed as a dash."""
+    """Format the amount of a limit with its unit; None is printed as a dash, or says that it is in the scene."""
     if amount is None:
-        return "–"
+        return "allowed pressure of the scene" if limit["of"] == "pad" else "–"
     unit = "Pa" if limit.get("area") else KINDS[str(limit["of"])].unit
     if unit == "Hz":
         return f"{amount:g}{SPACE}Hz"  # nobody speaks of a boom's millihertz

@@ -370,7 +370,11 @@ class Study(StudyBase):
                 "the limits are those of the ground alone: whether stresses and forces of pads, cylinders and supports "
                 "are allowed is not looked at"
             )
-        elif "stress" in kinds and "pad" not in kinds and stress_remark(self._scene):
+        elif (
+            "stress" in kinds
+            and not any(of.of == "pad" and not of.by_scene for of in self.limits)
+            and stress_remark(self._scene)
+        ):
             lines.append(
                 "no limit of pad forces is set: walls may yield under pads at smaller loads, as stresses of beams are "
                 f"{UNBENT_WALLS}"

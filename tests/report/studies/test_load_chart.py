@@ -65,13 +65,16 @@ def test_a_chart_on_which_no_limit_is_met_has_no_empty_picture_and_no_table_of_n
 
 def test_the_first_sentence_says_whether_walls_and_pads_are_looked_at() -> None:
     """A limit of the stress of beams alone must not look as if loads were allowed."""
-    for of, is_said in (("stress", True), ("tipping", True), ("pad", False), ("field", False)):
-        limits = [{"name": "limit", "of": of, "factor": 1.5}]
+    pressure, force = {"of": "pad"}, {"of": "pad", "most": 6e4}
+    for kind, is_said in (({"of": "stress"}, True), ({"of": "tipping"}, True), (pressure, True), (force, False),
+                          ({"of": "field"}, False)):  # fmt: skip
+        limits = [{"name": "limit", "factor": 1.5, **kind}]
         study: Any = SimpleNamespace(study_file={"limits": limits, "up_to": 2e4, "cases": [{"name": "rest"}]})
         sentence = headline(study, np.array([[500.0, 900.0]]), np.array([0.0, 90.0]))
         assert (
             sentence.endswith(" A run states the stress of walls at pads.") is is_said
             and "the least over slewing by 0°, 90°." in sentence
+            and ("walls and pads are not" in sentence) is (is_said and kind is not pressure)
         )
 
 
