@@ -20,6 +20,8 @@ from pmr.files.arrays import Array
 
 #: Largest depth to which files include others, as in Abaqus, and largest number of inclusions in a deck.
 DEEPEST, MOST_INCLUSIONS = 5, 1000
+#: Numbers of nodes and elements have to have fewer digits than this.
+MOST_DIGITS = 18
 #: Keywords of cards whose data may be in a file of their own; that of other cards is not read.
 WITH_FILES = ("NODE", "ELEMENT", "NSET", "ELSET")
 
@@ -280,3 +282,18 @@ def read_numbers(line: DataLine, most: int, what: str = "") -> list[float]:
     if len(numbers) > most or not np.isfinite(numbers).all():
         raise line.place.error(f"{what or f'at most {most} numbers are'} allowed")
     return numbers
+
+
+def whole_number(line: DataLine, text: str, what: str) -> int:
+    """Return the whole number that the text of a field of a `line` states.
+
+    Raises InputError, with the place of the line, for another text; `what` says what is allowed.
+    """
+    if not is_label_number(text):
+        raise line.place.error(f"{what} is allowed, not {text!r}")
+    return int(text)
+
+
+def is_label_number(text: str) -> bool:
+    """Whether a text is a whole number that can be the number of a node or an element."""
+    return text.isascii() and text.isdigit() and len(text) < MOST_DIGITS

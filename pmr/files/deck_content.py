@@ -1,4 +1,4 @@
-"""Content of an input deck of Abaqus or CalculiX: its elements, and its sets and surfaces from their cards.
+"""Content of an input deck of Abaqus or CalculiX: its nodes and elements, and its sets and surfaces from their cards.
 
 The cards of sets and surfaces are read when all nodes and elements are known, as members may stand anywhere.
 """
@@ -6,11 +6,21 @@ The cards of sets and surfaces are read when all nodes and elements are known, a
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from copy import copy, deepcopy
 from dataclasses import dataclass, field
 
-from pmr.files.cards import Axes, Card, DataLine, Place
+from pmr.files.cards import (
+    Axes,
+    Card,
+    DataLine,
+    Place,
+    is_label_number,
+    read_axes,
+    read_numbers,
+    rectangular,
+    whole_number,
+)
 
 #: For each type of element, the kind of its cells in meshio's words.
 KINDS: Mapping[str, str] = {
@@ -100,10 +110,6 @@ class Elements:
             return tuple(range(CORNERS[self.kind]))
         number = number - 2 if letter == "S" else number
         return EDGES[self.kind][number] if letter in "SE" and 0 <= number < len(EDGES[self.kind]) else ()
-
-
-#: Numbers of nodes and elements have to have fewer digits than this.
-MOST_DIGITS = 18
 
 
 @dataclass
@@ -317,37 +323,65 @@ def set_by_name(deck: Deck, sets: dict[str, set[int]], card: Card, option: str) 
     return sets.setdefault(name.lower(), set())
 
 
-def whole_number(line: DataLine, text: str, what: str) -> int:
-    """Return the whole number that the text of a field of a `line` states.
+def _read_system(deck: Deck, card: Card) -> None:
+    """Set the axes in which `deck` has the coordinates of all following nodes, from a card `*SYSTEM`."""
+    card.allow_options("")
+    deck.axes = read_axes(card)
 
-    Raises InputError, with the place of the line, for another text; `what` says what is allowed.
+
+def _read_nodes(deck: Deck, card: Card) -> None:
+    """Add the nodes on a card to the deck.
+
+    Coordinates that are missing are 0; numbers after the third coordinate are left out.  Raises InputError with file
+    and line for a line that can't be read, and for a node that is there already.
     """
-    if not is_label_number(text):
-        raise line.place.error(f"{what} is allowed, not {text!r}")
-    return int(text)
+    card.allow_options("NSET SYSTEM INPUT")
+    numbers = list[int]()
+    for line in card.lines:
+        number, *place = line.fields
+        node = whole_number(line, number, "the whole number of a node")
+        if node in deck.nodes:
+            raise line.place.error(f"node {node} is there a second time; each number once is allowed")
+        what = f"coordinates of node {node} that are numbers are"  # further numbers are normals of shells
+        coordinates = read_numbers(DataLine(line.place, tuple(place[:3])), 3, what)
+        x, y, z = rectangular(card, deck.axes, [*coordinates, 0.0, 0.0, 0.0][:3])
+        deck.nodes[node] = (x, y, z)
+        numbers.append(node)
+    if "NSET" in card.options:
+        set_by_name(deck, deck.node_sets, card, "NSET").update(numbers)
 
 
-def is_label_number(text: str) -> bool:
-    """Whether a text is a whole number that can be the number of a node or an element."""
-    return text.isascii() and text.isdigit() and len(text) < MOST_DIGITS
+def _read_elements(deck: Deck, card: Card) -> None:
+    """Add the elements on a card to the deck; raise InputError, with file and line, for one that can't be read.
 
-
-def dependent_displacements(deck: Deck) -> dict[Place, set[tuple[int, int]]]:
-    """Return the displacements that each card of ties or equations makes depend on others, by the card's place.
-
-    Each displacement is a pair of node and direction, from 1.  They are the displacements of a tie's first surface, and
-    the first one of each equation.  Cards that name sets of nodes, or surfaces that are not read, are left out.
+    An element may go on over several lines.  Elements of a type that pmr does not know are added too.
     """
-    dependent = dict[Place, set[tuple[int, int]]]()
-    for card in deck.further.ties:
-        surfaces = [deck.surfaces.get(line.fields[0].lower(), set()) for line in card.lines]
-        if all(surfaces):
-            dependent[card.place] = {(node, d) for nodes in surfaces for node in nodes for d in (1, 2, 3)}
-    for card in deck.further.equations:
-        fields, pairs = [field for line in card.lines for field in line.fields if field], set[tuple[int, int]]()
-        while len(fields) > 2 and all(is_label_number(field) for field in fields[:3]):
-            pairs.add((int(fields[1]), int(fields[2])))
-            fields = fields[1 + 3 * int(fields[0]) :]
-        if not fields:
-            dependent[card.place] = pairs
-    return dependent
+    card.allow_options("TYPE ELSET INPUT")
+    block = Elements(card.options.get("TYPE", "").upper(), [], [], [])
+    count, parts, begun = block.node_count, list[int](), card.place
+    for line in card.lines:
+        begun = begun if parts else line.place
+        parts.extend(whole_number(line, field, "a whole number") for field in line.fields if field)
+        if len(parts) < 1 + count if count else not line.fields[-1] and line is not card.lines[-1]:
+            continue  # the element goes on in the next line
+        if parts[0] in deck.element_numbers:
+            raise begun.error(f"element {parts[0]} is there a second time; each number once is allowed")
+        deck.element_numbers.add(parts[0])
+        if count and len(parts) != 1 + count:
+            raise begun.error(f"the number of an element and {count} nodes are allowed for {block.type}")
+        block.numbers.append(parts[0])
+        block.lines.append(begun)
+        block.nodes.append([node for node in parts[1:] if node or block.kind])  # a network of fluids may end at node 0
+        parts = []
+    if parts:
+        raise begun.error(f"element {parts[0]} of type {block.type} has too few nodes")
+    deck.elements.append(block)
+    if "ELSET" in card.options:
+        set_by_name(deck, deck.element_sets, card, "ELSET").update(block.numbers)
+
+
+READERS: Mapping[str, Callable[[Deck, Card], None]] = {
+    "NODE": _read_nodes,
+    "ELEMENT": _read_elements,
+    "SYSTEM": _read_system,
+}

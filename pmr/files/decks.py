@@ -1,4 +1,6 @@
-"""Nodes, elements and sets of an input deck of Abaqus or CalculiX; content that can't be read is refused with its line.
+"""Nodes of another program's model, from a deck of Abaqus or CalculiX, a table, or bulk data of Nastran.
+
+Of a deck, nodes, elements and sets are read; content that can't be read is refused with its line.
 
 Cards belong to the whole, to a part or to an instance of a part, each a `Deck` with numbers of its own.  An instance is
 moved to its place and joined with the whole.  `READERS` has a function for each keyword that is read, and `REFUSED` has
@@ -12,12 +14,17 @@ drop node sets; that of pyFormex has another licence; abaqus-parse writes decks 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from pmr.files.cards import Card, DataLine, Place, move_instance, read_axes, read_cards, read_numbers, rectangular
-from pmr.files.deck_content import Deck, Elements, Numbers, read_sets, set_by_name, whole_number
+import numpy as np
+
+from pmr.files.arrays import Array, Indices
+from pmr.files.cards import Card, Place, is_label_number, move_instance, read_cards, turned_axes
+from pmr.files.deck_content import READERS, Deck, Numbers, read_sets
+from pmr.files.labelled import UnreadableError, read_by_suffix
+from pmr.files.nastran import read_bulk
 
 #: Largest number of nodes of several instances together.
 MOST_NODES = 500_000
@@ -158,69 +165,6 @@ def read_deck(path: Path) -> Deck:
     return assembly.end()
 
 
-def _read_system(deck: Deck, card: Card) -> None:
-    """Set the axes in which `deck` has the coordinates of all following nodes, from a card `*SYSTEM`."""
-    card.allow_options("")
-    deck.axes = read_axes(card)
-
-
-def _read_nodes(deck: Deck, card: Card) -> None:
-    """Add the nodes on a card to the deck.
-
-    Coordinates that are missing are 0; numbers after the third coordinate are left out.  Raises InputError with file
-    and line for a line that can't be read, and for a node that is there already.
-    """
-    card.allow_options("NSET SYSTEM INPUT")
-    numbers = list[int]()
-    for line in card.lines:
-        number, *place = line.fields
-        node = whole_number(line, number, "the whole number of a node")
-        if node in deck.nodes:
-            raise line.place.error(f"node {node} is there a second time; each number once is allowed")
-        what = f"coordinates of node {node} that are numbers are"  # further numbers are normals of shells
-        coordinates = read_numbers(DataLine(line.place, tuple(place[:3])), 3, what)
-        x, y, z = rectangular(card, deck.axes, [*coordinates, 0.0, 0.0, 0.0][:3])
-        deck.nodes[node] = (x, y, z)
-        numbers.append(node)
-    if "NSET" in card.options:
-        set_by_name(deck, deck.node_sets, card, "NSET").update(numbers)
-
-
-def _read_elements(deck: Deck, card: Card) -> None:
-    """Add the elements on a card to the deck; raise InputError, with file and line, for one that can't be read.
-
-    An element may go on over several lines.  Elements of a type that pmr does not know are added too.
-    """
-    card.allow_options("TYPE ELSET INPUT")
-    block = Elements(card.options.get("TYPE", "").upper(), [], [], [])
-    count, parts, begun = block.node_count, list[int](), card.place
-    for line in card.lines:
-        begun = begun if parts else line.place
-        parts.extend(whole_number(line, field, "a whole number") for field in line.fields if field)
-        if len(parts) < 1 + count if count else not line.fields[-1] and line is not card.lines[-1]:
-            continue  # the element goes on in the next line
-        if parts[0] in deck.element_numbers:
-            raise begun.error(f"element {parts[0]} is there a second time; each number once is allowed")
-        deck.element_numbers.add(parts[0])
-        if count and len(parts) != 1 + count:
-            raise begun.error(f"the number of an element and {count} nodes are allowed for {block.type}")
-        block.numbers.append(parts[0])
-        block.lines.append(begun)
-        block.nodes.append([node for node in parts[1:] if node or block.kind])  # a network of fluids may end at node 0
-        parts = []
-    if parts:
-        raise begun.error(f"element {parts[0]} of type {block.type} has too few nodes")
-    deck.elements.append(block)
-    if "ELSET" in card.options:
-        set_by_name(deck, deck.element_sets, card, "ELSET").update(block.numbers)
-
-
-READERS: Mapping[str, Callable[[Deck, Card], None]] = {
-    "NODE": _read_nodes,
-    "ELEMENT": _read_elements,
-    "SYSTEM": _read_system,
-}
-
 _IN_PLACE = "nodes and elements in the file itself, one by one, are allowed"
 REFUSED: Mapping[str, str] = {
     **dict.fromkeys(("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SUBSTRUCTURE PATH"), _IN_PLACE),
@@ -245,3 +189,192 @@ HARMLESS = re.compile(
     r"HEAT TRANSFER|(UN)?COUPLED TEMPERATURE-DISPLACEMENT|VISCO|GREEN|SENSITIVITY|SOLUTION TECHNIQUE|"
     r"(MATRIX|SUBSTRUCTURE) GENERATE|RETAINED NODAL DOFS|FLEXIBLE BODY|MASS ADJUST"
 )
+
+
+#: Suffixes of files with bulk data of Nastran.
+NASTRAN_SUFFIXES = (".bdf", ".pch", ".dat", ".nas")
+
+
+@dataclass(frozen=True)
+class ForeignNodes:
+    """Nodes of a model: their N numbers (N,), points (N, 3) in m and groups, and cards that constrain coordinates."""
+
+    numbers: Indices
+    points: Array
+    groups: dict[str, Indices]  # numbers of the nodes in each group, by its name
+    constraints: Sequence[tuple[Place, str]] = ()  # place and keyword of each card that constrains coordinates
+    axes: Mapping[int, Array] = field(default_factory=dict)  # (3, 3): axes of coordinates as rows, by node with its own
+    turned: Place | None = None  # card of axes in which the matrices may be, or not
+    #: node and direction (from 1) of displacements that depend on others by a card, by its place
+    dependent: Mapping[Place, set[tuple[int, int]]] = field(default_factory=dict)
+    condensed: bool = False  # whether nodes without rows are condensed, not held
+
+    def only(self, numbers: Indices) -> ForeignNodes:
+        """Return only those nodes that have one of the `numbers` (k,), such as boundary nodes of a superelement.
+
+        Groups without any of these nodes are left out.
+        """
+        at = np.isin(self.numbers, numbers)
+        groups = {name: members[np.isin(members, numbers)] for name, members in self.groups.items()}
+        groups = {name: members for name, members in groups.items() if len(members)}
+        return replace(self, numbers=self.numbers[at], points=self.points[at], groups=groups)
+
+    def without_dependent(self, pairs: Indices) -> ForeignNodes:
+        """Return the nodes without those that cards tie to other nodes, and without these cards.
+
+        A node is left out if all of its displacements depend on others and it has no row among the node and direction
+        `pairs` (n, 2) of the matrices.  A card stays if it ties a displacement of any other node.
+        """
+        depending = set[tuple[int, int]]().union(*self.dependent.values())
+        nodes = {node for node, _ in depending if {(node, 1), (node, 2), (node, 3)} <= depending} - {
+            *pairs[:, 0].tolist()
+        }
+        if not nodes:
+            return self
+        explained = {
+            place for place, coordinates in self.dependent.items() if {node for node, _ in coordinates} <= nodes
+        }
+        constraints = [(place, keyword) for place, keyword in self.constraints if place not in explained]
+        return replace(self.only(np.setdiff1d(self.numbers, [*nodes])), constraints=constraints)
+
+
+def check_constraints(nodes: ForeignNodes, pairs: Indices) -> None:
+    """Raise InputError if nodes have axes of their own, or if cards constrain coordinates.
+
+    Such cards are refused only if some displacements have no row in the matrices.  `pairs` (n, 2) are the node and the
+    direction (from 1) of each row.
+    """
+    missing = 3 * len(nodes.numbers) - int(np.isin(pairs[:, 1], (1, 2, 3)).sum())
+    for place, keyword in nodes.constraints:
+        if keyword == TURNED:
+            allowed = (
+                "rows along the axes of the whole are allowed: *TRANSFORM gives nodes axes of their own; matrices "
+                "written without it are allowed"
+            )
+            raise place.error(allowed)
+        is_nastran = Path(place.source).suffix.lower() in NASTRAN_SUFFIXES
+        is_rigid = is_nastran and keyword != "MPC"  # of several sets of MPC a run takes one
+        with_rows = nodes.dependent.get(place, set()) & {(node, d) for node, d in pairs.tolist()} if is_rigid else set()
+        if with_rows:
+            node, direction = min(with_rows)
+            allowed = (
+                f"matrices are allowed that {keyword} is part of: it makes direction {direction} of grid point {node} "
+                "depend on others, and the matrices have a row of it"
+            )
+            raise place.error(allowed)
+        if missing > 0:
+            star = "" if is_nastran else "*"
+            allowed = (
+                f"a model is allowed in which {star}{keyword} ties no coordinates to others: {missing} displacements "
+                "have no row in the matrices, which pmr takes as fixed"
+            )
+            raise place.error(allowed)
+
+
+def _make_nodes(numbers: list[int], points: Sequence[Sequence[float]], groups: dict[str, list[int]]) -> ForeignNodes:
+    """Return nodes from their `numbers`, their points (x, y, z) in m, and the numbers of the nodes in each group.
+
+    Groups without members are left out.  Raises UnreadableError if there are no nodes.
+    """
+    if not numbers:
+        raise UnreadableError("nodes are allowed: this file has none")
+    sets_of_nodes = {name: np.unique(np.array(members, dtype=np.int64)) for name, members in groups.items() if members}
+    return ForeignNodes(np.array(numbers, dtype=np.int64), np.array(points), sets_of_nodes)
+
+
+def _read_csv_nodes(path: Path) -> ForeignNodes:
+    """Read nodes and groups from a CSV file; its first line is skipped.
+
+    Each line has node, x, y, z in m and the names of the groups that the node belongs to.  Raises UnreadableError with
+    the number of a line of another form.
+    """
+    numbers, points, groups = list[int](), list[list[float]](), dict[str, list[int]]()
+    for at, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
+        number, *parts = (part.strip() for part in line.split(","))
+        if at == 1 or not line.strip():
+            continue
+        try:
+            place = [float(part) for part in parts[:3]]
+        except ValueError:
+            place = []
+        if len(place) != 3 or not is_label_number(number):
+            raise UnreadableError("node, x, y, z and names of groups are allowed", at)
+        numbers.append(int(number))
+        points.append(place)
+        for name in filter(None, parts[3:]):
+            groups.setdefault(name, []).append(int(number))
+    return _make_nodes(numbers, points, groups)
+
+
+def dependent_displacements(deck: Deck) -> dict[Place, set[tuple[int, int]]]:
+    """Return the displacements that each card of ties or equations makes depend on others, by the card's place.
+
+    Each displacement is a pair of node and direction, from 1.  They are the displacements of a tie's first surface, and
+    the first one of each equation.  Cards that name sets of nodes, or surfaces that are not read, are left out.
+    """
+    dependent = dict[Place, set[tuple[int, int]]]()
+    for card in deck.further.ties:
+        surfaces = [deck.surfaces.get(line.fields[0].lower(), set()) for line in card.lines]
+        if all(surfaces):
+            dependent[card.place] = {(node, d) for nodes in surfaces for node in nodes for d in (1, 2, 3)}
+    for card in deck.further.equations:
+        fields, pairs = [field for line in card.lines for field in line.fields if field], set[tuple[int, int]]()
+        while len(fields) > 2 and all(is_label_number(field) for field in fields[:3]):
+            pairs.add((int(fields[1]), int(fields[2])))
+            fields = fields[1 + 3 * int(fields[0]) :]
+        if not fields:
+            dependent[card.place] = pairs
+    return dependent
+
+
+def _read_deck_nodes(path: Path) -> ForeignNodes:
+    """Read nodes, sets and constraint cards from an input deck of Abaqus or CalculiX.
+
+    Raises InputError if two instances have nodes with the same number.
+    """
+    deck = read_deck(path)
+    if deck.further.renumbered is not None:
+        allowed = (
+            "matrices name nodes by their numbers: instances whose nodes have numbers that no other has are allowed"
+        )
+        raise deck.further.renumbered.error(allowed)
+    sets = {name: [*members] for name, members in (deck.surfaces | deck.node_sets).items() if name[0] != "_"}
+    axes = dict[int, Array]()
+    for card in deck.further.turned:
+        name = card.options.get("NSET", "")
+        if name.lower() not in deck.node_sets:
+            raise card.place.error(f"NSET={name} is no set of nodes")
+        numbers = sorted(deck.node_sets[name.lower()])
+        axes |= zip(numbers, turned_axes(card, np.array([deck.nodes[number] for number in numbers])), strict=True)
+    nodes = _make_nodes(list(deck.nodes), [*deck.nodes.values()], sets)
+    turned = deck.further.turned[0].place if deck.further.turned else None
+    dependent = dependent_displacements(deck)
+    constraints = [(place, keyword) for place, keyword in deck.further.constraints if keyword not in CONTACTS]
+    return replace(nodes, constraints=constraints, axes=axes, turned=turned, dependent=dependent)
+
+
+def _read_bulk_nodes(path: Path) -> ForeignNodes:
+    """Read grid points, their sets and own axes, and cards that constrain coordinates from Nastran's bulk data."""
+    bulk = read_bulk(path)
+    groups = {name: nodes.tolist() for name, nodes in bulk.groups.items()}
+    ties = [(Place(str(path), line), name) for line, name in bulk.constraints]
+    dependent = {Place(str(path), line): members for line, members in bulk.dependent.items()}
+    nodes = _make_nodes(bulk.numbers.tolist(), bulk.points.tolist(), groups)
+    return replace(nodes, axes=bulk.axes, constraints=ties, dependent=dependent, condensed=bulk.condensed)
+
+
+def read_groups(path: Path) -> dict[str, Array]:
+    """Return the g points (g, 3) in m of each group in a CSV file, by the group's name.
+
+    `pmr matrices --nodes` takes the same files.  Raises InputError if the file can't be read.
+    """
+    nodes = read_by_suffix(path, {".csv": _read_csv_nodes})
+    return {name: nodes.points[np.isin(nodes.numbers, members)] for name, members in nodes.groups.items()}
+
+
+#: Readers of nodes, by the suffix of the file.
+NODE_READERS: dict[str, Callable[[Path], object]] = {
+    ".inp": _read_deck_nodes,
+    ".csv": _read_csv_nodes,
+    **dict.fromkeys(NASTRAN_SUFFIXES, _read_bulk_nodes),
+}

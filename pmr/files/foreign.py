@@ -18,8 +18,8 @@ import scipy.sparse as sp
 from pmr.errors import InputError
 from pmr.files import labelled
 from pmr.files.arrays import Array, Indices
-from pmr.files.deck_content import is_label_number
-from pmr.files.foreign_nodes import NASTRAN_SUFFIXES, NODE_READERS, check_constraints
+from pmr.files.cards import is_label_number
+from pmr.files.decks import NASTRAN_SUFFIXES, NODE_READERS, check_constraints
 from pmr.files.labelled import UnreadableError, read_by_suffix, read_harwell_boeing, read_mapping
 from pmr.files.matrices import MODAL, GivenMatrices
 from pmr.files.nastran import read_bulk

@@ -25,7 +25,7 @@ import scipy.sparse as sp
 from pmr.errors import InputError, missing_file_reason
 from pmr.errors.environment import import_package
 from pmr.files.arrays import Array, Indices
-from pmr.files.deck_content import is_label_number
+from pmr.files.cards import is_label_number
 
 logger = logging.getLogger(__name__)
 

@@ -17,8 +17,7 @@ from pmr.errors import InputError
 from pmr.files.arrays import Array, Indices
 from pmr.files.cards import Place
 from pmr.files.deck_content import CORNERS, EDGES, Deck, Elements
-from pmr.files.decks import TIED, TURNED, read_deck
-from pmr.files.foreign_nodes import read_groups
+from pmr.files.decks import TIED, TURNED, read_deck, read_groups
 
 if TYPE_CHECKING:
     import meshio
@@ -62,7 +61,7 @@ class MeshFile:
     point_groups: Mapping[str, Indices] = field(default_factory=dict)
 
     def with_groups(self, file: Path) -> MeshFile:
-        """Return this content with the groups of nodes in a CSV file (`pmr.files.foreign_nodes.read_groups`).
+        """Return this content with the groups of nodes in a CSV file (`pmr.files.decks.read_groups`).
 
         Raises an `InputError` if a node is no point of the mesh, or a group has the name of one that there is.
         """
