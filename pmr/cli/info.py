@@ -385,7 +385,9 @@ def schema(
         out.print(makers[kind](), soft_wrap=True, end="")
         return
     files = (*scene_form_schemas(), *schemas().values())
-    rows = next(filter(None, (describe_key(of_file, kind) for of_file in files)), [])
+    # keys that all sections take over stand in [section]
+    key = f"sections.{kind.removeprefix('section.')}" if kind.startswith("section.") else kind
+    rows = next(filter(None, (describe_key(of_file, key) for of_file in files)), [])
     if not rows:
         allowed = f"one of {', '.join(makers)}, or a key of a scene or study such as hoist.falls, is allowed"
         raise InputError("command line", "KIND", kind, f"{similar_name_hint(kind, makers)}{allowed}")

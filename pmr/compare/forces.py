@@ -216,7 +216,8 @@ def pulled_pad_warnings(scene: Scene, contacts: Sequence[Contact], response: Res
         lines += [_ring_warning(ring, of_ring, response) + _push_clause("this ring", computed)] if of_ring else []
     held = [contact for contact in contacts if contact.clearance is None and contact.name in pulling]
     held = [contact for contact in held if contact.inner.body in scene.names[1:]]
-    lines += [_joints_warning(held, pulling, response, computed)] if held else []
+    sideways = {of.face in ("left", "right") for name, of in pads_on_faces(scene).items() if name in pulling} == {True}
+    lines += [_joints_warning(held, pulling, response, computed, sideways)] if held else []
     return lines
 
 
@@ -232,13 +233,18 @@ def _computed_motion(scene: Scene) -> str | None:
     return "frame.luffing = 'free'" if is_computed else None
 
 
-def _push_clause(rings: str, computed: str | None) -> str:
+def _push_clause(rings: str, computed: str | None, sideways: bool = False) -> str:
     """Clause that says which key of `rings` to change if pads can only push.
 
-    `computed` is the result of `_computed_motion`.
+    `computed` is the result of `_computed_motion`; `sideways` says that only pads at the left and at the right pull.
     """
     if computed is None:
         return f"; if they can only push, set unilateral = true in {rings}"
+    if sideways:
+        return (
+            f"; if they can only push: unilateral = true is refused beside {computed}; where such a pad pulls, the one "
+            "on the other side would bear all, and two that share a force are twice as stiff as one that bears it"
+        )
     return (
         f"; if they can only push: unilateral = true is refused beside {computed}, so leave only the faces that bear "
         f"in faces of {rings}, top at the tail and bottom at the mouth where the tip hangs down; a pad without another "
@@ -272,13 +278,18 @@ def _ring_warning(ring: PadRing, pulling: Mapping[str, Extremes], response: Resp
 
 
 def _joints_warning(
-    contacts: Sequence[Contact], pulling: Mapping[str, Extremes], response: Response, computed: str | None
+    contacts: Sequence[Contact],
+    pulling: Mapping[str, Extremes],
+    response: Response,
+    computed: str | None,
+    sideways: bool,
 ) -> str:
     """Warning that pads between sections pull.
 
     The warning names the pad that pulls most, its force and its time, and says how many others pull.  `contacts` are
     the contacts of all of these pads.  `pulling` maps each contact's name to the extremes of its force.  `computed` is
-    the result of `_computed_motion`, None if no motion of the scene is computed.
+    the result of `_computed_motion`, None if no motion of the scene is computed.  `sideways` says that only pads at the
+    left and at the right pull.
     """
     pad = min((contact.name for contact in contacts), key=lambda name: pulling[name].least)
     sections = list(dict.fromkeys(contact.inner.body for contact in contacts))
@@ -289,7 +300,7 @@ def _joints_warning(
     return (
         f"pads in the {joints} of {', '.join(sections)} hold both ways and pull: {pad} with up to "
         f"{with_unit(-pulling[pad].least, 'N')} {response.when(pulling[pad].t_least)}{more}"
-        f"{_push_clause(f'{keys} of {these}', computed)}"
+        f"{_push_clause(f'{keys} of {these}', computed, sideways)}"
     )
 
 

@@ -120,7 +120,7 @@ class SceneWords:
             text = self.describe(value, unit)
             return text if isinstance(value, SignalBase) or not text else f"({text})"
         if isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
-            return "; ".join(self.describe(part, unit) for part in value)
+            return "; ".join(f"{getattr(part, 'name', '')} {self.describe(part, unit)}".strip() for part in value)
         return describe_plain(value, unit)
 
     def _unit(self, table: BaseModel, key: str) -> str:

@@ -67,6 +67,8 @@ TOO_LARGE = "integers of 64 bits are allowed"
 _DEEP_KEY = re.compile(
     rf"""(?:^|[{{,])[ \t]*(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){{{DEEPEST}}}""", re.MULTILINE | re.ASCII
 )
+#: Words of tomllib for a key or table that adds to a table in braces, or stands a second time.
+_TAKEN = re.compile(r"Cannot (?:mutate immutable namespace|declare) \(([^)]*)\)(?: twice)?")
 
 
 @dataclass(frozen=True)
@@ -237,7 +239,7 @@ def read_tables(path: Path, what: str) -> dict[str, Any]:
     except OSError as error:
         raise InputError(str(path), "", None, f"can't be read: {error.strerror}") from None
     except ValueError as error:
-        raise InputError(str(path), "", None, f"not valid TOML: {error}") from None
+        raise InputError(str(path), "", None, f"not valid TOML: {_TAKEN.sub(_say_taken, str(error))}") from None
 
 
 def _parse(text: str) -> dict[str, Any]:
@@ -254,6 +256,12 @@ def _parse(text: str) -> dict[str, Any]:
         except ValueError:  # of Python, for integers of over 4300 digits
             raise ValueError(TOO_LARGE) from None
     raise ValueError(f"at most {DEEPEST} tables or lists within each other are allowed")
+
+
+def _say_taken(words: re.Match[str]) -> str:
+    """Return a message about the key in a match of `_TAKEN`."""
+    key = ".".join(part.strip(" '") for part in words[1].split(",") if part.strip())
+    return f"{key} can't be added here: a table in braces {{ }} has all its keys within them, and any table stands once"
 
 
 def _is_too_deep(data: object, depth: int = DEEPEST) -> bool:

@@ -361,6 +361,7 @@ def test_a_chart_of_a_folder_has_its_name(tmp_path: Path, monkeypatch: pytest.Mo
     [
         ("hoist.falls", ("Number of falls between head and hook", "whole number, at least 1")),
         ("sections.fly.masses.at", ("Place of its centre", "list of 3, in m")),
+        ("section.joint.rope", ("Rope or chain that moves the section", "strands", "EA")),
         ("frame.cylinder", ("foot", "must be given", "stiffness", "in N/m")),
         ("limits.factor", ("number, above 0", "1.0")),
         # each of the tables that a value may be has its own keys

@@ -88,6 +88,10 @@ def test_pads_that_pull_have_a_remedy_that_a_free_angle_takes(result: RunResult)
     (line,) = [line for line in full.summary["warnings"] if "hold both ways and pull" in line]
     assert "set unilateral" not in line and "unilateral = true is refused beside frame.luffing = 'free'" in line
     assert "leave only the faces that bear in faces of joint.tail and joint.mouth" in line
+    slewing = "frame.slewing={kind='smooth_ramp', times=[0.0, 1.0], values=[0.0, 20.0]}"
+    aside = pmr.run(pmr.load_scene("luffing_oil", [*QUICK, slewing])).result.summary["warnings"]
+    (line,) = [line for line in aside if "hold both ways and pull" in line]
+    assert "the one on the other side would bear all" in line and "leave only" not in line
     mouth = force_name("middle mouth bottom right")
     of_faces, of_rings = (run.responses["reduced"].force(mouth, 0)[0] for run in (result, full))
     assert of_faces == pytest.approx(2.0 * of_rings, rel=0.02)

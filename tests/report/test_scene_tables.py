@@ -46,6 +46,11 @@ def test_angles_are_in_degrees_and_rotations_have_their_units() -> None:
         assert text in shown
 
 
+def test_tables_within_a_table_have_their_names() -> None:
+    ground = rows("crane_outriggers", title="Time stepping and settings")["frame ground"]
+    assert f"masses carrier mass 7500{SPACE}kg" in ground and f"outriggers front left at (2.6, 2.4){SPACE}m" in ground
+
+
 @pytest.mark.parametrize(
     ("scene", "unused"),
     [("boom_beam", ("reduction snapshots", "mesh size")), ("boom_shell", ("mesh elements",)),

@@ -88,6 +88,14 @@ def test_a_signal_replaced_whole_is_the_later_files(tmp_path: Path) -> None:
         ("extends = ''", "there is none"),
         ("extends = 'self.toml'", "extend itself"),
         ("a = ", "not valid TOML"),
+        (
+            "[[sections]]\nbody.box = {}\n[[sections.body.box.doublers]]",
+            r"TOML: sections.body.box.doublers can't be added",
+        ),
+        (
+            "[frame]\ncylinder = {}\n[frame.cylinder.oil]",
+            r"frame.cylinder.oil can't be added here: a table in braces { }",
+        ),
         ("extends = 3", "name of a scene file"),
     ],
 )

@@ -242,8 +242,9 @@ def fmu_contents(
         start_values[-3] = observer.step
     further_variables = None if observer is None else observer.variables
     listed = variables(drivers, start_values, run.nominal, further_variables)
-    paths = [variable.name for variable in listed if variable.within is not None]
-    file = system_file(drivers, paths, start_values, run.nominal, 0.0 if observer else run.omega, further)
+    names = {variable.reference: variable.name for variable in listed}
+    by_reference = [names.get(reference, "") for reference in range(max(names) + 1)]
+    file = system_file(drivers, by_reference, start_values, run.nominal, 0.0 if observer else run.omega, further)
     files = source_files(version) if sources else {}
     plain = re.sub(r"[^A-Za-z0-9_]+", "_", name)
     described = ModelAttributes(
@@ -321,7 +322,7 @@ class SystemFile:
 
 def system_file(
     drivers: Drivers,
-    path_names: Sequence[str],
+    variable_names: Sequence[str],
     start_values: Array,
     nominal: Array,
     omega: float,
@@ -333,8 +334,8 @@ def system_file(
     ----------
     drivers : Drivers
         System and its N drivers.
-    path_names : sequence of str
-        Names of the path inputs.
+    variable_names : sequence of str
+        Name of the FMU's variable of each value reference; empty for a reference without a variable.
     start_values : (4 + 4 N,) array
         Start values of t, of the drivers, of their rates of order one to three, and of step, rho_inf and start.
     nominal : (2 r,) array
@@ -359,7 +360,7 @@ def system_file(
         "unit_bounds": watched.limits.ravel(),
         "names_watched": lines(watched.messages),
         "unit_exchange": np.array([drivers.is_differential and not observer]),
-        "names_paths": lines(path_names),
+        "names_variables": lines(variable_names),
         **(observer or {}),
     }
     digest = hashlib.sha256(pack(arrays)).hexdigest()

@@ -26,6 +26,7 @@ from pmr.export.fmi.variables import Drivers
 from pmr.files.arrays import Array
 from pmr.scene.signals import Ramp, SignalBase
 from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.modal import modal_form
 from pmr.simulation.moving import read_scene
 from pmr.simulation.native import systems
@@ -231,6 +232,28 @@ def test_the_boom_of_the_manual_is_driven_under_fmpy(fmpy: Path, tmp_path: Path)
     found = [float(number) for number in done.stdout.splitlines()[-1].split()]
     assert found[0] == pytest.approx(tip, rel=1e-6)
     assert found[1] == pytest.approx(force, rel=1e-5)  # of a rigid row (index 3): places times mass over h^2
+
+
+def test_the_controller_of_the_manual_holds_the_angle_under_fmpy(fmpy: Path, tmp_path: Path) -> None:
+    """As it is written there; beside a `Stepper` under the same controller, whose steps are those of the FMU."""
+    page = (ROOT / "docs" / "fmu.md").read_text().split("## A controller in the loop")[1]
+    _, loop = re.findall(r"^```python\n(.*?)^```$", page.split("\n## ")[0], flags=re.S | re.M)
+    system = reduce(scene.load_any("luffing_oil", ["section.mesh.elements=6", "time.end=0.1"])).system
+    fmi.write_fmu(system.save(tmp_path / "oil.npz"), tmp_path / "oil.fmu", platforms=PLATFORMS[:1])
+    program = f"import numpy as np\n{loop}"
+    done = subprocess.run([str(fmpy), "-c", program], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    h, parts = 0.01, 5
+    names = ["luffing angle", "luffing cylinder pressure bore"]
+    stepper = Stepper(with_all_inertia(system), h / parts, s={"middle": 2.0, "fly": 2.0}, outputs=names, rho_inf=0.9)
+    angle = stepper.luffing["luffing angle"]
+    for k in range(1500):
+        error = np.radians(min(20.0 + 2.5 * k * h, 40.0)) - angle
+        for _ in range(parts):
+            angle, pressure = stepper.step({}, {"luffing drive opening": 12.0 * error + 0.05 * np.sign(error)})
+    found = [float(number) for number in done.stdout.splitlines()[-1].split()]
+    assert found == pytest.approx([angle, pressure], rel=1e-6)
+    assert np.degrees(found[0]) == pytest.approx(40.0, abs=0.05)
 
 
 def test_steps_through_the_c_interface_are_timed(exported: Exported, tmp_path: Path) -> None:

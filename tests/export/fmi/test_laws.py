@@ -408,15 +408,15 @@ def test_bad_values_and_calls_out_of_order_are_refused(unit: Unit) -> None:
     before = instance.get(unit.inputs)
     for number in (np.nan, np.inf, -np.inf):
         for name in unit.inputs:
-            with pytest.raises(CallError, match="a finite number is allowed"):
+            with pytest.raises(CallError, match=f"{name}: a finite number is allowed"):
                 instance.set([name], [number])
     if unit.drivers.frame is not None:
-        with pytest.raises(CallError, match="an angle of at most one turn is allowed, in rad"):
+        with pytest.raises(CallError, match="luffing: an angle of at most one turn is allowed, in rad"):
             instance.set(["luffing"], [45.0])
     np.testing.assert_array_equal(instance.get(unit.inputs), before)
     with pytest.raises(CallError, match="parameters and states are fixed"):
         instance.set(["internal_step"], [1e-4])
-    with pytest.raises(CallError, match="read only"):
+    with pytest.raises(CallError, match=f"{unit.displacements[0]}: it can be read only"):
         instance.set(unit.displacements[:1], [1.0])
     with pytest.raises(CallError, match="another model"):
         Instance(unit.library, token="{0}")

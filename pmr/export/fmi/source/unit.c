@@ -30,6 +30,12 @@ static void line_of(const Unit *unit, const char *list, int number, char *text, 
     text[used] = 0;
 }
 
+void name_of(const Unit *unit, unsigned reference, char *text, size_t room)
+{
+    line_of(unit, "variables", (int)reference, text, room);
+    if (!*text) snprintf(text, room, "value reference %u", reference);
+}
+
 /* ---- opening ---- */
 
 /* Whether the arrays that are read here are there, and as long as they have to be. */
@@ -231,7 +237,7 @@ int unit_failed(Unit *unit, int failed)
     int p;
     for (p = 0; p < unit->paths && used < sizeof where; p++) {
         char name[40];
-        line_of(unit, "paths", p, name, sizeof name);
+        name_of(unit, (unsigned)(DRIVEN + p), name, sizeof name);
         used += (size_t)snprintf(where + used, sizeof where - used, "%s%s = %g m", p ? ", " : "", name,
                                  unit->variables[DRIVEN + p]);
     }
@@ -273,7 +279,7 @@ static int check_paths(Unit *unit, const double *drivers)
         const double low = ends[2 * p], high = ends[2 * p + 1], beyond = share * (high - low);
         char name[80];
         if (drivers[p] >= low - beyond && drivers[p] <= high + beyond) continue;
-        line_of(unit, "paths", p, name, sizeof name);
+        name_of(unit, (unsigned)(DRIVEN + p), name, sizeof name);
         snprintf(unit->message, sizeof unit->message, "%s = %.9g m lies off the path: %.9g to %.9g m is allowed", name,
                  drivers[p], low, high);
         return 1;
@@ -348,6 +354,7 @@ static void check_inputs(Unit *unit)
                              : kinds[n] == PATH                     ? ends[2 * n + 1] - ends[2 * n]
                                                                     : WHOLE_TURN;
         const char *what = NULL;
+        char name[80];
         if (range > 0.0 && off > JUMP * range)
             what = "it jumps, which excites what no boom does: set it at the end of each step, in m or rad";
         else if (unit->sizes.motions && range > 0.0 && off > LEFT_OUT && second == 0.0 && unit->second[n] == 0.0)
@@ -356,7 +363,8 @@ static void check_inputs(Unit *unit)
                 "and two";
         if (what && !unit->warned[n]) {
             if (unit->warning[0]) continue; /* it is told after the next step */
-            snprintf(unit->warning, sizeof unit->warning, "value reference %d: %s", DRIVEN + n, what);
+            name_of(unit, (unsigned)(DRIVEN + n), name, sizeof name);
+            snprintf(unit->warning, sizeof unit->warning, "%s: %s", name, what);
             unit->warned[n] = 1;
         }
         unit->second[n] = second;

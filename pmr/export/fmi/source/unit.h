@@ -13,7 +13,7 @@
        unit_settings (5)         of contacts that push: omega, tolerance, the resolved share of 1 / omega, most parts;
                                  share of a path by which s may lie beyond its ends
        unit_exchange (1)         whether there is a differential equation
-       names_token, names_paths
+       names_token, names_variables
 
    and with an observer the arrays of its filter, observer_... (estimator.c).  */
 #ifndef UNIT_H
@@ -111,6 +111,8 @@ void estimator_restore(Unit *unit, const void *bytes);
 
 /* Parts of these. */
 int refuse(Unit *unit, const char *why);
+/* Name of a variable in the description, for messages; where none is there, its value reference. */
+void name_of(const Unit *unit, unsigned reference, char *text, size_t room);
 int unit_failed(Unit *unit, int failed); /* with why the kernel failed */
 int unit_prepare(Unit *unit);            /* while nothing has begun, states and outputs are those with which it would */
 int find_outputs(Unit *unit, int further); /* outputs and forces, or further outputs, as variables */

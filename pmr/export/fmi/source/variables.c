@@ -13,7 +13,9 @@
 
 static int refuse_reference(Unit *unit, const char *why, unsigned reference)
 {
-    snprintf(unit->message, sizeof unit->message, "value reference %u: %s", reference, why);
+    char name[80];
+    name_of(unit, reference, name, sizeof name);
+    snprintf(unit->message, sizeof unit->message, "%s: %s", name, why);
     return 1;
 }
 
