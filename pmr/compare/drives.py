@@ -77,10 +77,10 @@ def luffing_part(scene: Scene, response: Response) -> SummaryPart:
 
 
 def _use_of_cylinder(cylinder: LuffingCylinder, force: Array, length: Array) -> dict[str, Array]:
-    """Return the entry ``use``: the share (T,) that a force (T,) in N is of what is allowed at lengths (T,) in m.
+    """Return the entry ``use``: the share (T,) of its allowed force that a `cylinder` uses at T times.
 
-    The force allowed is that of the `cylinder` for pushing if the force pushes, else that for pulling.  The result is
-    empty if the `cylinder` may carry any force.
+    The cylinder has the `force` (T,) in N, positive where it pushes, and the `length` (T,) in m.  Allowed is its force
+    for pushing if the force pushes, else that for pulling.  The result is empty if the `cylinder` may carry any force.
     """
     if not cylinder.has_allowed_forces:
         return {}
@@ -168,8 +168,9 @@ def _stop_warnings(name: str, end: str, spans: list[dict[str, float]]) -> list[s
 def _stop_spans(t: Array, stop: Array, histories: Mapping[str, Array]) -> list[dict[str, float]]:
     """Spans in which a stop is pressed in, as `extension_part` describes them, in the order of time.
 
-    `stop` (T,) in m is how far the stop gives way, or 0.  `histories` (T,) have the cylinder's ``length`` and
-    ``speed``.
+    t (T,) in s are the times, and `stop` (T,) in m is how far the stop gives way, or 0.  `histories` (T,) have the
+    cylinder's ``length`` in m and ``speed`` in m/s.  A span has its first and last time, ``start`` and ``end``, its
+    number of ``steps``, ``length`` and ``give`` in m where the stop gives way most, and the ``speed`` just before it.
     """
     spans = list[dict[str, float]]()
     for first, last in _spans(stop != 0.0):

@@ -201,8 +201,9 @@ def _simulate_by_exudyn(
 ) -> Simulation:
     """Simulate by Exudyn, evaluate the response, and record states at the `steps` (k,).
 
-    `simulator` is the name of a formulation; the remaining arguments are those of `_march`.  The motion at all steps is
-    kept, too, unless the system is a single body without terms.
+    `simulator` is the name of a formulation.  The wall time is the least of `repeats` runs, and `done`, if it is not
+    None, is called with the share of the first run that is done.  The motion at all steps is kept, too, unless the
+    system is a single body without terms.
     """
     start, formulation = systems.start_of(system, excitation), exudyn.FORMULATIONS[simulator]
     trajectory = exudyn.simulate_system(system, excitation, start, done, formulation)

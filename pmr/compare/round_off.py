@@ -40,10 +40,10 @@ class Pair(NamedTuple):
 
 
 def zero_round_off(signal: Array, reference: Array, round_off: float | Array) -> Pair:
-    """Signal and reference (T, o), each with zeros in those of its columns that do not exceed `round_off`.
+    """`signal` and `reference` (T, o), each with zeros in those of its columns that do not exceed `round_off`.
 
     A reference that is nothing but round-off thus counts as zero.  `round_off` is one value, or one for each column
-    (o,), in the unit of the signals.  Both may also be a single output (T,).
+    (o,), in the unit of the signals.  Signal and reference may also be a single output (T,).
     """
 
     def clear_columns(values: Array) -> Array:

@@ -234,7 +234,10 @@ def axial_forces(member: Member, body: SlidingBody, mass: float) -> Iterator[Axi
     part, tip = member.part, float(np.max(body.output_positions, initial=0.0))
 
     def place(on: str | float) -> float | None:
-        """Position in m of a group or number; the farthest observed place is the tip of a mesh."""
+        """Position in m of a group or number `on`; None for a group whose place only a mesh knows.
+
+        The tip of such a mesh is at the farthest place that is observed.
+        """
         at = part.position_of(on)
         return tip if at is None and on == "tip" else at
 

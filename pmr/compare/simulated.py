@@ -212,7 +212,10 @@ class Difference(NamedTuple):
 
 
 def _gravity_differences(recorded_scene: Mapping[str, object], scene: Scene) -> Iterator[Difference]:
-    """Yield the differences in gravity between a recorded scene and `scene`; none unless both have gravity."""
+    """Yield the differences in gravity between `recorded_scene`, the keys of a model's scene, and `scene`.
+
+    Nothing is yielded unless both have gravity.
+    """
     if recorded_scene.get("gravity") and scene.gravity:
         yield from _part_differences(recorded_scene["gravity"], scene.gravity, "gravity")
 
@@ -227,7 +230,7 @@ HINGES = ("frame.cylinder.foot", "frame.cylinder.lug")
 
 
 def _mechanism_differences(recorded_scene: Mapping[str, object], scene: Scene) -> Iterator[Difference]:
-    """Yield the differences to a recorded scene in the keys of its mechanism.
+    """Yield the differences between `recorded_scene`, the keys of a model's scene, and `scene` in their mechanism.
 
     The keys are `MECHANISM`, `HINGES` if a free luffing angle or a cylinder makes these matter, and a winch's place on
     a section.  Raises an InputError if one of the two scenes alone has a frame, a cylinder or a hoist.
@@ -251,7 +254,10 @@ def _mechanism_differences(recorded_scene: Mapping[str, object], scene: Scene) -
 
 
 def _body_differences(recorded_scene: Mapping[str, Any], member: Member) -> Iterator[Difference]:
-    """Yield the differences in one body between a recorded scene and the scene of `member`."""
+    """Yield the differences in one body between `recorded_scene`, the keys of a model's scene, and that of `member`.
+
+    Loads are compared by their names.
+    """
     recorded_loads = {load.get("name"): load for load in recorded_scene.get("loads") or ()}
     for i, load in enumerate(member.part.loads):
         yield from _part_differences(recorded_loads.get(load.name, {}), load, f"loads[{i}]")
@@ -262,16 +268,16 @@ def _body_differences(recorded_scene: Mapping[str, Any], member: Member) -> Iter
 
 
 def _scene_differences(recorded_scene: Mapping[str, object], scene: Scene) -> Iterator[Difference]:
-    """Yield the differences in damping and sections between a recorded scene and a whole scene."""
+    """Yield the differences in damping and sections between `recorded_scene`, keys of a system's scene, and `scene`."""
     for name in ("damping", "sections"):
         if name in recorded_scene:
             yield from _part_differences(recorded_scene[name], getattr(scene, name), name)
 
 
 def _file_differences(recorded_digests: Mapping[str, str], read: Mapping[str, Path]) -> Iterator[Difference]:
-    """Yield the files `read` by a scene, by key, whose content differs from that of the recorded digests.
+    """Yield those files `read` by a scene, by key, whose content has another SHA-256 than in `recorded_digests`.
 
-    A difference is shown as a file's name and as a digest.
+    A difference is shown as a file's name and as a digest.  A file without a recorded digest does not differ.
     """
     for name, file in read.items():
         digest = hashlib.sha256(file.read_bytes()).hexdigest()

@@ -87,8 +87,9 @@ def comparison_part(
 ) -> SummaryPart:
     """Part with differences to references, in the quantities that `measured` returns, and the simulator of each model.
 
-    `responses` are the responses by model.  Errors that come from ringing of the full model are not listed as errors:
-    ``not_judged`` has these, with a warning each.  The warnings name `rigid`, the rigid contacts of the full model.
+    `responses` are the responses, and `simulators` the names of simulators, by model.  Errors that come from ringing of
+    the full model are not listed as errors: ``not_judged`` has these, with a warning each.  The warnings name `rigid`,
+    the rigid contacts of the full model.
     """
     reduced, full = responses["reduced"].displacement, responses.get("full")
     reference = reduced if full is None else full.displacement

@@ -58,7 +58,8 @@ def missing_reference_warnings(reasons: Mapping[str, str]) -> list[str]:
 def distrust_warnings(reduced: Response, rigid: Sequence[str] = ()) -> list[str]:
     """List a warning for each reason why the reduced motion can't be trusted.
 
-    `rigid` are the names of rigid contacts, as for `reason_for_distrust`.
+    `rigid` are the names of rigid contacts, which the warnings name as a possible cause.  The list is empty if there is
+    no such reason.
     """
     lines = []
     if reduced.surplus > NOTABLE:
@@ -337,8 +338,8 @@ def alternating_share(signal: Array) -> float:
 def ringing_share(signal: Array, reference: Array | None = None) -> float:
     """RMS of the part of a signal (T, o) that alternates from step to step, divided by the RMS of `reference` (T, o).
 
-    If `reference` is None, the divisor is the RMS of the signal itself.  The share is the mean of the columns that
-    move, as in `relative_error`.
+    If `reference` is None, the divisor is the RMS of the signal itself.  With several columns, the share is the mean of
+    the shares of those that move (`relative_error`).
     """
     reference = signal if reference is None else reference
     return relative_error(reference + signal - _without_alternation(signal), reference)
@@ -397,7 +398,10 @@ def ringing_warnings(not_judged: Mapping[str, RingingReference], rigid: Sequence
 
 
 def _without_alternation(signal: Array) -> Array:
-    """Signal (T, o) without the part that alternates from step to step; its first and last four steps are unchanged."""
+    """Return `signal` (T, o) without the part that alternates from step to step.
+
+    Its first and last four steps are unchanged, and so is a signal of at most eight steps.
+    """
     steady = np.copy(signal)
     if len(signal) > 8:
         steady[4:-4] -= _alternating_part(signal)

@@ -319,7 +319,7 @@ def _vertex_element(functions: Sequence[Callable[[Array], Array]], derivative: i
 
 
 def constant(mesh: Mesh, value: float | Array) -> Constant:
-    """UFL constant, a number or an array (any shape), that is not compiled into forms: changes need no compilation.
+    """UFL constant with a `value`, a number or an array (any shape), that may change without a compilation of forms.
 
     Forms have one constant of this kind at most: UFL sorts several by their numbers as text, and 10 before 9.
     """

@@ -241,7 +241,8 @@ def _named_members(
 def _read_surface(deck: Deck, card: Card, instances: Mapping[str, Numbers]) -> None:
     """Add to the deck the nodes on the surface of a card: listed nodes (TYPE=NODE), or those on faces or edges.
 
-    Left out are analytical surfaces, combined surfaces and surfaces of whole bodies.
+    Left out are analytical surfaces, combined surfaces and surfaces of whole bodies.  `instances` are the numbers that
+    nodes and elements of instances have in the deck, by the instance's name.
     """
     name, kind = card.options.get("NAME", ""), card.options.get("TYPE", "ELEMENT").upper()
     if kind not in ("NODE", "ELEMENT") or not card.lines or not name or "COMBINE" in card.options:

@@ -272,7 +272,7 @@ def check_constraints(nodes: ForeignNodes, pairs: Indices) -> None:
 
 
 def _make_nodes(numbers: list[int], points: Sequence[Sequence[float]], groups: dict[str, list[int]]) -> ForeignNodes:
-    """Return nodes from their `numbers`, their points (x, y, z) in m, and the numbers of the nodes in each group.
+    """Return nodes from their `numbers`, their `points` (x, y, z) in m, and the numbers of the nodes in `groups`.
 
     Groups without members are left out.  Raises UnreadableError if there are no nodes.
     """

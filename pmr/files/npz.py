@@ -141,8 +141,8 @@ STORED = {"format": "pmr-cache"}
 def read_stored(file: Path) -> dict[str, NDArray[Any]] | None:
     """Read the arrays (any shape) that `store` wrote, by name.
 
-    None is returned without such a file; None is also returned, after a warning, if the file is damaged or of another
-    format.
+    None is returned without such a file; None is also returned, after a logged warning, if the file is damaged or of
+    another format.  No error is raised.
     """
     if not file.is_file():
         return None
@@ -204,7 +204,7 @@ def pop_header(arrays: dict[str, NDArray[Any]]) -> Any:
 def _checked_members(archive: zipfile.ZipFile, size: int, expansion: float, room: int) -> Sequence[zipfile.ZipInfo]:
     """Return the members of an archive in a file of `size` bytes; raises DamagedError if their sizes can't be true.
 
-    `expansion` and `room` have the same meaning as for `read`.
+    The members may claim `expansion` times as many bytes as the file has, and `room` bytes in any case.
     """
     members = archive.infolist()
     if len(members) > MOST_MEMBERS or len({info.filename for info in members}) < len(members):

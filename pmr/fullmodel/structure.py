@@ -303,9 +303,11 @@ def _add_rayleigh(operators: Operators, law: Rayleigh) -> PETSc.Mat:
 
 
 def _frame_matrices(names: Sequence[str], coupling: Coupling, moving: FrameAssembler) -> dict[str, PETSc.Mat]:
-    """Matrices of a moving frame and of axial forces, by name; matrices that are zero are left out.  Collective.
+    """Matrices of a moving frame and of axial forces, by their `names`; those that are zero are left out.  Collective.
 
-    Walls that give way under pads add nothing to the matrices: their dents are small, and so is their mass.
+    `moving` assembles them for the model; `coupling` takes them to the coordinates that clamps leave, and adds the
+    masses that are attached to the model.  Walls that give way under pads add nothing to the matrices: their dents are
+    small, and so is their mass.
     """
     tensors, nothing = ROTATING | CARRIED, sp.csr_matrix((coupling.T.shape[1],) * 2)
     matrices = dict[str, PETSc.Mat]()

@@ -115,9 +115,10 @@ def wall_compliance(
 def _compute_compliance(
     body: PlateBody, standing: tuple[Pad, ...], ends: tuple[tuple[str, str], ...], rings: tuple[Ring, ...]
 ) -> WallCompliance:
-    """Compute the compliance of a body's walls, from the arguments of `wall_compliance`.
+    """Compute the compliance of a body's walls under the pads `standing` and those of the `rings` that slide.
 
-    The compliance follows from solves on the shell and on the beam of the body.
+    The compliance is the difference between that of the shell and that of the beam of the body.  `ends` are pairs such
+    as ``("tip", "y")``: a group at an end, and the direction of its mean motion.
     """
     box, line = body.box, beam_of(body)
     shell, beam = HeldModel(shell_of(body), body), HeldModel(line, body)

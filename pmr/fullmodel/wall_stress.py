@@ -149,7 +149,8 @@ class SectionPiece:
     def factors(self, stress: RingStress) -> Array:
         """Return the stresses (P, 3, 6) in Pa at the points of `stress` per unit of each section force.
 
-        Section forces are in the order of `FORCES`.  Stresses are along, across and shear as in `RingStress`.
+        Section forces are in the order of `FORCES`.  The three stresses are those along the axis, across it in the
+        wall, which is zero, and the shear stress, with the signs of `RingStress`.
         """
         box, factors = self.section, np.zeros((len(stress.points), 3, len(FORCES)))
         section = section_of(box, self.bodies[0].material.poisson)

@@ -146,7 +146,7 @@ def _field_types(kind: str) -> dict[str, Any]:
 
 
 def structure(kind: str, fields: Mapping[str, Any]) -> Any:
-    """Return a pointer to a new C structure `kind` of the kernel, such as ``pmr_machine``, with values by field name.
+    """Return a pointer to a new C structure `kind` of the kernel, such as ``pmr_machine``, with the values of `fields`.
 
     A field that is a pointer takes an array, which is kept as long as the structure; an array that is not contiguous or
     not of the field's type is copied.

@@ -246,7 +246,7 @@ class Stand:
     def edges(self) -> Array:
         """Rows (e, 6), one for each edge: a row times a wrench (6,) is the moment about the edge that tips the machine.
 
-        The rows are those of `edge_rows`.
+        A wrench is a force and its moment about the pivot (`pmr.scene.ground.edge_rows`).
         """
         return edge_rows(self.polygon, self.height)
 

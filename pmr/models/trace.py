@@ -166,7 +166,7 @@ def section_trace(mesh: NamedMesh, nodes: Nodes, at: float, degree: int) -> Trac
 
 
 def coordinates_on(mesh: NamedMesh, nodes: Nodes, name: str, components: Sequence[int]) -> Indices:
-    """Ascending numbers (k,) of the coordinates with the given components whose nodes lie on a named group.
+    """Ascending numbers (k,) of the coordinates with the given `components` whose nodes lie on the group `name`.
 
     Raises the errors of `group_trace`.
     """

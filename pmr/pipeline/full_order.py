@@ -116,7 +116,7 @@ class FullOrder:
 
         If contacts only push, `stepping` holds the parts into which the reduced system's steps were divided; None
         stands for the scene's steps.  If `checkpoint` is not None, a simulation that was interrupted continues.
-        References that fail are listed in `References.missing`.
+        References that fail are listed in `References.missing`.  `clock` measures the wall time of each reference.
         """
         responses, missing = dict[str, Response](), dict[str, str]()
         states: Mapping[str, BodyStates] = {}

@@ -31,7 +31,10 @@ from pmr.system.system import System
 
 
 def reduce_scene(scene: Scene, comm: MPI.Comm, clock: Clock | None = None, vectors: Vectors | None = None) -> Reduction:
-    """Build and reduce a scene's bodies on `vectors`, or on the scene's basis if `vectors` is None; collective."""
+    """Build and reduce a scene's bodies on `vectors`, or on the scene's basis if `vectors` is None; collective.
+
+    The full models are part of the result.  `clock` measures the wall time of the stages; None leaves them unmeasured.
+    """
     clock = clock or Clock()
     with clock.stage("assemble"):
         built = build_bodies(scene, comm)
@@ -164,7 +167,10 @@ def start_stresses(scene: Scene, helper: Executor) -> Future[None] | None:
 
 
 def _store_stresses(scene: Scene) -> None:
-    """Store the local stress in the walls of a scene; errors are those of `pmr.pipeline.bodies`."""
+    """Store the local stress in the walls of a scene; nothing is stored, and nothing raised, if that fails.
+
+    The process that needs the stress meets the same error, and reports it.
+    """
     from pmr.fullmodel.wall_stress import store_stresses  # FEniCSx, which bodies of given matrices go without
 
     with suppress(*UNNEEDED):  # the process that needs the stress meets them too
@@ -174,7 +180,8 @@ def _store_stresses(scene: Scene) -> None:
 def _store_richer(scene: Scene, folder: Path, content: str) -> None:
     """Reduce a scene and store its system in the `folder` of a `SystemCache`.
 
-    `content` is the cache's digest.  Errors are those of `measure_model`.
+    `content` is the cache's digest.  If a solver or the scene fails, nothing is stored, and nothing raised: the process
+    that measures the model meets the same error, and reports it.
     """
     richer = ComparedScene(scene, MPI.COMM_WORLD, SystemCache(folder, content, MPI.COMM_WORLD))
     with suppress(*UNNEEDED):  # the process that measures meets them too

@@ -304,7 +304,7 @@ def _play(bodies: Bodies, motions: Motions, walls: Summary) -> Summary:
 
 
 def _body_masses(built: Mapping[str, AssembledBody]) -> dict[str, float]:
-    """Masses of the bodies in kg by name, without attached masses; bodies given by matrices are left out."""
+    """Masses of the bodies `built` in kg by name, without attached masses; bodies given by matrices are left out."""
     return {name: body.model.masses.body for name, body in built.items() if body.model.masses is not None}
 
 
@@ -316,7 +316,7 @@ class FullSizes(NamedTuple):
 
 
 def _total_sizes(built: Mapping[str, AssembledBody]) -> FullSizes:
-    """Return the total numbers of coordinates and of outputs of all full models."""
+    """Return the total numbers of coordinates and of outputs of the full models `built`."""
     models = [body.model for body in built.values()]
     return FullSizes(sum(model.size for model in models), sum(model.outputs.getSize()[1] for model in models))
 

@@ -70,7 +70,10 @@ def error_name(result: RunResult, kind: str) -> str:
 
 
 def _error_rows(result: RunResult) -> Iterator[Row]:
-    """Yield a row for each error between two models, with the published error and the norm of the difference."""
+    """Yield a row for each error between two models, with the published error and the norm of the difference.
+
+    Supports without a force have no row, and neither has a second quantity with the same name and error.
+    """
     published = result.scene.published
     printed: Mapping[str, Any] = published.model_dump().get("errors", {}) if published else {}
     decimals = _decimals(printed)

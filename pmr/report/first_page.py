@@ -58,7 +58,10 @@ ROUND_OFF = 1e-9
 
 
 def first_page_tables(result: RunResult) -> tuple[Table, ...]:
-    """Build the tables of the first page; tables without rows are left out."""
+    """Build the tables of the first page; tables without rows are left out.
+
+    They are on what was simulated, the errors in brief, the largest values, what the model leaves out, and all errors.
+    """
     all_tables = (
         Table("What was asked", (*overview.system_rows(result), *_second_order_rows(result, True))),
         Table("How sure", tuple(trust.certainty_rows(result))),

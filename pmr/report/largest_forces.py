@@ -171,7 +171,7 @@ def _indentation_rows(result: RunResult) -> LargestValues:
 
 
 def _hoist_rows(result: RunResult) -> LargestValues:
-    """Yield rows with the range of the hook's height and with its largest swing."""
+    """Yield rows with the range of the hook's height and with its largest swing; nothing without a hoist."""
     if (hoist := result.summary.get("hoist")) is None:
         return
     height = " to ".join(format_quantity(hoist["height"][end], "m") for end in ("min", "max"))
@@ -345,7 +345,10 @@ def _full_name(result: RunResult, name: str) -> str:
 
 
 def _machine_rows(result: RunResult) -> LargestValues:
-    """Yield a row with the ranges of a moving machine's free coordinates: displacements of the pivot, and rotations."""
+    """Yield a row with the ranges of a moving machine's free coordinates: displacements of the pivot, and rotations.
+
+    Nothing is yielded without a machine whose motion is computed.
+    """
     frame = result.frame
     if frame is None or frame.machine is None:
         return
@@ -366,7 +369,10 @@ def _machine_rows(result: RunResult) -> LargestValues:
 
 
 def _ground_rows(result: RunResult) -> LargestValues:
-    """Yield rows with the smallest force of an outrigger, the least margin against tipping and the polygon's use."""
+    """Yield rows with the smallest force of an outrigger, the least margin against tipping and the polygon's use.
+
+    Each row names the outrigger or edge.  Nothing is yielded if the summary has no forces on the ground.
+    """
     if (ground := result.summary.get("ground")) is None:
         return
     for key, rows in (

@@ -108,7 +108,10 @@ def _describe_hoist(hoist: Hoist, end: float) -> str:
 
 
 def _drive_clause(cylinder: DrivenCylinder | None) -> str:
-    """Clause on what drives the `cylinder` of a computed luffing angle or extension; None if no cylinder drives it."""
+    """Clause on what drives a computed luffing angle or extension: the drive of its `cylinder`, or nothing.
+
+    `cylinder` is None for an angle without a cylinder, which nothing drives.
+    """
     if cylinder is None or not cylinder.drives:
         return ", computed: nothing drives it"
     oil, drive = cylinder.oil, cylinder.drives[0]

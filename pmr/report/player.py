@@ -311,10 +311,10 @@ def _block_data(block: Block) -> dict[str, Any]:
 
 
 def encode_array(values: Array) -> dict[str, Any]:
-    """Encode an array (any shape) for a page as whole numbers.
+    """Encode `values`, an array of any shape, for a page as whole numbers.
 
-    ``data`` are these numbers as little-endian 16-bit integers in base64, and ``count`` is the value that the number 1
-    stands for.
+    In the result ``data`` are these numbers as little-endian 16-bit integers in base64, one row after the other, and
+    ``count`` is the value that the number 1 stands for.
     """
     largest = float(np.abs(values).max(initial=0.0)) or 1.0
     counts = np.round(values / largest * _FULL_SCALE).astype("<i2")

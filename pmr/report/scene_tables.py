@@ -124,7 +124,10 @@ class SceneWords:
         return describe_plain(value, unit)
 
     def _unit(self, table: BaseModel, key: str) -> str:
-        """Return the unit that a table declares for the numbers of a key, or for the values of its signal."""
+        """Return the unit that a table declares for the numbers of a key, or for the values of its signal.
+
+        Angles have the unit of the scene's frame.  The result is empty for pure numbers, and for a key without numbers.
+        """
         if isinstance(table, Load) and key == "signal":
             return table.unit
         quantity, usual = quantity_of(type(table), key), usual_ranges(type(table), key)

@@ -37,7 +37,7 @@ MOST_PLACES = 2
 
 
 def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
-    """Yield the key numbers of a run: coordinates, errors, largest stress and speed.
+    """Yield the key numbers of a run: coordinates, errors, largest stress, worst damage and time of the simulation.
 
     Numbers that are not known are left out.
     """
@@ -204,7 +204,10 @@ class Measured(NamedTuple):
 
 
 def extremes_of(result: RunResult, values: Array) -> Extremes:
-    """Return the extremes of a history (T,) of the reduced model."""
+    """Return the extremes of `values` (T,), a history of the reduced model, with their times and places.
+
+    A place is the reach of a boom, or the path coordinate of a body alone, in m.
+    """
     t = result.responses["reduced"].t
     return Extremes.from_history(values, t, result.abscissa_at(t))
 

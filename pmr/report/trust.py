@@ -83,7 +83,10 @@ def trust_table(result: RunResult) -> Table:
 
 
 def certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
-    """Yield rows (name, text) in brief on the errors of stress, tip, forces and frequencies, all sources added up."""
+    """Yield rows (name, text) in brief on the errors of stress, tip, forces and frequencies, all sources added up.
+
+    Errors that are not known have no row.  The last row is on changes by another play of pads, if a run had it.
+    """
     summed = summed_errors(result.summary)
     if "reduced" in result.summary.get("max_von_mises", {}):
         yield "stress", _stress_certainty(result)

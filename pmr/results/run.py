@@ -381,7 +381,7 @@ def _with_units(names: Iterable[str], units: Iterable[str]) -> list[str]:
 
 
 def _array_prefix(body: str) -> str:
-    """Return the text with which the names of a body's arrays in trajectories.npz begin."""
+    """Return the text with which the names of a body's arrays in trajectories.npz begin; empty for a body alone."""
     return "" if body == ALONE else f"bodies.{body}."
 
 

@@ -120,7 +120,10 @@ class Box(BoxProfile):
 
     @model_validator(mode="after")
     def _check_variation(self) -> Box:
-        """Refuse tapers and doublers that do not fit the box, and breaks along x too close to each other."""
+        """Refuse tapers and doublers that do not fit the box, breaks along x too close to each other, and thick walls.
+
+        Walls are too thick if the profile has no room for its doublers.
+        """
         apart = LEAST_BREAK_DISTANCE * self.length
         for key, taper in self._tapers.items():
             self._check_taper(key, taper)

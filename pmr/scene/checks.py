@@ -154,7 +154,10 @@ def _check_pod(scene: Scene) -> None:
 
 
 def _check_frequency_response(scene: Scene) -> None:
-    """Refuse a frequency response of another section than the last, or together with contacts that are not linear."""
+    """Refuse a frequency response of another section than the last, or together with contacts that are not linear.
+
+    On a body alone that has rigid supports or pads, a response is refused without residual flexibility, too.
+    """
     rings = [ring for part in scene.sections for ring in part.rings]
     for number, part in enumerate(scene.sections):
         if not part.observe.frequency_response:
@@ -246,7 +249,11 @@ def check_free_extension(scene: Scene) -> None:
 
 
 def moved_sections(scene: Scene, number: int) -> dict[int, tuple[float, float]]:
-    """Ratio and offset in m of each section that moves with the free extension of section `number`, by its number."""
+    """Ratio r and offset a in m of each section with the extension r s + a, by its number.
+
+    Here s is the free extension of section `number`, which has the ratio 1 and the offset 0.  The other sections in the
+    result follow this section, or follow one that does.
+    """
     ratios_and_offsets = {number: (1.0, 0.0)}
     for k in range(number + 1, len(scene.sections)):
         follows = scene.joint(k).follows

@@ -196,7 +196,11 @@ def unused_body_keys(member: Member) -> Iterator[UnusedKey]:
 
 
 def _unused_joint_keys(scene: Scene, number: int) -> Iterator[UnusedKey]:
-    """Yield keys without effect in the joint of section `number`."""
+    """Yield keys without effect in the joint of section `number`.
+
+    They are ratio and offset without a section to follow, keys of friction that others of the ring make void, and
+    cylinder and rope of a model without displacements along the boom.
+    """
     joint, name = scene.joint(number), scene.names[number]
     if joint.follows is None:
         yield from (UnusedKey(f"joint.{key}", "", f"{name} follows no other section") for key in ("ratio", "offset"))

@@ -48,7 +48,8 @@ def check_machine(scene: Scene, frame: Frame, machine: Machine) -> None:
 def _check_computed(scene: Scene, frame: Frame, computed: str) -> None:
     """Refuse settings that do not go with a computed motion.
 
-    `computed` is the motion's key with its value, for the message.
+    They are an automatic choice of second order, planar models, and pads that only push or rub.  `computed` is the
+    motion's key with its value, for the message.
     """
     refuse(frame.second_order == "auto", "frame.second_order", "auto", f"true or false is allowed beside {computed}")
     for member in members(scene):
@@ -210,9 +211,11 @@ def distance_along(scene: Scene, t: float) -> float:
 
 
 def check_hoist(scene: Scene) -> None:
-    """Refuse a hoist that the scene's boom does not fit, or whose rope gets too short.
+    """Refuse a hoist without gravity, on a boom that can't carry it, or with a rope that gets too short.
 
-    A scene without a hoist passes.
+    The boom has to have the sections that the hoist names, models that can move as the rope pulls, and head and winch
+    on it.  The heights in the tables of hoist, ground and base must not contradict each other.  A scene without a hoist
+    passes.
     """
     hoist, frame = scene.hoist, scene.frame
     if hoist is None:

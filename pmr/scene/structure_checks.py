@@ -131,7 +131,10 @@ def _check_places(member: Member) -> None:
 
 
 def _check_sliding_points(member: Member) -> None:
-    """Refuse sliding points on a model other than a planar beam, beside moving pads, off the body, or at a support."""
+    """Refuse sliding points on a model other than a planar beam, beside moving pads, off the body, or at a support.
+
+    Two points with the same offset are refused, too.  A body without sliding points passes.
+    """
     length = member.part.body.length
     if not member.points:
         return
@@ -270,7 +273,10 @@ def _check_frames(box: Box) -> None:
 
 
 def _check_flexible_walls(member: Member) -> None:
-    """Refuse walls that give way on a body without a box, or on a beam without pads on faces."""
+    """Refuse walls that give way on a body without a box, and on a beam without pads on faces.
+
+    They are refused, too, on a beam of a model for which their compliance is not computed.
+    """
     box, key = member.part.body.box, "body.walls"
     refuse(box is None, key, "give", "'rigid' is allowed without body.box: nothing says how thick the walls are")
     traits = traits_of(member)

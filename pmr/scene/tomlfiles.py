@@ -184,7 +184,10 @@ class TomlFile:
         return base
 
     def _forget_alternatives(self, base: dict[str, object], update: Mapping[str, object]) -> None:
-        """Remove from `base`, in place, all keys that describe in another way what keys of `update` describe."""
+        """Remove from `base`, in place, all keys that describe in another way what keys of `update` describe.
+
+        The ways, each a set of keys of a table, are the `alternatives` of the dialect.
+        """
         for table, ways in self.dialect.alternatives.items():
             old, new = base.get(table), update.get(table)
             if not (isinstance(old, dict) and isinstance(new, Mapping)):
@@ -273,7 +276,10 @@ def _is_too_deep(data: object, depth: int = DEEPEST) -> bool:
 
 
 def _resolve_references(data: object, folder: Path, references: tuple[str, ...]) -> None:
-    """Make names of files absolute or relative to `folder`, in place, in all keys whose name is in `references`."""
+    """Put `folder` before relative names of files, in place, in all keys of nested tables that `references` names.
+
+    The value of such a key is one name of a file, or a list of names.
+    """
     table = data if isinstance(data, dict) else {}
     for value in data if isinstance(data, list) else table.values():
         _resolve_references(value, folder, references)

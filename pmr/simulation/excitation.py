@@ -256,7 +256,11 @@ def side_velocities(system: BodySystem[Body], excitation: Excitation) -> Array:
 
 
 def hoist_signals(scene: Scene) -> dict[str, SignalBase]:
-    """Signals of all that drives the hoist of a scene, by name; empty without a hoist (`pmr.system.terms`)."""
+    """Signals that drive the hoist of a scene, by the names of `pmr.system.terms`; empty without a hoist.
+
+    They are the length of the rope or the speed of its winch, the wind on the payload, and in a frame the quantities of
+    the frame's motion that accelerate the payload.
+    """
     if scene.hoist is None:
         return {}
     signals = {ROPE: scene.hoist.rope_signal, **scene.hoist.wind_signals}
@@ -281,7 +285,7 @@ def term_signals(scene: Scene, which: Iterable[FrameTerm] | None = None) -> dict
 
 
 def _term_signal(scene: Scene, term: FrameTerm) -> SignalBase:
-    """Amplitude of one term of the scene."""
+    """Signal of the amplitude of one term of the scene: of an acceleration, a load, or the frame's rotation."""
     if term.kind == "field":
         return section_acceleration(scene, term.number, term.component)
     if term.kind == "load":

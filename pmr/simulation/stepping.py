@@ -159,7 +159,10 @@ def _describe_loss(signal: SignalBase, stepping: TimeStepping) -> Iterator[str]:
 
 
 def _describe_table_overshoot(part: SignalBase, stepping: TimeStepping) -> Iterator[str]:
-    """Yield a line if a signal is a table whose curve exceeds the table's values between two knots."""
+    """Yield a line if a signal is a table whose curve exceeds the table's values by more than `UNSEEN` of their range.
+
+    Nothing is yielded for a signal of another kind.
+    """
     if not isinstance(part, Table):
         return
     knots = [0.0, *(t for t in part.times if 0.0 < t < stepping.end), stepping.end]

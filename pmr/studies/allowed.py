@@ -226,7 +226,7 @@ def _used_shares(loaded: LoadedStructure, share: Share) -> UsedShares:
     """
 
     def used(loads: Sequence[float]) -> list[float]:
-        """Return the used share under each load."""
+        """Return the used share under each of `loads` in kg; infinite where the boom has no equilibrium."""
         states = loaded.states(loads)
         shares, stands = np.full(len(loads), np.inf), states.in_equilibrium
         if stands.any():

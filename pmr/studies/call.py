@@ -195,7 +195,7 @@ def _study_summary(study: StudyBase, results: StudyResults) -> dict[str, Any]:
 def _summary_head(title: str, kind: str) -> dict[str, Any]:
     """Return the first entries of every summary.json: ``title``, ``kind``, versions, commit, date and machine.
 
-    The last four are those of `pmr.errors.environment.describe_origin`.
+    The last four tell from where results come (`pmr.errors.environment.describe_origin`).
     """
     return {"title": title, "kind": kind} | environment.describe_origin()
 
@@ -314,7 +314,7 @@ def _read(path: str | Path, changes: Sequence[Change]) -> TomlFile:
 
 
 def _plan_study(name: str, file: TomlFile) -> PlannedStudy:
-    """Return the study of a file and its plan; an InputError of the plan names the file."""
+    """Return the study of a file and its plan, called `name`; an InputError of the plan names the file."""
     study = file.validate(_study_class(file.data["kind"]))
     assert isinstance(study, StudyBase)  # a collection can't be a part of a collection
     try:

@@ -185,7 +185,8 @@ def check_chart(file: Path, scene: Scene, up_to: float) -> None:
 def _allowed_luffing_forces(scene: Scene) -> dict[str, float]:
     """Return the least push and pull in N that the luffing cylinder bears over the scene's luffing angles.
 
-    They are by the limits of a chart.  A push or pull that the scene does not limit is left out.
+    The keys are the names of the chart's limits, ``luffing`` for the push and ``luffing-pull`` for the pull.  A push or
+    pull that the scene does not limit is left out; without a luffing cylinder the result is empty.
     """
     frame = scene.frame
     if frame is None or frame.cylinder is None or not frame.cylinder.has_allowed_forces:

@@ -145,6 +145,7 @@ def _share_of_user_function(limit: Limit, at: PostureMatrices, k: int, amounts: 
     """Return the function from p states to the used shares (p,) of a limit on a user's function or expression.
 
     The absolute value of the function or expression at the k-th posture of `at` is compared with the allowed amount.
+    `amounts` are not used.
     """
     is_function, text = limit.of == "function", limit.function or limit.expression or ""
     evaluate = plugin_function(limit.name, text) if is_function else expression_function(text)

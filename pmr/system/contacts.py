@@ -346,9 +346,6 @@ class Friction:
 
 
 def friction_joints(contacts: Sequence[Contact]) -> tuple[str, ...]:
-    """Names of the sections that slide with friction on `contacts`; empty if no contact has friction.
-
-    The names are those of `Friction.joints`.
-    """
+    """Names of the sections that slide with friction on `contacts`, one for each joint; empty if none has friction."""
     friction = Friction.from_contacts(contacts)
     return () if friction is None else friction.joints

@@ -185,7 +185,8 @@ class Row:
 def row_on_coordinates(name: str, breaks: Array, dofs: ArrayLike, coefficients: Array, size: int) -> Row:
     """Row called `name` on single coordinates out of `size`: those numbered in `dofs` (k, d) on each of k intervals.
 
-    `breaks` (k + 1,) in m and `coefficients` (powers, k, d) are as in `Row`.
+    `breaks` (k + 1,) in m are the ends of the intervals.  `coefficients` (powers, k, d) are those of the d coordinates'
+    weights, polynomials in the distance from the lower break, highest power first.
     """
     dofs = np.asarray(dofs, np.int64)
     numbers, touched = np.unique(dofs, return_inverse=True)

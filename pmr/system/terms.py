@@ -256,7 +256,7 @@ class Hoist:
 
     @property
     def outputs(self) -> Mapping[str, str]:
-        """Units of the hoist's outputs by their names."""
+        """Units of the hoist's outputs by their names; empty if the system has no hoist."""
         return OUTPUTS if self else {}
 
     def in_frame(self, scene: Scene) -> Hoist:

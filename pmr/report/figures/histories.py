@@ -135,6 +135,7 @@ class Timeline:
     def frame(self, ax: Axes, label: str, last: bool = True) -> None:
         """Set limits and labels of an axis of time, and shade the phases in which something moves.
 
+        `label` is that of the other axis, which has the values.
         Only the lowest axes of a column (`last`) have the name of the time axis below them.
         """
         what = "boom" if subject.changing_angles(self.result) else subject.moving_part(self.result)

@@ -161,7 +161,10 @@ def _draw_boom(result: RunResult, view: str, across: str, up: str, from_side: bo
 
 
 def _draw_fixtures(ax: Axes, result: RunResult, step: int) -> None:
-    """Draw supports as triangles and pads and sliders as squares, where they are at the time step number `step`."""
+    """Draw supports as triangles and pads and sliders as squares, where they are at the time step number `step`.
+
+    For a body alone, empty squares are drawn where sliders are at the end of the path that is farther away.
+    """
     direction = frame_rotations(result, result.responses["reduced"].t[[step]])[0, [0, 2], 0]
     places = [(fixture.position, SYMBOLS.get(fixture.kind, "^"), INK) for fixture in fixtures(result)]
     low, high = result.scene.path_bounds if is_alone(result) else (0.0, 0.0)

@@ -118,7 +118,10 @@ def comparison(study: HasPublishedValues) -> ErrorTable:
 
 
 def format_figure(value: Scalar, kind: str) -> str:
-    """Format a value by the kind of its quantity (``ratio``, ``share``, ``length``, ``energy`` or ``seconds``)."""
+    """Format a value by the kind of its quantity (``ratio``, ``share``, ``length``, ``energy`` or ``seconds``).
+
+    A value of another kind is formatted as a plain number, and a text by `format_combination`.
+    """
     if isinstance(value, str):
         return format_combination(value)
     if kind == "ratio":

@@ -152,7 +152,11 @@ class Table(_Knots):
     @model_validator(mode="before")
     @classmethod
     def _read(cls, data: object) -> object:
-        """Read times and values from a table's file; raise a ValueError unless the file has two columns of numbers."""
+        """Return the keys of a table with times and values in place of the name of a file, which is read.
+
+        Keys without a file are returned unchanged.  Raises a ValueError unless the file has two columns of numbers, and
+        at least two lines with ascending times; and if times or values are given beside the file.
+        """
         if not (isinstance(data, dict) and "file" in data):
             return data
         content = dict(data)

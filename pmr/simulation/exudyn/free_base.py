@@ -307,7 +307,7 @@ class Base:
     def added_equations(self, t: float, x: Array, rate: Array, loads: Array) -> AddedEquations:
         """Mass (N, N), force (N,) and stiffness (N, N) to be added, for N coordinates of body, boom and user's nodes.
 
-        x and `rate` (N,) are displacements and rates of these coordinates, `loads` (i,) the loads on the inputs.
+        x and `rate` (N,) are displacements and rates of these coordinates at t s, `loads` (i,) the loads on the inputs.
         """
         k, n = self.count, self._size
         at = self.kinematics(x[:k], rate[:k])

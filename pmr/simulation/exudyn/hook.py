@@ -178,7 +178,7 @@ class _Joint:
     def forces_and_stiffness(self, t: float, z: Array) -> ForcesAndStiffness:
         """Force (N,) and stiffness (N, N) from the energy stored by the node w, and from the stiffness that holds w.
 
-        z (N,) are the coordinates, w first.  The node w is held in directions without flexibility.
+        z (N,) are the coordinates at t s, w first.  The node w is held in directions without flexibility.
         """
         w, along, e, K = z[:3], self._base.paths.along, self._scale, np.zeros((len(z),) * 2)
         response = self._responses(self._base.split_displacements(t, z[6:]).s)
@@ -224,14 +224,14 @@ class _Joint:
         return np.array([base.origin(x) + of_body.axes @ at, of_body.axes @ velocity])
 
     def gap(self, t: float, z: Array) -> Array:
-        """Gap g (3,) in m of the constraint at coordinates z (N,) that a marker returns."""
+        """Gap g (3,) in m of the constraint at t s, at the coordinates z (N,) that a marker returns."""
         x, q, s = self._base.split(t, z[6:])
         R = self._base.kinematics(x, 0.0 * x).axes
         at = R.T @ (z[3:6] - self._base.origin(x))
         return np.asarray(at - self._unloaded_point(t, q, s, R).at - self._responses(s).E @ z[:3] / self._scale)
 
     def gap_derivative(self, t: float, z: Array) -> Array:
-        """Derivative (3, N) of the gap by all coordinates z (N,)."""
+        """Derivative (3, N) of the gap by all coordinates, at t s and at the coordinates z (N,)."""
         x, q, s = self._base.split(t, z[6:])
         turned, _, _, R = self._base.kinematics(x, 0.0 * x)
         at = R.T @ (z[3:6] - self._base.origin(x))

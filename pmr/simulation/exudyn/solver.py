@@ -143,7 +143,7 @@ def _report(mbs: exu.MainSystem, integration: exu.TimeIntegrationSettings, progr
     every, steps_done = max(1, integration.numberOfSteps // 100), 0
 
     def count(mbs: exu.MainSystem, t: float) -> bool:
-        """Pre-step function: count the steps, and report progress."""
+        """Pre-step function: count the steps, and report progress; True, so that Exudyn goes on."""
         nonlocal steps_done
         steps_done += 1
         if steps_done % every == 0:
@@ -246,7 +246,10 @@ class SystemObserver:
         return loads if base is None else loads + base.inertia(self._mbs, t)
 
     def _contact_state(self, t: float, q: Array) -> ContactState:
-        """Contacts at t s with the coordinates q (n,)."""
+        """Forces and rows of the contacts, and the friction of pads, at t s with the coordinates q (n,).
+
+        Rigid contacts have the forces of Exudyn's last solution.
+        """
         equations, inputs = self._items.parts.equations, self._items.parts.inputs
         multipliers = np.zeros(len(self._rest))
         x, f, rubbing, grip = inputs.positions(t), self._acting_loads(t), self._items.parts.rubbing, None

@@ -328,7 +328,8 @@ def simulate_form(
 ) -> SystemTrajectory:
     """Simulate a system in modal form, and record every `every`-th step; simulations can share the kernel of `form`.
 
-    If `initial` is None, the simulation starts as ``excitation.start`` says.  Otherwise as `simulate`.
+    If `initial` is None, the simulation starts as ``excitation.start`` says; `progress`, if not None, is called with
+    the share of the run that is done.  The errors are those of `simulate`.
     """
     recorder = Recorder(np.arange(0, excitation.stepping.steps + 1, every))
     return recorder.trajectory(follow(March(form, excitation, initial), recorder, progress))

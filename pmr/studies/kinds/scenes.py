@@ -117,7 +117,11 @@ class Study(StudyBase):
     grid: dict[str, Any] = Field(default={}, description="Keys of the scenes and the values that each takes in turn")
 
     def plan(self) -> Plan:
-        """Return a task for each run, and for single bodies the frequencies and references that several runs share."""
+        """Return a task for each run, and the frequencies and references of single bodies, shared by several runs.
+
+        A run computes its own if its scene has several sections, second order, an accuracy or budget, or a model that
+        measurements choose.
+        """
         runs, common = [], dict[str, Task]()
         for file, point in self._run_points():
             key = task_key(",".join(point.words) or file.stem)
