@@ -405,7 +405,7 @@ def _compile_once(comm: MPI.Comm, signature: str, create: Callable[..., Compiled
     except OSError as error:
         if error.errno in FULL:
             raise
-        allowed = f"a folder that can be written to is allowed, for compiled forms ({error.strerror or error})"
+        allowed = f"a folder for compiled forms is needed that can be written to ({error.strerror or error})"
         raise InputError("environment", "XDG_CACHE_HOME", str(place), allowed) from None
 
 

@@ -46,7 +46,7 @@ class _Assembly:
         """Return the empty deck of the part that `card` begins; raise InputError for a second part of the same name."""
         name = card.options.get("NAME", "").lower()
         if name in self.parts:
-            raise card.place.error(f"a second part {name} is not read; each name once is allowed")
+            raise card.place.error(f"a part {name} was defined before; each name is allowed once")
         return self.parts.setdefault(name, Deck())
 
     def begin_instance(self, card: Card) -> Deck:
@@ -58,7 +58,7 @@ class _Assembly:
         card.allow_options("NAME PART")
         name, part = (card.options.get(key, "").lower() for key in ("NAME", "PART"))
         if not name or name in self.instances:
-            raise card.place.error(f"instance {name} is not read; each name once is allowed")
+            raise card.place.error("each instance needs a name of its own")
         if part and part not in self.parts:
             raise card.place.error(f"PART={part} is no part that stands further up")
         content = self.parts[part].copy() if part else Deck()

@@ -110,9 +110,9 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
     pairs, nodes = read_by_suffix(files.dofs, _DOFS), read_by_suffix(files.nodes, NODE_READERS)
     for file in (files.stiffness, files.mass):  # files whose entries name their nodes and directions
         if _is_labelled(file) and not np.array_equal(read_by_suffix(file, _DOFS), pairs):
-            raise InputError(str(file), "", None, f"the nodes and directions of {files.dofs.name} are allowed")
+            raise InputError(str(file), "", None, f"the same nodes and directions as in {files.dofs.name} are needed")
     if len(pairs) != K.shape[0]:
-        allowed = f"a line for each of the {K.shape[0]} rows of {files.stiffness.name} is allowed"
+        allowed = f"{K.shape[0]} lines are needed, one for each row of {files.stiffness.name}"
         raise InputError(str(files.dofs), "", len(pairs), allowed)
     on_rows = [K, M, *([] if files.damping is None else [_read_damping(files, pairs)])]
     if all(A.shape == K.shape for A in on_rows):  # what no matrix has does not exist, as a rotation of solids' nodes
@@ -129,7 +129,7 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
         _refuse_unknown(str(files.nodes), f"group {name}", members, place, files.nodes)
     wrong = pairs[(pairs[:, 1] < 0) | (pairs[:, 1] > len(DIRECTIONS)), 1]
     if wrong.size:
-        allowed = f"1 to {len(DIRECTIONS)} is allowed, or 0 of a modal amplitude"
+        allowed = f"1 to {len(DIRECTIONS)}, or 0 for a modal amplitude, is allowed"
         raise InputError(str(files.dofs), "direction", int(wrong[0]), allowed)
     check_constraints(nodes, pairs)
 
@@ -176,7 +176,7 @@ def _read_damping(files: ForeignFiles, pairs: Indices) -> sp.csr_matrix:
     path, name = files.damping, files.damping_name
     assert path is not None
     if name and path.suffix.lower() not in (*NASTRAN_SUFFIXES, ".op4"):
-        allowed = f"a name is allowed of a file of Nastran, not of {path.name}; --damping names files of other programs"
+        allowed = f"only files of Nastran have matrices with names; leave it out for {path.name}"
         raise InputError("command line", "--damping-name", name, allowed)
     if "_DMPS" in path.stem.upper():  # as Abaqus names its file
         raise InputError(str(path), "", None, labelled.VISCOUS)
@@ -188,7 +188,7 @@ def _read_damping(files: ForeignFiles, pairs: Indices) -> sp.csr_matrix:
     at = np.array([number.get((int(node), int(direction)), -1) for node, direction in damped_pairs], dtype=np.int64)
     for row in np.flatnonzero((at < 0) & (np.diff(D.indptr) > 0)):
         node, direction = damped_pairs[row]
-        allowed = f"the coordinates of {files.dofs.name} are allowed, which has no direction {direction} of this node"
+        allowed = f"only coordinates of {files.dofs.name} are allowed; it has no direction {direction} of this node"
         raise InputError(str(path), "node", int(node), allowed)
     has = np.flatnonzero(at >= 0)
     T = sp.csr_matrix((np.ones(len(has)), (has, at[has])), shape=(len(damped_pairs), len(pairs)))
@@ -268,7 +268,7 @@ def _refuse_unknown(source: str, key: str, numbers: Indices, place: dict[int, in
     """
     unknown = [int(number) for number in numbers if int(number) not in place]
     if unknown:
-        raise InputError(source, key, unknown[0], f"nodes that {nodes.name} has are allowed")
+        raise InputError(source, key, unknown[0], f"only nodes of {nodes.name} are allowed")
 
 
 def _is_labelled(path: Path) -> bool:

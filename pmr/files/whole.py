@@ -216,7 +216,9 @@ def _listed_moves(file: Path, folder: Path) -> dict[str, list[str]]:
     except (KeyError, TypeError, ValueError, RecursionError) as error:
         raise InputError(str(file), "", None, f"not written by pmr ({error}); delete its folder") from None
     if foreign:
-        raise InputError(str(file), "", foreign[0], "only files of this folder may be in its list; delete the folder")
+        raise InputError(
+            str(file), "", foreign[0], "this list may only name files of the folder that it is in; delete the folder"
+        )
     return moves
 
 

@@ -106,7 +106,7 @@ def identify(
     """
     names, first = tuple(start), np.array([*start.values()], float)
     if not np.all(np.isfinite(first) & (first != 0.0)):
-        raise InputError("identify", "start", dict(start), "finite numbers beside zero are allowed")
+        raise InputError("identify", "start", dict(start), "finite numbers other than zero are allowed")
     m = max((len(each.frequencies) for each in measured), default=0)
     d = max((len(each.damping) for each in measured), default=0)
     targets = np.full((len(measured), m + d), np.nan)

@@ -264,5 +264,7 @@ def output_sensitivity(reference: LinearMotion, changed: LinearMotion) -> Array:
     Raises InputError if the two motions have other steps or outputs.
     """
     if reference.outputs != changed.outputs or reference.t.shape != changed.t.shape:
-        raise InputError("observe", "parameters", changed.outputs, "the outputs and steps of the reference are allowed")
+        raise InputError(
+            "observe", "parameters", changed.outputs, "the same outputs and steps as those of the reference are needed"
+        )
     return changed.reference - reference.reference

@@ -66,7 +66,7 @@ class ObserverFile:
         if self.payload is not None and self.payload.gravity and scene.gravity is not None:
             across = -scene.gravity.acceleration * scene.gravity.direction[2]
             if abs(self.payload.gravity - across) > SAME_GRAVITY * scene.gravity.acceleration:
-                allowed = f"{across:.6g} m/s^2 is allowed, which the scene's gravity has along z"
+                allowed = f"{across:.6g} m/s^2 is allowed, the component of the scene's gravity along z"
                 raise InputError("observe", "payload.gravity", self.payload.gravity, allowed)
         inputs = [load.input for load in self.loads] + ([] if self.payload is None else [self.payload.input])
         outputs = [*self.estimate, *(sensor.output for sensor in self.sensors)]
@@ -265,5 +265,5 @@ def read_measurements(file: Path, units: Mapping[str, str] | None = None) -> dic
         raise InputError(str(file), "columns", list(names), f"{allowed} are allowed")
     t = values[:, 0]
     if not np.all(np.isfinite(t)) or not np.all(np.diff(t) > 0.0):
-        raise InputError(str(file), TIME, None, "times that grow from line to line are allowed")
+        raise InputError(str(file), TIME, None, "times are needed that grow from line to line")
     return {name: (t, column) for name, column in zip(names[1:], values.T[1:], strict=True)}

@@ -235,11 +235,16 @@ class Observer:
         for sensor in self.sensors:
             self.model.output_number(sensor.output)
             if not sensor.noise > 0.0 or sensor.bias < 0.0 or sensor.gain < 0.0:
-                raise InputError("observe", f"sensors.{sensor.output}", None, "noise above 0, bias and gain from 0 on")
+                raise InputError(
+                    "observe",
+                    f"sensors.{sensor.output}",
+                    None,
+                    "noise above 0, and bias and gain of 0 or more, are allowed",
+                )
         names = {"sensors": [each.output for each in self.sensors], "loads": [load.input for load in self.loads]}
         for key, listed in names.items():
             if repeated := next((name for name in listed if listed.count(name) > 1), None):
-                raise InputError("observe", f"{key}.{repeated}", None, "one of each name is allowed")
+                raise InputError("observe", f"{key}.{repeated}", None, "each name is allowed once")
         for load in self.loads:
             self.model.input_number(load.input)
             if not (load.deviation > 0.0 and load.time > 0.0):
@@ -253,9 +258,11 @@ class Observer:
                 allowed = "an acceleration or a specific force is allowed"
                 raise InputError("observe", "payload.acceleration", self.payload.acceleration, allowed)
             if not self.payload.deviation > 0.0 or self.payload.wander < 0.0:
-                raise InputError("observe", "payload", None, "a deviation above 0, and a wander from 0 on are allowed")
+                raise InputError(
+                    "observe", "payload", None, "a deviation above 0, and a wander of 0 or more, are allowed"
+                )
             if self.payload.gravity and self.payload.acceleration.startswith(SPECIFIC_FORCE):
-                allowed = "0 is allowed with a specific force, which includes it"
+                allowed = "0 is allowed, as a specific force includes gravity"
                 raise InputError("observe", "payload.gravity", self.payload.gravity, allowed)
         for parameter in self.parameters:
             for values in (parameter.sensitivity, parameter.per_kilogram):

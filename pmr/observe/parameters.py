@@ -73,9 +73,9 @@ class ParameterObserver:
         """Raise InputError for wrong names, shapes of arrays, numbers or `temper`, as the class says."""
         p, numbers = len(self.names), {"mean": self.mean, "deviation": self.deviation, "values": self.values}
         if not p or len(set(self.names)) < p:
-            raise InputError("observe", "names", tuple(self.names), "a different name of each parameter is allowed")
+            raise InputError("observe", "names", tuple(self.names), "a name of its own is needed for each parameter")
         if not self.observers:
-            raise InputError("observe", "observers", None, "an observer of each model is allowed")
+            raise InputError("observe", "observers", None, "an observer is needed for each model")
         for key, array in numbers.items():
             shape = (len(self.observers), p) if key == "values" else (p,)
             if np.shape(array) != shape:

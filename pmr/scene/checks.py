@@ -68,7 +68,7 @@ def _check_single_body(scene: Scene) -> None:
             "sections[0].joint", None, "a section alone does not slide in another one: supports or pads hold it"
         )
     if part.slider is None and any(ring.moving for ring in part.pads):
-        raise scene_error("slider", None, "a table slider with a path is needed: along it moving pads slide")
+        raise scene_error("slider", None, "a table slider is needed, with the path along which the moving pads slide")
     _check_reduction(scene)
     if jump := describe_jump(scene.slider.path, 1e-9 * max(map(abs, scene.path_bounds))):
         raise scene_error("slider.path", None, f"the slider {jump}")
@@ -117,10 +117,14 @@ def check_time(scene: Scene) -> None:
 def _check_reduction(scene: Scene) -> None:
     """Refuse contradictory settings of the reduction, and fewer coordinates than constraint rows."""
     choice = scene.reduction
-    allowed = "'eigenmodes' or 'free_modes' is allowed with flexibility: supports then need no coordinates"
+    allowed = "'eigenmodes' or 'free_modes' is allowed with flexibility, as supports then need no coordinates"
     refuse(choice.basis == "paper" and choice.flexibility, "reduction.basis", choice.basis, allowed)
     if (choice.basis == "file") != (choice.file is not None):
-        raise scene_error("reduction.file", choice.file and str(choice.file), "a file is allowed with basis = 'file'")
+        raise scene_error(
+            "reduction.file",
+            choice.file and str(choice.file),
+            "a file goes with basis = 'file', and with no other basis",
+        )
     if choice.ports and (choice.basis != "free_modes" or not choice.flexibility):
         allowed = "free modes with flexibility are allowed to have ports"
         raise scene_error("reduction.ports", list(choice.ports), allowed)
@@ -130,8 +134,8 @@ def _check_reduction(scene: Scene) -> None:
         _check_pod(scene)
     rows, points = fewest_rows(member_at(scene)), len(scene.points)
     if not choice.flexibility and choice.coordinates < rows:
-        of_rows = f"{rows} ({rows - points} of supports, {points} of sliders)"
-        allowed = f"at least as many as constraint rows are allowed: {of_rows}"
+        of_rows = f"the number of constraint rows ({rows - points} of supports, {points} of sliders)"
+        allowed = f"at least {rows} are allowed, {of_rows}"
         raise scene_error("reduction.coordinates", choice.coordinates, allowed)
 
 
@@ -147,7 +151,11 @@ def _check_pod(scene: Scene) -> None:
     if isinstance(choice.positions, str):
         return
     if len(choice.positions) != choice.snapshots:
-        raise scene_error("reduction.snapshots", choice.snapshots, f"{len(choice.positions)} positions are given")
+        raise scene_error(
+            "reduction.snapshots",
+            choice.snapshots,
+            f"{len(choice.positions)} is allowed, the number of reduction.positions",
+        )
     for i, at in enumerate(choice.positions):
         if scene.body.length is not None and at > scene.body.length:
             raise scene_error(f"reduction.positions[{i}]", at, f"on the body, 0 to {scene.body.length:g} m, is allowed")
@@ -163,11 +171,20 @@ def _check_frequency_response(scene: Scene) -> None:
         if not part.observe.frequency_response:
             continue
         key = scene.section_key(number, "observe.frequency_response")
-        refuse(number < len(scene.sections) - 1, key, True, f"false is allowed: the tip is that of {scene.names[-1]}")
+        refuse(
+            number < len(scene.sections) - 1,
+            key,
+            True,
+            f"false is allowed, as the tip of the boom is the tip of {scene.names[-1]}",
+        )
         if any(ring.unilateral for ring in rings):
-            raise scene_error(key, True, "true is allowed with pads that hold both ways: some only push")
+            raise scene_error(
+                key,
+                True,
+                "false is allowed, as some pads only push; a response in frequency needs pads that hold both ways",
+            )
         if any(ring.friction for ring in rings if isinstance(ring, JointPads)):
-            raise scene_error(key, True, "true is allowed without friction of pads, which is not linear")
+            raise scene_error(key, True, "false is allowed, as pads have friction, which is not linear")
         if len(scene.sections) == 1 and not part.reduction.flexibility and _has_rigid_rows(scene):
             raise scene_error(key, True, "true is allowed with reduction.flexibility beside rigid supports and pads")
 

@@ -422,8 +422,8 @@ def refuse_unsupported(name: str, needs: SimulatorNeeds, place: SimulatorKey | N
             raise InputError(place.source, place.key, place.value, f"{instead} is allowed: {name} {reason}")
     if needs.rigid_pushing_rows:
         allowed = (
-            f"{', '.join(needs.rigid_pushing_rows)} only push and are rigid: true, or a stiffness in N/m of the pads, "
-            "is allowed; the force of an impact of rigid parts is no number"
+            f"{', '.join(needs.rigid_pushing_rows)} only push and are rigid, so that an impact has no finite force; "
+            "true, or a stiffness of the pads in N/m, is allowed"
         )
         raise InputError("scene", "reduction.flexibility", False, allowed)
     if needs.rho_inf == 1.0 and needs.rigid_moving_rows:

@@ -287,7 +287,7 @@ def beam_scene(path: str | Path) -> Scene:
     """Load the scene at `path`, of a planar beam with a profile and sliding points; raises InputError for any other."""
     scene = load(path)
     if scene.body.profile is None or scene.pads:
-        raise InputError(str(path), "body.profile", None, "a scene with a planar beam, without pads, is allowed here")
+        raise InputError(str(path), "body.profile", None, "a scene with a planar beam and without pads is needed here")
     return scene
 
 

@@ -380,7 +380,7 @@ class Frame(BoomAngles):
         """Raise an InputError for `key` in `source` if `angles` (any shape) exceed a full turn and no unit is set."""
         largest = float(np.max(np.abs(angles), initial=0.0))
         if largest > TURN and "unit" not in self.model_fields_set:
-            allowed = "its unit has to be said where an angle goes beyond a turn: frame.unit = 'degrees' or 'rad'"
+            allowed = "an angle of more than a turn needs its unit: set frame.unit = 'degrees' or 'rad'"
             raise InputError(source, key, float(f"{largest:.4g}"), allowed)
 
     def _in_rad(self, angle: SignalBase | None) -> SignalBase:

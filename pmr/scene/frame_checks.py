@@ -67,11 +67,11 @@ def _check_computed(scene: Scene, frame: Frame, computed: str) -> None:
 def _check_ground(scene: Scene) -> None:
     """Refuse a ground without gravity, and a ground under a base whose forces at the pivot are not known."""
     if scene.gravity is None:
-        raise scene_error("gravity", None, "a table is needed beside frame.ground: the weight presses on the ground")
-    for support in scene.sections[0].supports:
-        allowed = "'mean' is allowed beside frame.ground, as forces of 'all' points are not known"
-        refuse(support.points == "all", scene.section_key(0, "supports"), "all", allowed)
-    allowed = "true is allowed beside frame.ground, as forces along the boom have a moment about the ground"
+        raise scene_error("gravity", None, "a table is needed with frame.ground, as the weight presses on the ground")
+    for i, support in enumerate(scene.sections[0].supports):
+        allowed = "'mean' is allowed with frame.ground, as forces of 'all' points are not known"
+        refuse(support.points == "all", scene.section_key(0, f"supports[{i}].points"), "all", allowed)
+    allowed = "true is allowed with frame.ground, as forces along the boom have a moment about the ground"
     refuse(not has_axial_motion(member_at(scene, 0)), scene.section_key(0, "body.profile.axial"), False, allowed)
 
 
@@ -112,31 +112,33 @@ def check_frame(scene: Scene) -> None:
         if axis in ("x", "y", "z"):
             _check_smooth(scene, f"base.{axis}", "a motion", motion)
     allowed = (
-        "neither direction nor inclination is allowed beside a frame: "
-        "frame.luffing already says how the boom is inclined"
+        "neither direction nor inclination is allowed in a scene with a frame, "
+        "as frame.luffing says how the boom is inclined"
     )
     refuse(scene.gravity is not None and scene.gravity.direction != Gravity().direction, "gravity", None, allowed)
     for member in members(scene):
         if traits_of(member).kind == "matrices":
-            allowed = "models with a mesh are allowed in a frame: matrices do not say where their mass is"
+            allowed = "models with a mesh are allowed in a frame, as matrices do not say where their mass is"
             raise scene_error(scene.section_key(member.number, "body.model"), "matrices", allowed)
         if is_planar(member) and (frame.out_of_plane_key or frame.tail_position[1] != 0.0):
             key = frame.out_of_plane_key or "pivot"
-            raise scene_error(f"frame.{key}", None, "models in space are allowed with it: beam2d has no lateral motion")
+            raise scene_error(
+                f"frame.{key}", None, "only models in space are allowed with this key, as beam2d has no lateral motion"
+            )
     for number in range(1, len(scene.sections) if frame.second_order else 1):
         least = scene.extension(number).bounds(0.0, scene.time.end)[0]
-        allowed = f"an extension above 0 is allowed with frame.second_order: here it is {least:g} m"
+        allowed = f"with frame.second_order, an extension above 0 is allowed; here it is {least:g} m"
         refuse(least <= 0.0, f"sections[{number}].joint", None, allowed)
-    for support in scene.sections[0].supports if frame.second_order else ():
+    for i, support in enumerate(scene.sections[0].supports if frame.second_order else ()):
         if "x" in support.held_directions and scene.sections[0].position_of(support.on) not in (0.0, None):
-            allowed = "the tail is allowed as the place that holds the base along with frame.second_order"
-            allowed += ": axial forces are those from there on"
-            raise scene_error(scene.section_key(0, "supports"), support.on, allowed)
+            allowed = "with frame.second_order, the support that holds the base along x has to be on its tail, "
+            allowed += "as axial forces are counted from the tail on"
+            raise scene_error(scene.section_key(0, f"supports[{i}].on"), support.on, allowed)
     for member in members(scene) if frame.second_order else ():
-        for load in member.part.loads:
+        for i, load in enumerate(member.part.loads):
             if load.on != "tip" and "x" in input_directions(member, load).values():
-                allowed = "the tip is allowed with frame.second_order as the place of a load along the boom"
-                raise scene_error(scene.section_key(member.number, "loads"), load.on, allowed)
+                allowed = "with frame.second_order, a load along the boom has to act on the tip"
+                raise scene_error(scene.section_key(member.number, f"loads[{i}].on"), load.on, allowed)
 
 
 def _check_smooth(scene: Scene, key: str, what: str, motion: SignalBase) -> None:
@@ -223,17 +225,17 @@ def check_hoist(scene: Scene) -> None:
     if scene.gravity is None:
         raise scene_error("gravity", None, "a table [gravity] is needed with [hoist], whose payload has a weight")
     if frame is not None and frame.ground is not None and hoist.pivot_height not in (0.0, frame.ground.height):
-        allowed = f"frame.ground.height, {frame.ground.height:g}, is the pivot's height, and none beside it is allowed"
+        allowed = f"leave it out, as frame.ground.height = {frame.ground.height:g} is the height of the pivot"
         raise scene_error("hoist.pivot_height", hoist.pivot_height, allowed)
     for key, name in (("section", hoist.section), ("winch.section", hoist.winch.section)):
         refuse(name and name not in scene.names, f"hoist.{key}", name, f"{', '.join(scene.names)} are allowed")
     rocks = frame is not None and frame.base is not None and {"rx", "ry", "rz"} & set(frame.base.motions)
     if rocks and not hoist.winch.section:
-        raise scene_error("hoist.winch.section", None, "a section is allowed where the base rolls, pitches or yaws")
+        raise scene_error("hoist.winch.section", None, "a section is needed, as the base rolls, pitches or yaws")
     is_lifted = frame is not None and frame.base is not None and "z" in frame.base.motions
     ground_height = 0.0 if frame is None or frame.ground is None else frame.ground.height
     for key, height in (("hoist.pivot_height", hoist.pivot_height), ("frame.ground.height", ground_height)):
-        allowed = "0 is allowed where frame.base.z moves the pivot: the height of the hook is measured from it"
+        allowed = "0 is allowed, as frame.base.z moves the pivot, and the height of the hook is measured from the pivot"
         refuse(height and is_lifted, key, height, allowed)
     for member in members(scene):
         if hoist.lateral_key and is_planar(member):
@@ -248,7 +250,7 @@ def check_hoist(scene: Scene) -> None:
             key = "hoist.on" if place == "head" else "hoist.winch.at"
             refuse(not 0.0 <= x <= member.part.length, key, x, f"0 to {member.part.length:g} m is allowed")
             if frame is not None and frame.second_order and on != "tip" and x != member.part.length:
-                allowed = "a section's tip is allowed with frame.second_order, which takes forces along the boom there"
+                allowed = "with frame.second_order, the tip of a section is allowed, as forces along the boom act there"
                 raise scene_error(key, on, allowed)
     t = np.linspace(0.0, scene.time.end, SAMPLES)
     if frame is not None and frame.luffing == "free" and not hoist.winch.section:
@@ -257,7 +259,7 @@ def check_hoist(scene: Scene) -> None:
     hanging = (hoist.free_length(t, along[0]) - along) / hoist.falls
     if not hanging.min() > 0.0:
         k = int(np.argmax(hanging <= 0.0))
-        allowed = f"a longer rope is allowed: without force its hook is at the head at {t[k]:.4g} s"
+        allowed = f"a longer rope is needed, as the hook of the slack rope reaches the head at {t[k]:.4g} s"
         raise scene_error(f"hoist.{'speed' if hoist.is_wound else 'length'}", None, allowed)
 
 

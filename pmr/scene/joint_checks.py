@@ -49,15 +49,15 @@ def check_fit(scene: Scene, number: int) -> None:
         has = getattr(inner, side) + sum(map(inner.thickness, walls)) / 2.0
         room = getattr(outer, side) - sum(map(outer.thickness, walls)) / 2.0
         if has >= room:
-            sizes = f"outside {name} is {has:.6g} m, inside {around} there are {room:.6g} m"
-            allowed = f"{sizes}: a section has to fit into the one before it"
+            sizes = f"the outside of {name} is {has:.6g} m, the inside of {around} is {room:.6g} m"
+            allowed = f"{name} has to fit into {around}, but {sizes}"
             raise scene_error(f"sections[{number}].body.box.{side}", getattr(inner, side), allowed)
         play = max(play, room - has)
     allowed = f"at most {play:.6g} m is allowed: this is how far {name} can move in {around}, from wall to wall"
     is_set = "play" in scene.compare.model_fields_set  # the default is for all booms
     refuse(is_set and scene.compare.play > play * (1.0 + SLACK), "compare.play", scene.compare.play, allowed)
     beyond, face = min((room, face) for face, room in gaps(inner.sides, outer.sides).items())
-    allowed = f"{name} comes {-beyond:.6g} m too close to the {face} of {around}: a section has to fit into it"
+    allowed = f"{name} has to fit into {around}, but passes its {face} by {-beyond:.3g} m"
     refuse(beyond <= 0.0, f"sections[{number}].body.box", None, allowed)
     _check_tail(scene, number, inner, outer)
     _check_frames(scene, number, inner, outer)
@@ -75,8 +75,8 @@ def _check_tail(scene: Scene, number: int, inner: Box, outer: Box) -> None:
     ends = inner.profile_at(0.0), outer.profile_at(max(first, 0.0))
     beyond = min(gaps(*(profile.sides for profile in ends)).values())
     allowed = (
-        f"{scene.names[number]} gets {first:.6g} m near the tail of {scene.names[number - 1]}, which tapers over "
-        f"{low:.6g} m: there it comes {-beyond:.6g} m too close"
+        f"{scene.names[number]} comes to {first:.6g} m from the tail of {scene.names[number - 1]}, where the taper "
+        f"leaves {-beyond:.3g} m too little room; a shorter taper or a larger extension is allowed"
     )
     refuse(beyond <= 0.0, f"sections[{number - 1}].body.box.tail_taper.length", low, allowed)
 
@@ -91,8 +91,8 @@ def _check_frames(scene: Scene, number: int, inner: Box, outer: Box) -> None:
     room = min(gap[side.name] + side.thickness / 2.0 for side in outer.sides)
     if outer.frame_depth == "full" or outer.frame_depth >= room:
         allowed = (
-            f"places of less than {first:.6g} m are allowed, or a frame_depth of less than {room:.6g} m: "
-            f"{scene.names[number]} slides past {reached[0]:g} m"
+            f"{scene.names[number]} slides past the frame at {reached[0]:g} m; frames at less than {first:.6g} m, "
+            f"or a frame_depth of less than {room:.6g} m, are allowed"
         )
         raise scene_error(f"sections[{number - 1}].body.box.frames", list(outer.frames), allowed)
 
@@ -108,12 +108,12 @@ def _check_clearance(seat: Seat, key: str, inner: tuple[str, Box], outer: tuple[
         for body, faces in ((name, inner_faces), (around, outer_faces)):
             allowed = f"faces that {body} has are allowed: {', '.join(faces) or 'none'}"
             refuse(face not in faces, f"{key}.faces", face, allowed)
-        allowed = f"faces that are parallel are allowed: the {face} of {name} and that of {around} are not"
+        allowed = f"only parallel faces are allowed, but the {face} of {name} is not parallel to that of {around}"
         refuse(inner_faces[face].normal @ outer_faces[face].normal < PARALLEL, f"{key}.faces", face, allowed)
     room = gaps(section.sides, tube.sides)
     for face in seat.ring.faces or ("bottom", "top"):  # points stand above and below
         clearance, gap = seat.ring.clearance_on(face), room.get(face, np.inf)
-        allowed = f"at most {gap:.6g} m is allowed: this is the width of the gap between {name} and {around} there"
+        allowed = f"at most {gap:.6g} m is allowed, the width of the gap between {name} and {around} on this face"
         refuse(clearance > gap * (1.0 + SLACK), f"{key}.clearance", clearance, allowed)
 
 
@@ -137,7 +137,7 @@ def check_joints(scene: Scene) -> None:
     planar = [is_planar(member) for member in members(scene)]
     if len(set(planar)) > 1:
         names = ", ".join(name for name, flat in zip(scene.names, planar, strict=True) if flat)
-        allowed = f"planar beams ({names}) beside others are not allowed: all in plane, or none"
+        allowed = f"sections are allowed that are all planar beams, or none of them; planar beams are {names}"
         raise scene_error("sections", None, allowed)
     _check_overlaps_and_friction(scene)
     _check_simulators(scene)
@@ -166,10 +166,10 @@ def _check_section_names(scene: Scene) -> None:
 def _check_reduction(scene: Scene, number: int) -> None:
     """Refuse settings of the reduction, slider and length of section `number` that no section of a boom can have."""
     choice, key = scene.sections[number].reduction, f"sections[{number}].reduction"
-    allowed = "'free_modes' is allowed, without a file: sections have no common path"
+    allowed = "'free_modes' without a file is allowed for sections of a boom, which have no common path"
     refuse(choice.basis != "free_modes" or choice.file is not None, f"{key}.basis", choice.basis, allowed)
     refuse(choice.ports, f"{key}.ports", list(choice.ports), "no ports are allowed for sections of a boom")
-    allowed = "joints move sections that slide in one another: leave it out"
+    allowed = "leave it out, as joints move the sections of a boom"
     refuse(scene.sections[number].slider is not None, f"sections[{number}].slider", None, allowed)
     allowed = "observe.start and observe.end are needed where a mesh that is read says how long a section is"
     refuse(scene.sections[number].length <= 0.0, f"sections[{number}].observe", None, allowed)
@@ -185,10 +185,10 @@ def _check_drive(scene: Scene, number: int) -> None:
     while (follows := scene.joint(scene.names.index(chain[-1])).follows) is not None:
         allowed_names = [name for name in scene.names[1:] if name not in chain]
         if follows not in allowed_names:
-            listed = f"{', '.join(allowed_names)} are allowed, which do not follow it"
+            listed = f"sections that do not follow it are allowed: {', '.join(allowed_names)}"
             allowed = listed if allowed_names else "extension or overlap is needed in its place"
             if follows == scene.names[0]:
-                allowed += f": the base, {follows}, does not extend, so that nothing can follow it"
+                allowed += f"; the base, {follows}, does not extend"
             raise scene_error(f"{key}.follows", joint.follows, allowed)
         chain.append(follows)
     allowed = (
@@ -246,8 +246,8 @@ def _check_equilibrium_start(scene: Scene, number: int) -> None:
             if rings and all(ring.clearance_on(face) for ring, face in on_faces):
                 k, ring = next(iter(rings.items()))
                 allowed = (
-                    f"0 is allowed, here or in another ring: no load along {axis} takes up the play of "
-                    f"{scene.names[number]} at t = 0, where motions begin in equilibrium"
+                    f"the motion begins in equilibrium, but at t = 0 no load along {axis} takes up the play of "
+                    f"{scene.names[number]}; a clearance of 0, here or in another ring, is allowed"
                 )
                 raise scene_error(f"sections[{number}].joint.{end}[{k}].clearance", ring.clearance, allowed)
 
@@ -283,10 +283,12 @@ def _check_ground_supports(scene: Scene, number: int) -> None:
         if moves and "x" in support.held_directions:
             key = f"sections[{number}].supports[{i}]"
             key, value = (f"{key}.kind", support.kind) if support.directions is None else (f"{key}.directions", None)
-            allowed = f"directions without x are allowed: {scene.names[number]} travels with the extension of {moves}"
+            allowed = (
+                f"directions without x are allowed, as {scene.names[number]} travels with the extension of {moves}"
+            )
             raise scene_error(key, value, allowed)
     for i, ring in enumerate(scene.sections[number].pads):
-        key, allowed = f"sections[{number}].pads[{i}].moving", "false is allowed: pads that move belong to a joint"
+        key, allowed = f"sections[{number}].pads[{i}].moving", "false is allowed, as pads that move belong to a joint"
         refuse(ring.moving, key, True, allowed)
 
 
@@ -307,20 +309,20 @@ def check_extension(scene: Scene, number: int) -> None:
     behind = f"the tail of {name} gets {-first:.6g} m behind that of {outer}"
     refuse(first < -BEYOND_ENDS * length, key, None, f"{behind}; an extension of 0 m or more is allowed")
     needed = max(ring.at for ring in joint.tail) + max(ring.at for ring in joint.mouth)
-    out = f"it pulls {name} out of {outer}: an extension of {last:.6g} m leaves no overlap"
-    refuse(last >= length - slack, key, None, f"{out}, less than {length - needed:.6g} m is allowed")
+    out = f"an extension of {last:.6g} m pulls {name} out of {outer}"
+    refuse(last >= length - slack, key, None, f"{out}; less than {length - needed:.6g} m is allowed")
     allowed = (
-        f"the overlap of {name} and {outer} gets down to {length - last:.6g} m, and their pads reach "
-        f"{needed:.6g} m from the tail and the mouth; an extension of less than {length - needed:.6g} m is allowed"
+        f"the overlap of {name} and {outer} shrinks to {length - last:.6g} m, but their pads take up "
+        f"{needed:.6g} m of it; an extension of less than {length - needed:.6g} m is allowed"
     )
     refuse(not length - last > needed + slack, key, None, allowed)
     for (i, tail), (k, mouth) in product(enumerate(joint.tail), enumerate(joint.mouth)):
         most, face = length - tail.at - mouth.at - (tail.length + mouth.length) / 2.0, _common_face(tail, mouth)
         if face is not None and last > most + slack:
             overlap = f"pads of tail[{i}] and mouth[{k}] overlap on the {face} at an extension of {last:.6g} m"
-            raise scene_error(key, None, f"{overlap}; with the length of these pads at most {most:.6g} m is allowed")
+            raise scene_error(key, None, f"{overlap}; an extension of at most {most:.6g} m is allowed")
     ends = length - min(ring.at for ring in joint.mouth) - scene.sections[number].length
-    before = f"at an extension of {first:.6g} m {name} ends before a pad at the mouth of {outer}"
+    before = f"at an extension of {first:.6g} m {name} does not reach a pad at the mouth of {outer}"
     refuse(first < ends - slack, key, None, f"{before}; {ends:.6g} m or more is allowed")
 
 
@@ -347,10 +349,12 @@ def _check_pads(scene: Scene, number: int) -> None:
     if points:
         key = f"sections[{points[0].joint}].joint.{points[0].key}.faces"
         if not is_planar(member_at(scene, number)):
-            raise scene_error(key, None, "faces are needed: only on planar beams pads are points")
+            raise scene_error(
+                key, None, "faces are needed, as pads without faces are points, which only planar beams have"
+            )
         if len(points) < len(touching) or scene.sections[number].pads:
-            some = f"faces are needed: other pads on {scene.names[number]} have some"
-            raise scene_error(key, None, f"{some}; points alone, or none, are allowed")
+            some = f"faces are needed, as other pads on {scene.names[number]} have faces"
+            raise scene_error(key, None, f"{some}; on one section either all pads are points, or none")
     for seat in touching:
         half = seat.ring.length / 2.0 if seat.ring.faces is not None else 0.0
         start, end = seat.positions.low - half, seat.positions.high + half
@@ -359,14 +363,14 @@ def _check_pads(scene: Scene, number: int) -> None:
         slack = BEYOND_ENDS * length
         if (first, last) != (0.0, length) and (start < first - slack or end > last + slack):
             allowed = (
-                f"these pads reach from {start:.6g} to {end:.6g} m along {name}, whose faces are parallel to the axis "
-                f"from {first:.6g} to {last:.6g} m: pads are allowed there, not where the box tapers"
+                f"these pads reach from {start:.6g} to {end:.6g} m along {name}; pads are allowed where its faces are "
+                f"parallel to the axis, from {first:.6g} to {last:.6g} m, and not where the box tapers"
             )
             raise scene_error(f"sections[{seat.joint}].joint.{seat.key}.at", seat.ring.at, allowed)
         if start < -BEYOND_ENDS * length or end > (1.0 + BEYOND_ENDS) * length:
             allowed = (
-                f"these pads reach from {start:.6g} to {end:.6g} m along {scene.names[number]}, which has 0 to "
-                f"{length:.6g} m: all of a pad has to be on it"
+                f"these pads reach from {start:.6g} to {end:.6g} m along {scene.names[number]}; the whole pad has to "
+                f"be on it, from 0 to {length:.6g} m"
             )
             raise scene_error(f"sections[{seat.joint}].joint.{seat.key}.at", seat.ring.at, allowed)
 
@@ -397,10 +401,16 @@ def _check_overlaps_and_friction(scene: Scene) -> None:
     for number in range(1, len(scene.sections)):
         member = member_at(scene, number)
         if scene.joint(number).rigid_overlap and not is_planar(member):
-            raise scene_error(f"sections[{number}].joint.rigid_overlap", True, "false is allowed but for planar beams")
+            raise scene_error(
+                f"sections[{number}].joint.rigid_overlap",
+                True,
+                "false is allowed; only planar beams may have a rigid overlap",
+            )
         for seat in seats(scene, number):
             if seat.joint == number and seat.ring.friction and not has_axial_motion(member):
-                allowed = f"0 is allowed: {scene.names[number]} has no coordinates along the boom, in which pads rub"
+                allowed = (
+                    f"0 is allowed, as {scene.names[number]} has no displacements along the boom, along which pads rub"
+                )
                 raise scene_error(f"sections[{number}].joint.{seat.key}.friction", seat.ring.friction, allowed)
 
 

@@ -47,7 +47,11 @@ def check_structure(member: Member) -> None:
     check_names("supports", (support.row_name(d) for support in member.part.supports for d in support.held_directions))
     for i, ring in enumerate(member.pads):
         if ring.clearance and not ring.unilateral:
-            raise scene_error(f"pads[{i}].clearance", ring.clearance, "0 is allowed unless unilateral = true")
+            raise scene_error(
+                f"pads[{i}].clearance",
+                ring.clearance,
+                "0 is allowed, as only pads with unilateral = true have a clearance",
+            )
     _check_travel(member)
     _check_pads(member)
     _check_places(member)
@@ -139,9 +143,11 @@ def _check_sliding_points(member: Member) -> None:
     if not member.points:
         return
     if any(ring.moving for ring in member.pads):
-        raise scene_error("slider.offsets", list(member.points), "pads have an `at` of their own: leave it out")
+        raise scene_error(
+            "slider.offsets", list(member.points), "leave it out, as each ring of pads has its place in `at`"
+        )
     if not traits_of(member).is_planar or length is None:
-        raise scene_error("pads", None, "at least one ring of pads with moving = true is allowed: nothing slides")
+        raise scene_error("pads", None, "at least one ring of pads with moving = true is needed, as nothing slides")
     if len(set(member.points)) != len(member.points):
         raise scene_error("slider.offsets", list(member.points), "sliders must not share an offset")
     (low, high), slack = member.bounds, SLACK * length
@@ -155,8 +161,8 @@ def _check_sliding_points(member: Member) -> None:
         for at in held:
             if at is not None and low + offset - slack <= at <= high + offset + slack:
                 allowed = (
-                    f"the slider reaches the support at {at:g} m{which}, where its row repeats the support's; "
-                    "paths that keep clear of it are allowed"
+                    f"the slider reaches the support at {at:g} m{which}; "
+                    "a path is allowed that keeps clear of supports, as both would hold the same point"
                 )
                 raise scene_error("slider.path", None, allowed)
 
@@ -167,7 +173,7 @@ def _check_travel(member: Member) -> None:
     if slider is None or slider.travel is None:
         return
     (low, high), (first, last) = slider.travel, member.bounds
-    refuse(member.points, "slider.travel", [low, high], "points have the whole beam: leave it out")
+    refuse(member.points, "slider.travel", [low, high], "leave it out, as points may slide along the whole beam")
     slack = BEYOND_ENDS * (high - low)
     allowed = f"two places in m, the smaller one first, around the path's {first:.6g} to {last:.6g} are allowed"
     refuse(not low < high or first < low - slack or last > high + slack, "slider.travel", [low, high], allowed)
@@ -203,7 +209,7 @@ def _check_body(member: Member) -> None:
     if body.box is not None:
         _check_box_variation(member, body.box)
     for name, region in body.regions.items():
-        refuse(traits.is_beam, f"body.regions.{name}", None, "regions are for shells and solids")
+        refuse(traits.is_beam, f"body.regions.{name}", None, "leave it out, as only shells and solids have regions")
         if model == "solid" and region.thickness is not None:
             raise scene_error(f"body.regions.{name}.thickness", region.thickness, "a solid has none")
     if traits.is_beam and not traits.is_planar and member.part.mesh.elements > MOST_ELEMENTS:
@@ -212,7 +218,7 @@ def _check_body(member: Member) -> None:
     allowed = "1 is allowed: elements of beam2d alone can be graded"
     refuse(member.part.mesh.grading != 1.0 and model != "beam2d", "mesh.grading", member.part.mesh.grading, allowed)
     if member.part.reduction.positions == "nodes" and member.part.reduction.uses_pod and not traits.is_beam:
-        allowed = "'path' or a list of places in m is allowed: nodes are a beam's"
+        allowed = "'path' or a list of places in m is allowed, as only beams have nodes along their axis"
         raise scene_error("reduction.positions", "nodes", allowed)
     if traits.is_planar:
         _check_planar_beam(member)
@@ -255,7 +261,9 @@ def _check_box_variation(member: Member, box: Box) -> None:
     allowed = f"1 is allowed with {key}, which says where nodes are"
     refuse(box.varying_keys and member.part.mesh.grading != 1.0, "mesh.grading", member.part.mesh.grading, allowed)
     if box.frames and traits.is_planar:  # also frames from a file that this one extends: their mass would be missing
-        raise scene_error("body.model", model, "beam3d and shell are allowed with body.box.frames; [] has none")
+        raise scene_error(
+            "body.model", model, "beam3d and shell are allowed with body.box.frames; frames = [] removes the frames"
+        )
     if box.frames:
         _check_frames(box)
 
@@ -268,7 +276,8 @@ def _check_frames(box: Box) -> None:
     radii = [side.radius for side in box.sides if side.centre is not None]
     room = min(radii, default=min(box.width, box.height) / 2.0)
     if box.frame_depth != "full" and not 0.0 < box.frame_depth < room:
-        allowed = f"more than 0 and less than {room:g} m, or 'full', is allowed: corners' radius, or half the width"
+        what = "the radius of the corners" if radii else "half the smaller side"
+        allowed = f"more than 0 and less than {room:g} m ({what}), or 'full', is allowed"
         raise scene_error("body.box.frame_depth", box.frame_depth, allowed)
 
 
@@ -278,13 +287,20 @@ def _check_flexible_walls(member: Member) -> None:
     They are refused, too, on a beam of a model for which their compliance is not computed.
     """
     box, key = member.part.body.box, "body.walls"
-    refuse(box is None, key, "give", "'rigid' is allowed without body.box: nothing says how thick the walls are")
+    refuse(box is None, key, "give", "'rigid' is allowed, as without body.box the thickness of the walls is not known")
     traits = traits_of(member)
     if not traits.is_beam:
         return  # the walls of these models give way anyway
-    refuse(not traits.walls_may_give, key, "give", f"'rigid' is allowed: walls of {model_of(member)} are not computed")
+    refuse(
+        not traits.walls_may_give,
+        key,
+        "give",
+        f"'rigid' is allowed, as the walls of {model_of(member)} are not computed",
+    )
     if member.points or not member.pads:
-        raise scene_error(key, "give", "'rigid' is allowed without pads that have faces: walls give way under those")
+        raise scene_error(
+            key, "give", "'rigid' is allowed, as walls give way only under pads with faces, and there are none"
+        )
 
 
 def _check_planar_beam(member: Member) -> None:
@@ -309,7 +325,7 @@ def _check_planar_beam(member: Member) -> None:
         allowed = "bottom, top, left and right are allowed for beam2d, or body.model = 'beam3d'"
         raise scene_error(slanted[0], None, allowed)
     moving = [ring for ring in member.pads if ring.moving]
-    allowed = "a ring with moving = true at bottom or top is needed: a planar beam does not feel pads on its sides"
+    allowed = "a ring with moving = true at bottom or top is needed, as pads on the sides do not hold a planar beam"
     refuse(moving and not any({"bottom", "top"} & set(ring.faces) for ring in moving), "pads", None, allowed)
     if member.gravity is not None and member.gravity.direction[1] != 0.0:
         raise scene_error("gravity.direction", list(member.gravity.direction), "x and z are allowed for beam2d")
@@ -344,7 +360,7 @@ def _check_pad_range(member: Member, length: float, ring: PadRing, key: str) -> 
     while_moving = f" as s goes from {low:.6g} to {high:.6g} m" if ring.moving else ""
     allowed = (
         f"the pad {name} reaches from {start:.6g} to {end:.6g} m along the axis{while_moving}; "
-        f"the face {face} offers {first:.6g} to {last:.6g} m, all of a pad has to be on it"
+        f"the whole pad has to be on the face {face}, from {first:.6g} to {last:.6g} m"
         + ("; where the box tapers, its faces are not parallel to the axis" if (first, last) != (0.0, length) else "")
     )
     slider = member.part.slider

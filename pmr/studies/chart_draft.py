@@ -390,9 +390,7 @@ def check_at_rest(scene: Scene) -> None:
     if scene.frame.machine is not None:
         raise InputError("scene", "frame.machine", None, "a machine that stands still is allowed in a load chart")
     if scene.hoist is not None:
-        raise InputError(
-            "scene", "hoist", None, "none is allowed in a load chart, which hangs its own loads at the tip"
-        )
+        raise InputError("scene", "hoist", None, "leave it out, as a load chart hangs its own loads at the tip")
     if scene.extension_keys:
         raise InputError("scene", scene.extension_keys[0], "free", "an extension over time is allowed in a load chart")
     if scene.frame.luffing == "free":

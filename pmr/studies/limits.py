@@ -429,7 +429,7 @@ class Limit(SceneTable):
     def _no_ground(self) -> InputError:
         """Return the error for a limit on a machine whose outriggers and masses are not known."""
         of_its_own = " or a polygon and a machine of the limit's own" if self.of == "overturning" else ""
-        allowed = f"a scene with frame.ground{of_its_own} is allowed, which says what the machine stands on"
+        allowed = f"a scene with frame.ground{of_its_own} is needed, to say what the machine stands on"
         return InputError("study", f"limits.{self.name}.of", self.of, allowed)
 
     def _unknown_name(self, names: Sequence[str]) -> InputError:

@@ -337,7 +337,7 @@ class ReducedModel:
                 raise InputError(str(path), "version", header["version"], f"at most {FORMAT_VERSION} can be read")
             data = data if int(header["version"]) > 4 else _upgrade_version_4(header, data)
             if data.get("flexibility.inertia.kept", False):
-                allowed = "a model without residual inertia is allowed: more coordinates have the same effect"
+                allowed = "a model without residual inertia is needed; more coordinates have the same effect"
                 raise InputError(str(path), "flexibility.inertia", None, allowed)
             model = npz.record_from_arrays(cls, unpack_model(data))
             if model.carriers is None:  # of an earlier version: its modes for the estimate need carriers

@@ -217,9 +217,9 @@ def cut(name: str, lines: bool = False) -> Callable[[ForeignFiles], ForeignFiles
 
 
 BAD: list[tuple[Callable[[ForeignFiles], ForeignFiles], str]] = [
-    (changed("dofs", "12.1->99.1"), "job.dof: node = 99: nodes that job.inp has"),
+    (changed("dofs", "12.1->99.1"), "job.dof: node = 99: only nodes of job.inp"),
     (changed("dofs", "12.1->12.8"), "job.dof: direction = 8: 1 to 6"),
-    (changed("dofs", "12.1\n->"), "job.dof = 10: a line for each of the 11 rows"),
+    (changed("dofs", "12.1\n->"), "job.dof = 10: 11 lines are needed, one for each row"),
     (changed("dofs", "12.1->x"), "job.dof: line 6: node and direction with '.' between them are allowed, not 'x'"),
     (changed("nodes", "3, 12, 9->3, 13, 10"), "job.inp: line 11: node 13 of set tip is not in the file"),
     (changed("nodes", "*NODE\n"), "job.inp: nodes are allowed: this file has none"),
@@ -262,7 +262,7 @@ def relabelled(files: ForeignFiles) -> ForeignFiles:
 
 
 LABELLED: list[tuple[Callable[[Path], ForeignFiles], Callable[[ForeignFiles], ForeignFiles], str]] = [
-    (as_abaqus, relabelled, "job_MASS2.mtx: the nodes and directions of job_STIF2.mtx"),
+    (as_abaqus, relabelled, "job_MASS2.mtx: the same nodes and directions as in job_STIF2.mtx"),
     (as_abaqus, changed("stiffness", "1,2,3,4\n"),
      "line 1: node, direction, node, direction and entry are allowed, not '1,2,3,4'"),
     (as_abaqus, changed("stiffness", "1.5,1,1,1,2.0\n"),
@@ -384,9 +384,9 @@ def test_structural_damping_and_names_without_a_matrix_are_refused(tmp_path: Pat
         read_foreign(replace(deck, damping=job))
     job = tmp_path / "job_DMPV1.mtx"
     job.write_text("3,1, 3,1, 5.0\n99,1, 99,1, 5.0\n")
-    with pytest.raises(InputError, match="node = 99: the coordinates of job_STIF2.mtx are allowed"):
+    with pytest.raises(InputError, match="node = 99: only coordinates of job_STIF2.mtx are allowed"):
         read_foreign(replace(deck, damping=job))
-    with pytest.raises(InputError, match="a name is allowed of a file of Nastran, not of job.sti"):
+    with pytest.raises(InputError, match="only files of Nastran have matrices with names; leave it out for job.sti"):
         read_foreign(foreign_files(as_calculix(tmp_path).stiffness, None, None, None, damping_name="BAAX"))
 
 

@@ -199,7 +199,7 @@ def test_nothing_outside_of_the_folder_is_touched(tmp_path: Path, key: str, way:
     name = str(tmp_path / "kept.txt") if way == "absolute" else way
     begun(folder, {"names": [], "gone": []} | {key: [name]})
     (folder / "link").symlink_to(tmp_path)
-    with pytest.raises(InputError, match="only files of this folder"):
+    with pytest.raises(InputError, match="may only name files of the folder that it is in"):
         finish_swap(folder)
     assert (tmp_path / "kept.txt").read_text() == "kept"
 

@@ -96,8 +96,8 @@ def test_models_that_do_not_fit_together_are_refused() -> None:
         ({"values": STIFFNESSES[:, 0]}, "values = 'array of the shape (3,)': an array of the shape (3, 1) is allowed"),
         ({"temper": -1.0}, "temper = -1.0: 0 to 1 is allowed"),
         ({"temper": np.nan}, "temper = nan: 0 to 1 is allowed"),
-        ({"names": ["a", "a"]}, "names = ('a', 'a'): a different name of each parameter is allowed"),
-        ({"observers": []}, "observers: an observer of each model is allowed"),
+        ({"names": ["a", "a"]}, "names = ('a', 'a'): a name of its own is needed for each parameter"),
+        ({"observers": []}, "observers: an observer is needed for each model"),
     ],
 )
 def test_numbers_that_are_no_values_of_parameters_are_refused(changes: dict[str, Any], refusal: str) -> None:

@@ -89,7 +89,9 @@ def test_a_box_without_any_row_that_moves(tmp_path: Path, held: str) -> None:
 
 
 def test_what_needs_a_path_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="slider: a table slider with a path is needed: along it moving pads slide"):
+    with pytest.raises(
+        InputError, match="slider: a table slider is needed, with the path along which the moving pads slide"
+    ):
         scene(tmp_path, BOX + PADS.replace('"b", at', '"b", moving = true, at'))
     with pytest.raises(InputError, match="'free_modes' is allowed for a body that does not slide"):
         scene(tmp_path, BRIDGE + 'reduction.basis = "eigenmodes"')

@@ -45,7 +45,7 @@ REFUSED = [
     ("reduction.coordinates=1e9", "reduction.coordinates = "),
     ("loads.F.on=7.0", "loads[0].on = 7.0: on the body, 0 to 6 m"),
     ("mesh.size=0.1", "mesh.size: leave it out: it has no effect on beam2d"),
-    ("reduction.basis=file", "reduction.file: a file is allowed"),
+    ("reduction.basis=file", "reduction.file: a file goes with basis"),
     ("bodi=1", "bodi = 1: unknown key; did you mean 'body'?"),
 ]
 
@@ -62,9 +62,9 @@ def test_a_refusal_names_the_key_as_the_file_writes_it(tmp_path: Path, listed: b
 def test_a_section_alone_needs_a_path_and_has_no_joint(tmp_path: Path) -> None:
     file = written(tmp_path, True)
     file.write_text(re.sub("slider = .*\n", "", file.read_text()))
-    with pytest.raises(InputError, match=r"sections\[0\].slider: a table slider with a path is needed"):
+    with pytest.raises(InputError, match=r"sections\[0\].slider: a table slider is needed, with the path"):
         scenes.load(file)
-    with pytest.raises(InputError, match=r"sections\[2\].slider: joints move sections that slide in one another"):
+    with pytest.raises(InputError, match=r"sections\[2\].slider: leave it out, as joints move the sections of a boom"):
         scenes.load_any("boom_three", ["sections.fly.slider.path=1.0"])
 
 

@@ -40,11 +40,11 @@ def test_every_model_has_a_module_that_makes_it(name: str) -> None:
     ("change", "message"),
     [
         ("mesh.size=0.05", "mesh.size.*it has no effect on second_beam"),
-        ("body.regions={flange={thickness=0.01}}", "regions are for shells and solids"),
+        ("body.regions={flange={thickness=0.01}}", "only shells and solids have regions"),
         ("mesh.elements=20000", "at most 5000 are allowed for second_beam"),
         ("probes=[{name='p',at=[1.0,0.0,0.0],face='nowhere',measures=['stress']}]", "bottom right, bottom left"),
         ("mesh.grading=2.0", "1 is allowed"),
-        ("pads=[]", "walls give way under those"),
+        ("pads=[]", "walls give way only under pads with faces"),
     ],
 )
 def test_checks_of_beams_hold_for_a_new_one(second_beam: str, change: str, message: str) -> None:

@@ -426,7 +426,9 @@ def test_degrees_are_refused_where_the_scene_says_no_unit(folder: Path) -> None:
     for old, new, key in (("", "", "luffing = 70"), ("most = 70.0", "most = 1.2", "slewing = 90")):
         text = STUDY.replace("scene.toml", "radians.toml").replace(old, new)
         (folder / "bad.toml").write_text(text.replace("up_to =", "slewing = [0.0, 90.0]\nup_to =", 1))
-        with pytest.raises(InputError, match=f"{key}.0: its unit has to be said where an angle goes beyond a turn"):
+        with pytest.raises(
+            InputError, match=f"{key}.0: an angle of more than a turn needs its unit an angle goes beyond a turn"
+        ):
             call.load(folder / "bad.toml")
 
 
