@@ -22,7 +22,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pmr.compare.errors import errors_between, relative_error
+from pmr.compare.errors import ROUND_OFF, errors_between, relative_error
 from pmr.compare.evaluation import SimulatedSystem
 from pmr.compare.motion import carried_loads, only_body_motion, reason_without_estimate
 from pmr.compare.outputs import (
@@ -37,7 +37,6 @@ from pmr.compare.outputs import (
     probe_differences,
     run_from_start,
 )
-from pmr.compare.round_off import ROUND_OFF
 from pmr.compare.trust import (
     LOAD_JUMPS,
     ROWS_LEFT_OUT,

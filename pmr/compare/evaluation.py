@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from pmr.compare.errors import refuse_infinite
+from pmr.compare.motion import force_round_off, round_off
 from pmr.compare.outputs import Outputs, output_contacts, outputs_of_run, run_from_start
-from pmr.compare.round_off import force_round_off, round_off
 from pmr.files.arrays import Array
 from pmr.results import Energy, Response
 from pmr.results.response import LUFFING_ANGLE, Output

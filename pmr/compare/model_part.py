@@ -24,10 +24,10 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from pmr.compare.errors import ForceHistories, force_errors, force_histories
+from pmr.compare.errors import ForceHistories, force_errors, force_histories, zero_round_off
+from pmr.compare.motion import probe_round_off
 from pmr.compare.outputs import probe_errors
 from pmr.compare.responses import march_once, refuse_growth
-from pmr.compare.round_off import probe_round_off, zero_round_off
 from pmr.compare.second_order import with_choice_of_terms
 from pmr.files.arrays import Array, Summary
 from pmr.results import Response

@@ -16,9 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.errors import RELATIVE_FLOOR, ResponseFunction, refuse_infinite, relative_error
-from pmr.compare.motion import displacement_rates
-from pmr.compare.round_off import Pair, force_round_off, probe_round_off, round_off, zero_round_off
+from pmr.compare.errors import RELATIVE_FLOOR, Pair, ResponseFunction, refuse_infinite, relative_error, zero_round_off
+from pmr.compare.motion import displacement_rates, force_round_off, probe_round_off, round_off
 from pmr.files.arrays import Array
 from pmr.results import Response
 from pmr.scene import Scene
@@ -99,10 +98,10 @@ class RoundOffBounds:
 
     @classmethod
     def for_system(cls, system: System, excitation: Excitation, forces: Array | None = None) -> RoundOffBounds:
-        """Bounds of the round-off of a system's outputs under the excitation's loads (`pmr.compare.round_off`).
+        """Bounds of the round-off of a system's outputs under the excitation's loads (`pmr.compare.motion.round_off`).
 
         For several bodies, the bound of forces is `RELATIVE_FLOOR` times the largest of the contact forces `forces` (T,
-        m) in N, or 0 if these are None.  For a single body it is `pmr.compare.round_off.force_round_off`.
+        m) in N, or 0 if these are None.  For a single body it is `pmr.compare.motion.force_round_off`.
         """
         f, end, least = excitation.forces(system.input_names), excitation.stepping.end, 0.0
         if ALONE in system.bodies:

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pmr.compare.errors import ForceHistories, band_limit, force_histories
+from pmr.compare.errors import ForceHistories, band_limit, force_histories, zero_round_off
 from pmr.compare.evaluation import evaluate_motion
+from pmr.compare.motion import round_off
 from pmr.compare.outputs import (
     Outputs,
     away_from_kinks,
@@ -19,7 +20,6 @@ from pmr.compare.outputs import (
     tip_columns,
     without_kink_forces,
 )
-from pmr.compare.round_off import round_off, zero_round_off
 from pmr.errors import SimulationError
 from pmr.files.arrays import Array
 from pmr.results import Response

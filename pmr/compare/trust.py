@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pmr.compare.errors import band_of_response, error_below_frequency, force_histories, relative_error
+from pmr.compare.errors import Pair, band_of_response, error_below_frequency, force_histories, relative_error
 from pmr.compare.model_part import largest_model_error
-from pmr.compare.round_off import Pair
 from pmr.errors import percent, two_digits
 from pmr.files.arrays import Array, Summary
 from pmr.results import Response

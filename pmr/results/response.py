@@ -128,9 +128,9 @@ class Response:
     force_names : tuple of str
         Names (m,) of the columns of `slider_force`; empty if contacts have no names.
     round_off : float, m
-        Displacement up to which a displacement may be round-off (`pmr.compare.round_off.round_off`); 0 if not known.
+        Displacement up to which a displacement may be round-off (`pmr.compare.motion.round_off`); 0 if not known.
     force_round_off : float, N
-        Force up to which a force may be round-off (`pmr.compare.round_off.force_round_off`).
+        Force up to which a force may be round-off (`pmr.compare.motion.force_round_off`).
     force_peaks : (T, m) array, N, or None
         Forces as in `slider_force`, but for a pad that only pushes the largest force within the step that ends at t.
         None if steps are not divided into parts.

@@ -14,9 +14,8 @@ from oracle import enriched, paper_basis, project, rich_body
 from scipy.interpolate import PPoly
 
 from pmr import ReducedModel, Response, SimulationError
-from pmr.compare.errors import absolute_error, errors_between, nrms, relative_error
+from pmr.compare.errors import absolute_error, errors_between, nrms, relative_error, zero_round_off
 from pmr.compare.motion import force_rates, load_rates, output_rates
-from pmr.compare.round_off import zero_round_off
 from pmr.files.arrays import Array
 from pmr.results import Energy
 from pmr.scene.signals import Sine, SmoothRamp

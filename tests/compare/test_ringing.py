@@ -19,8 +19,8 @@ from pmr import scene as scenes
 from pmr.compare.errors import nrms
 from pmr.compare.estimate import chi
 from pmr.compare.evaluation import evaluate_motion as of_sections
+from pmr.compare.motion import force_round_off, round_off
 from pmr.compare.outputs import run_from_start
-from pmr.compare.round_off import force_round_off, round_off
 from pmr.compare.summary import simulate_saved
 from pmr.compare.trust import (
     RINGING_SHARE,
