@@ -19,14 +19,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from pmr.files.arrays import Array, Mask
-from pmr.files.reasons import (
-    ALIKE,
-    Reason,
-    check_density,
-    check_speed,
-    lone_turned_nodes,
-    point_text,
-)
+from pmr.files.reasons import ALIKE, Reason, check_density, check_speed, lone_turned_nodes, point_text
 from pmr.files.rigid import DIRECTIONS, ROUNDING_OF_POINTS, Resistance, rigid_motions
 
 #: Number of steps of Lanczos' method for the least eigenvalue of a matrix with a diagonal of ones, and the least

@@ -30,15 +30,7 @@ from pmr.report.figures import (
 )
 from pmr.report.figures.histories import line_figure
 from pmr.report.numbers import SPACE, enlargement, format_quantity, prose
-from pmr.report.subject import (
-    abscissa_label,
-    fixtures,
-    input_loads,
-    is_alone,
-    is_raised,
-    reach,
-    slider_offsets,
-)
+from pmr.report.subject import abscissa_label, fixtures, input_loads, is_alone, is_raised, reach, slider_offsets
 from pmr.results import RunResult
 from pmr.results.quantities import QUANTITIES, stress_name, wall_stress
 
