@@ -25,8 +25,8 @@ import pmr.reduction.residual
 from benchmarks.timing import peak_memory
 from pmr import scene
 from pmr.fem.compat import MPI
-from pmr.fullmodel.assembly import assemble_model
 from pmr.fullmodel.from_scene import structure_of
+from pmr.fullmodel.model import assemble_model
 from pmr.reduction.bodies import Reduction
 from pmr.scene.keys import ALONE
 from pmr.scene.members import member_at

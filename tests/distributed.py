@@ -4,8 +4,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from pmr.fem.compat import MPI, PETSc
-from pmr.fem.distributed import sparse
-from pmr.fullmodel.assembly import share
+from pmr.fem.distributed import share, sparse
 from pmr.fullmodel.model import FullModel
 from pmr.system.body import FullBody
 

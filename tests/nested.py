@@ -17,8 +17,7 @@ import scipy.sparse as sp
 from pmr import ReducedModel, System
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import columns
-from pmr.fullmodel.assembly import assemble_model
-from pmr.fullmodel.model import FullModel, RigidMotions
+from pmr.fullmodel.model import FullModel, RigidMotions, assemble_model
 from pmr.fullmodel.pads import slider_row
 from pmr.models.beam2d import Beam2D
 from pmr.reduction.basis import modal_basis

@@ -13,7 +13,7 @@ import scipy.linalg
 import scipy.sparse as sp
 
 from pmr.fem.compat import MPI, PETSc
-from pmr.files.arrays import Array
+from pmr.files.arrays import Array, Indices
 
 #: Entries within this share of the largest one count as equally large when a sign is fixed.
 SIGN_TOLERANCE = 1e-6
@@ -173,3 +173,16 @@ def gather(A: PETSc.Mat) -> sp.csr_matrix | None:
     comm = A.comm.tompi4py()
     shares = comm.gather(local_csr(A), root=0)
     return None if shares is None else sp.vstack(shares, format="csr")
+
+
+def project_matrix(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
+    """Product P^T A P, whose rows are distributed as the columns of P; A is freed.  Collective."""
+    product = A.PtAP(P)
+    result = product.copy()  # a PETSc product keeps its factors in memory as long as it lives
+    free_objects(product, A)
+    return result
+
+
+def share(size: int, comm: MPI.Comm) -> Indices:
+    """Range (2,) of this rank's coordinates among `size`: number of the first one, and number after the last one."""
+    return np.array([comm.rank, comm.rank + 1]) * size // comm.size

@@ -1,7 +1,8 @@
 r"""The full model of a body and the system of several: matrices, constraint rows, masses, and slices of coordinates.
 
-The full model holds mass, stiffness, damping, inputs, outputs and constraint rows, spread over MPI ranks.  The system
-of full models says where the coordinates of each body are in vectors of all coordinates.
+`Operators` are mass, stiffness and damping of a structural model.  The full model holds them with inputs, outputs and
+constraint rows, spread over MPI ranks.  The system of full models says where the coordinates of each body are in
+vectors of all coordinates.
 
 The mass m and the centre of gravity :math:`(\bar x, \bar y, \bar z)` of a body follow from its mass matrix M and the
 coordinates of its rigid motions: r_x, r_y, r_z under unit translations along the axes, and :math:`r_{\theta x}`,
@@ -15,17 +16,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from pmr.fem.compat import MPI, PETSc
-from pmr.fem.distributed import free_objects, gather
+from pmr.fem.compat import MPI, PETSc, comm_of
+from pmr.fem.distributed import free_dropped, free_objects, gather, share
 from pmr.files.arrays import Array
-from pmr.models import StructuralModel, is_assembled
+from pmr.models import FiniteElementModel, StructuralModel, is_assembled
+from pmr.models.matrices import Matrices
+from pmr.models.meshed import Assembler
 from pmr.models.mover import Mover
+from pmr.scene import Damping
 from pmr.scene.keys import ALONE, input_name
 from pmr.scene.structures import PointMass
 from pmr.system.body import FullBody, FullOrderBody
@@ -279,3 +283,62 @@ class FullSystem(BodySystem[FullModel]):
     def side_rows(self) -> tuple[Row, ...]:
         """Constraint row of each side of the contacts (`sides`), on the carrier rows of the side's body."""
         return tuple(self.row(side.place) for side in self.sides)
+
+
+@dataclass(frozen=True)
+class Operators:
+    """Mass M, stiffness K and damping D (n, n) of a model with n coordinates; each rank owns consecutive rows of all.
+
+    K has an entry wherever M or D has one.  M lacks some entries of K: in a shell five of six entries of K.
+    """
+
+    M: PETSc.Mat
+    K: PETSc.Mat
+    D: PETSc.Mat | None = None  # None: the model has no damping of its own
+
+
+def rayleigh(damping: Damping) -> Rayleigh:
+    """Rayleigh damping D = a M + b K with the factors of a scene's table: a in 1/s is `mass`, b in s is `stiffness`."""
+    return Rayleigh(damping.mass, damping.stiffness)
+
+
+def operators_of(model: StructuralModel, comm: MPI.Comm) -> Operators:
+    """Mass, stiffness and damping of a model, assembled from its weak forms or as given by matrices; collective."""
+    if is_assembled(model):
+        return assemble_model(model, model.domain(comm))
+    assert isinstance(model, Matrices | Mover)
+    body_matrices = model if isinstance(model, Mover) else model.body_matrices
+    damping = [model.body_matrices.D] if isinstance(model, Matrices) and model.body_matrices.D is not None else []
+    first, last = share(model.size, comm)
+    sizes = (int(last - first), model.size)
+    matrices = []
+    for A in (body_matrices.M, reduce(pad_pattern, (body_matrices.M, *damping), body_matrices.K), *damping):
+        share_of_rank = A[first:last].sorted_indices()
+        parts = (
+            share_of_rank.indptr.astype(PETSc.IntType),
+            share_of_rank.indices.astype(PETSc.IntType),
+            share_of_rank.data,
+        )
+        matrices.append(PETSc.Mat().createAIJ((sizes, sizes), csr=parts, comm=comm))
+        matrices[-1].assemble()
+    return Operators(*matrices)
+
+
+def pad_pattern(A: sp.csr_matrix, other: sp.csr_matrix) -> sp.csr_matrix:
+    """Copy of A with stored zeros where only `other` has entries, so that its pattern contains both patterns."""
+    A, other = A.tocoo(), other.tocoo()
+    entries = np.concatenate([A.data, np.zeros(other.nnz)])
+    places = np.concatenate([A.row, other.row]), np.concatenate([A.col, other.col])
+    return sp.csr_matrix((entries, places), shape=A.shape)
+
+
+def assemble_model(model: FiniteElementModel, domain: object) -> Operators:
+    """Assemble mass and stiffness of a model on its distributed mesh `domain`, without boundary conditions; collective.
+
+    The function also frees the PETSc objects of earlier models that Python has dropped, which PETSc keeps until it is
+    asked to free them.
+    """
+    free_dropped(comm_of(domain), cycles=False)
+    assembler = Assembler(model, domain)
+    forms = model.forms(assembler.space)
+    return Operators(assembler.matrix(forms.mass, zeros=False), assembler.matrix(forms.stiffness))

@@ -25,13 +25,13 @@ from scipy.interpolate import BPoly, PPoly
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, PETSc, compiled_form, constant
-from pmr.fem.distributed import free_objects, gather, sparse, times
+from pmr.fem.distributed import free_objects, gather, share, sparse, times
 from pmr.fem.factor import NotDefiniteError, factor_for_columns
 from pmr.files.arrays import Array
-from pmr.fullmodel.assembly import Assembler, share
 from pmr.fullmodel.eigensolvers import DENSE_UP_TO, Elimination, eliminate, is_dense
 from pmr.fullmodel.model import FullModel
 from pmr.models import StructuralModel, UnitState, is_assembled
+from pmr.models.meshed import Assembler
 from pmr.scene.cylinder import LuffingCylinder
 from pmr.scene.keys import LUFFING_CYLINDER
 from pmr.scene.structures import PointMass

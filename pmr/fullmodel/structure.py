@@ -21,11 +21,10 @@ import scipy.sparse as sp
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, PETSc
-from pmr.fem.distributed import columns, free_objects, sparse
+from pmr.fem.distributed import columns, free_objects, project_matrix, share, sparse
 from pmr.files.arrays import Array
 from pmr.fullmodel.actions import ALONG, Action, Gauge, Inertia, LineLoad, PadForce, Warmth, Weight
-from pmr.fullmodel.assembly import Operators, operators_of, pad_pattern, project_matrix, rayleigh, share
-from pmr.fullmodel.model import FullModel, RigidMotions, masses_of
+from pmr.fullmodel.model import FullModel, Operators, RigidMotions, masses_of, operators_of, pad_pattern, rayleigh
 from pmr.fullmodel.moving import FrameAssembler, acceleration_field
 from pmr.fullmodel.pads import Pads, Restraints, restrain
 from pmr.fullmodel.walls import Walls

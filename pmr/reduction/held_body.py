@@ -26,10 +26,9 @@ from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import free_objects, gather, sparse, times
 from pmr.files.arrays import Array, Indices
 from pmr.fullmodel.actions import Action
-from pmr.fullmodel.assembly import operators_of
 from pmr.fullmodel.build import AssembledBody, build
 from pmr.fullmodel.eigensolvers import eigensolver
-from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.model import FullModel, operators_of
 from pmr.fullmodel.moving import SingularError, static_solver
 from pmr.fullmodel.pads import restrain
 from pmr.fullmodel.structure import Structure, couple

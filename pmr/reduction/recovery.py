@@ -28,9 +28,8 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
-from pmr.fem.distributed import local_csr
+from pmr.fem.distributed import local_csr, share
 from pmr.files.arrays import Array
-from pmr.fullmodel.assembly import share
 from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.structure import couple

@@ -32,9 +32,8 @@ from pmr.fem.compat import MPI
 from pmr.fem.distributed import local_csr
 from pmr.files.arrays import Array
 from pmr.fullmodel.actions import Action
-from pmr.fullmodel.assembly import operators_of
 from pmr.fullmodel.build import AssembledBody
-from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.model import FullModel, operators_of
 from pmr.fullmodel.moving import FrameAssembler
 from pmr.fullmodel.pads import restrain
 from pmr.fullmodel.structure import Structure, couple

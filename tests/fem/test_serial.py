@@ -13,10 +13,10 @@ from processes import resident
 from pmr import load_scene
 from pmr.fem import serial
 from pmr.fem.compat import MPI, VERSION, PETSc
-from pmr.fem.distributed import sparse, times
+from pmr.fem.distributed import share, sparse, times
 from pmr.fem.factor import Factor, NotDefiniteError, SparseFactor
-from pmr.fullmodel.assembly import Assembler, share
 from pmr.fullmodel.from_scene import structure_of
+from pmr.models.meshed import Assembler
 from pmr.scene.members import members
 
 N = 12

@@ -13,10 +13,9 @@ from textbook import CLOSED_FORM, beam_matrices, subspace_distance
 from pmr import ConvergenceError, InputError
 from pmr import scene as scenes
 from pmr.fem.compat import MPI, PETSc
-from pmr.fem.distributed import inner, sparse, times
+from pmr.fem.distributed import inner, share, sparse, times
 from pmr.fem.factor import Factor, refusal
 from pmr.fullmodel import modes, moving
-from pmr.fullmodel.assembly import share
 from pmr.fullmodel.build import build, full_model
 from pmr.fullmodel.eigensolvers import (
     DenseEigenSolver,

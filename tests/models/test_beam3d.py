@@ -7,7 +7,7 @@ from textbook import relative
 
 from pmr import InputError
 from pmr.fem.compat import MPI
-from pmr.fullmodel.assembly import assemble_model
+from pmr.fullmodel.model import assemble_model
 from pmr.models import DIRECTIONS
 from pmr.models.beam3d import Beam3D
 from pmr.scene.structures import Beam3DBody, BeamSection, BoxProfile, Material

@@ -9,8 +9,9 @@ from gathering import gathered
 from varying import RHO, E, G, answers, areas, beam, shell
 
 from pmr.fem.compat import MPI
-from pmr.fullmodel.assembly import Assembler, assemble_model
+from pmr.fullmodel.model import assemble_model
 from pmr.models.beam2d import planar_beam
+from pmr.models.meshed import Assembler
 from pmr.models.profile_section import section_of
 from pmr.scene.box import Box
 

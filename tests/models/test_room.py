@@ -13,8 +13,7 @@ from surfaces import mapped
 from pmr import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.actions import Action, Inertia, Weight
-from pmr.fullmodel.assembly import assemble_model
-from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.model import FullModel, assemble_model
 from pmr.fullmodel.structure import Clamp, Structure, structural_model
 from pmr.models import FiniteElementModel
 from pmr.models.beam2d import Beam2D

@@ -13,7 +13,7 @@ from gathering import gathered
 from surfaces import mapped
 
 from pmr.fem.compat import MPI, rule_points
-from pmr.fullmodel.assembly import assemble_model
+from pmr.fullmodel.model import assemble_model
 from pmr.models import FiniteElementModel
 from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D

@@ -8,7 +8,7 @@ from gathering import gathered
 from varying import RHO, E, G, answers, areas, beam, shell
 
 from pmr.fem.compat import MPI
-from pmr.fullmodel.assembly import assemble_model
+from pmr.fullmodel.model import assemble_model
 from pmr.models.profile_section import section_of
 from pmr.scene.box import Box
 

@@ -8,7 +8,7 @@ from gathering import gathered
 from varying import RHO, answers, areas, beam, shell
 
 from pmr.fem.compat import MPI
-from pmr.fullmodel.assembly import assemble_model
+from pmr.fullmodel.model import assemble_model
 from pmr.fullmodel.pads import Pad
 from pmr.fullmodel.wall_compliance import PlateBody, Ring, wall_compliance
 from pmr.models.profile_section import enclosed_figure, inset_sides, section_of

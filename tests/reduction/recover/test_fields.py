@@ -6,7 +6,7 @@ import pytest
 from boxes import box
 
 from pmr.fem.compat import MPI
-from pmr.fullmodel.assembly import share
+from pmr.fem.distributed import share
 from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.structure import Clamp, Structure, couple, structural_model
 from pmr.models.beam2d import Beam2D
