@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -26,9 +25,6 @@ from pmr.files import npz
 from pmr.files.arrays import Array, Indices
 from pmr.scene.box import Box
 from pmr.scene.built import Face, PadRing
-
-if TYPE_CHECKING:
-    pass
 
 Single = NDArray[np.float32]
 MOST_EXPANSION = 100.0  # largest size of fields as a multiple of their compressed file; moving fields take 4/3 of it
