@@ -1,4 +1,4 @@
-r"""Factors of the effective matrix, and the contacts' rows at every position of the paths.
+r"""Factors of the effective matrix and what they solve, and the contacts' rows at every position of the paths.
 
 Bodies with equal effective matrices S share one factor.  Rows act through the p carriers E^T (p, n) that they touch on
 the way (`pmr.system.rows`).  A contact has one side on each of its bodies, with a coordinate x of its own.  Between two
@@ -17,15 +17,19 @@ rank; S^{-1} E is stored only if memory allows, and otherwise replaced by a seco
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 
-from pmr.fem.compat import PETSc
-from pmr.fem.distributed import without_zeros
-from pmr.fem.factor import MatrixFactor
+from pmr.fem.compat import MPI, PETSc
+from pmr.fem.distributed import local_csr, without_zeros
+from pmr.fem.factor import BLOCK, MatrixFactor
 from pmr.files.arrays import Array, Indices
 from pmr.fullmodel.model import FullModel, FullSystem
+from pmr.simulation import contact_step
+from pmr.system.body_matrices import Rayleigh
 from pmr.system.system import consecutive
 
 
@@ -295,3 +299,102 @@ def contact_rows(system: FullSystem, x: Array, rates: Array | None = None) -> sp
         entries = (c.data, (np.full(len(columns), side.contact), columns))
         rows = rows + sp.csr_matrix(entries, rows.shape)
     return rows
+
+
+class CarrierAnswers(NamedTuple):
+    """Response of a body to unit forces on its p carriers."""
+
+    compliance: Array  # P = E^T S^{-1} E (p, p), the same on every rank
+    motion: Array  # this rank's rows (n_local, p) of S^{-1} E; (n_local, 0) if they are not stored
+
+
+def solve_for_carriers(factor: MatrixFactor, E: sp.csr_matrix, comm: MPI.Comm, stored: bool) -> CarrierAnswers:
+    """Response to unit forces on p carriers, by a `factor` of S; collective.
+
+    `E` (p, n_local) are the rows of the carriers, with the columns of this rank.  Displacements are part of the result
+    only if `stored` is true.
+    """
+    p, n = E.shape
+    P, stored_rows = np.zeros((p, p)), np.zeros((n, p if stored else 0), order="F")
+    for k in range(0, p, BLOCK):
+        block = factor.solve_columns(E[k : k + BLOCK].toarray().T)
+        P[:, k : k + BLOCK] = E @ block
+        if stored:
+            stored_rows[:, k : k + BLOCK] = block
+    comm.Allreduce(MPI.IN_PLACE, P)
+    return CarrierAnswers((P + P.T) / 2.0, stored_rows)
+
+
+def compliances(system: FullSystem, factor: BlockFactor, visited: VisitedCarriers) -> Sequence[Array]:
+    """Matrices P = E^T S^{-1} E (p, p) of all bodies, for p `visited` carriers E each, from factors of matrices S."""
+    parts = zip(factor.of_bodies, visited.of_bodies, strict=True)
+    return [solve_for_carriers(S, E, system.comm, False).compliance for S, E in parts]
+
+
+def rows_on_paths(system: FullSystem, x: Array, step: int = 0) -> PathRows:
+    """The system's rows with its q sides at x (T, q) in m, set to number `step` of the T steps."""
+    course = Course(system, x)
+    return PathRows(course, VisitedCarriers(system, course), step)
+
+
+class BodyStep:
+    """Solver for the next state of one body without its contacts."""
+
+    def __init__(self, model: FullModel, factor: MatrixFactor, v_gain: float, q_gain: float) -> None:
+        """Prepare right-hand sides of the `model` for `factor`, the factor of its effective matrix.
+
+        `v_gain` and `q_gain` are the derivatives of velocities and coordinates by a step's new acceleration.
+        """
+        self._M, self._D, self._factor, self._v_gain = model.M, model.D, factor, v_gain
+        self._is_rayleigh = model.rayleigh is not None
+        self._damped = _RayleighCoefficients.from_damping(model.rayleigh or Rayleigh(0.0, 0.0), v_gain, q_gain)
+        self._B = local_csr(model.inputs)
+        self._x, self._right = model.M.createVecs()
+        self._b = self._right.duplicate()
+
+    def free(self, scaled: Array, v: Array, f: Array) -> Array:
+        """Rows (n_local,) of this rank of the solution b_free without contact forces.
+
+        `scaled` (n_local,) and v (n_local,) are this rank's rows of q* / dq and v*, as in `Integrator`; f (i,) are the
+        loads.
+        """
+        w = self._v_gain * scaled - v
+        self._x.getArray()[:] = scaled + self._damped.of_mass * w
+        self._M.mult(self._x, self._right)
+        if not self._is_rayleigh:
+            self._x.getArray()[:] = w
+            self._D.multAdd(self._x, self._right, self._right)
+        self._right.getArray()[:] += self._B @ f
+        self._factor.solve(self._right, self._b)
+        return np.asarray(self._b.getArray() + self._damped.at_once * w)
+
+
+@dataclass(frozen=True)
+class _RayleighCoefficients:
+    """Coefficients `of_mass` and `at_once` in S^-1 D w = S^-1 M (of_mass w) + at_once w for Rayleigh damping."""
+
+    of_mass: float
+    at_once: float
+
+    @classmethod
+    def from_damping(cls, rayleigh: Rayleigh, v_gain: float, q_gain: float) -> _RayleighCoefficients:
+        """Coefficients of a Rayleigh damping with the gains dv = `v_gain` and dq = `q_gain`."""
+        at_once = rayleigh.beta / (q_gain + v_gain * rayleigh.beta)
+        return cls(rayleigh.alpha - at_once * (1.0 + v_gain * rayleigh.alpha), at_once)
+
+
+def contact_frequency(system: FullSystem, x: Array, mass: BlockFactor) -> float:
+    """Largest omega in rad/s of contacts that only push, with the q sides at x (T, q) in m; collective.
+
+    `mass` is the factor of M.
+    """
+    pushing, largest = np.flatnonzero(~np.isnan(system.clearance)), 0.0
+    steps = np.unique(np.linspace(0, len(x) - 1, contact_step.PLACES).astype(int))
+    rows = rows_on_paths(system, x[steps])
+    mobility = PathCompliance(compliances(system, mass, rows.visited), rows)
+    F = system.compliance.constant[np.ix_(pushing, pushing)]
+    for k in range(len(steps)):
+        rows.move(k)
+        mobile = mobility.of_rows(rows)[np.ix_(pushing, pushing)]
+        largest = max(largest, contact_step.row_frequency(F[None], mobile[None]))
+    return float(system.comm.bcast(largest))

@@ -26,10 +26,9 @@ from pmr.fullmodel.model import FullSystem
 from pmr.scene.choice import REFERENCE, refuse_unsupported
 from pmr.simulation.contact_step import StepParts
 from pmr.simulation.excitation import Excitation, side_positions
-from pmr.simulation.petsc.constraint import ContactState
-from pmr.simulation.petsc.integrate import DividedSteps, Stepped, contact_frequency
+from pmr.simulation.petsc.integrate import ContactState, DividedSteps, Stepped
 from pmr.simulation.petsc.recorder import History, Recorder, WallTimes
-from pmr.simulation.petsc.rows import BlockFactor
+from pmr.simulation.petsc.rows import BlockFactor, contact_frequency
 from pmr.simulation.petsc.start import SampledExcitation, State, stacked_start, starting_state, starts_moving
 from pmr.simulation.start import Grip, InitialState, needs_of
 from pmr.simulation.stepping import Progress, refuse_growth

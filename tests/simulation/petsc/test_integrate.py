@@ -19,7 +19,7 @@ from pmr.files.arrays import Array
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, SmoothRamp, Step
 from pmr.simulation import InitialState, TimeStepping, contact_step
 from pmr.simulation.contact_step import contact_frequency
-from pmr.simulation.petsc import constraint
+from pmr.simulation.petsc import integrate
 from pmr.system.body import FullBody
 from pmr.system.body_matrices import Rayleigh
 from pmr.system.rows import Rows
@@ -65,7 +65,7 @@ def test_same_as_an_integrator_written_for_the_test(
     rich: FullBody, pads: str, memory: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two sliders, two inputs that act from the start, Rayleigh damping, a velocity that must be corrected."""
-    monkeypatch.setattr(constraint, "STORED_BYTES", memory)
+    monkeypatch.setattr(integrate, "STORED_BYTES", memory)
     body = with_pads(rich, *PADS[pads])
     found = observe(distributed(body), driven(PATH, LOADS, STEPPING), (), some_state(body))
     t = STEPPING.times
@@ -126,7 +126,7 @@ def test_the_response_is_that_of_the_whole_trajectory(rich: FullBody, pads: str)
 @pytest.mark.mpi
 @pytest.mark.parametrize("memory", [2**30, 0], ids=["answers kept", "two solves"])
 def test_ranks_agree_with_one(rich: FullBody, memory: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(constraint, "STORED_BYTES", memory)
+    monkeypatch.setattr(integrate, "STORED_BYTES", memory)
     alone, together = (
         observe(distributed(rich, comm), driven(PATH, LOADS, STEPPING), [0.03], some_state(rich))
         for comm in (MPI.COMM_SELF, MPI.COMM_WORLD)

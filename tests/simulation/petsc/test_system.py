@@ -18,7 +18,7 @@ from pmr.scene.signals import Chirp, Constant, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping, contact_step
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.native import systems
-from pmr.simulation.petsc import Checkpoint, History, constraint, observe, static_start
+from pmr.simulation.petsc import Checkpoint, History, integrate, observe, static_start
 from pmr.simulation.petsc.rows import BlockFactor
 
 #: Rigid pads hold both ways; soft ones too, or only push.
@@ -142,7 +142,7 @@ def rms(y: Array) -> float:
 @pytest.mark.skipif(MPI.COMM_WORLD.size == 1, reason="compares two ranks with one")
 @pytest.mark.parametrize("memory", [2**30, 0], ids=["answers stored", "two solves"])
 def test_ranks_agree_with_one(memory: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(constraint, "STORED_BYTES", memory)
+    monkeypatch.setattr(integrate, "STORED_BYTES", memory)
     for pads in ("rigid", "pushing"):
         system = full(BOOMS[pads])
         given = scheduled(driven(system, end=0.05), [1, 4, 4, 2, 16] * 10)
