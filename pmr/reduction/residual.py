@@ -16,13 +16,7 @@ from pmr.files.arrays import Array
 from pmr.fullmodel.model import FullModel
 from pmr.reduction.basis import RANK_CHECKS, Basis, galerkin, without_rows
 from pmr.reduction.free_body import FreeBody, released_rows
-from pmr.reduction.residual_tables import (
-    ResidualFlexibility,
-    carrier_loads,
-    load_powers,
-    tables,
-    terms,
-)
+from pmr.reduction.residual_tables import ResidualFlexibility, carrier_loads, load_powers, tables, terms
 from pmr.scene.members import TAIL
 from pmr.system.attachment import RICHER
 from pmr.system.body_matrices import dependence_of_flexibility

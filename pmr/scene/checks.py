@@ -11,14 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import NamedTuple
 
-from pmr.scene.choice import (
-    REFERENCE,
-    SimulatorNeeds,
-    fewest_rows,
-    has_driven_tail,
-    is_pinned_beam,
-    refuse_unsupported,
-)
+from pmr.scene.choice import REFERENCE, SimulatorNeeds, fewest_rows, has_driven_tail, is_pinned_beam, refuse_unsupported
 from pmr.scene.frame import Frame
 from pmr.scene.frame_checks import FREE, check_frame, check_hoist
 from pmr.scene.joint_checks import check_joints, check_section

@@ -30,13 +30,7 @@ from pmr.simulation.frame import (
     products_of,
     section_acceleration,
 )
-from pmr.simulation.frame_motion import (
-    Acceleration,
-    Product,
-    computed_inputs,
-    computed_parts,
-    rotation_products,
-)
+from pmr.simulation.frame_motion import Acceleration, Product, computed_inputs, computed_parts, rotation_products
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.system import Body, BodySystem, System
 from pmr.system.terms import frame_quantities

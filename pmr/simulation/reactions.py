@@ -56,14 +56,7 @@ from pmr.scene.members import members
 from pmr.scene.signals import Constant
 from pmr.simulation.frame import base_accelerations
 from pmr.simulation.modal import forces_without_rows, inertia_share, support_forces
-from pmr.system.body import (
-    FullBody,
-    SlidingBody,
-    Trajectory,
-    kinds_of,
-    names_of,
-    units_of,
-)
+from pmr.system.body import FullBody, SlidingBody, Trajectory, kinds_of, names_of, units_of
 from pmr.system.contacts import Contact, qualified_name
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import SystemTrajectory

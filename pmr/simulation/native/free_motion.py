@@ -44,15 +44,7 @@ from pmr.simulation.contact_step import contact_frequency_within, part_counts
 from pmr.simulation.excitation import Excitation, side_positions
 from pmr.simulation.frame_motion import ComputedMotion, MachineMotion, MotionSamples, with_computed_motion
 from pmr.simulation.free_base import with_all_inertia
-from pmr.simulation.moving import (
-    DRIVE,
-    EXTENSION_DRIVE,
-    GRAVITY,
-    OF_FRAME,
-    MovingFrame,
-    held_at_start,
-    read_scene,
-)
+from pmr.simulation.moving import DRIVE, EXTENSION_DRIVE, GRAVITY, OF_FRAME, MovingFrame, held_at_start, read_scene
 from pmr.simulation.native.form import SystemForm, begin, path_text, step_failure
 from pmr.simulation.native.machine import CYLINDER_COLUMNS, Fields, MachineRun
 from pmr.simulation.stepping import TimeStepping

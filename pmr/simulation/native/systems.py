@@ -28,14 +28,7 @@ from pmr.simulation.native.form import SystemForm, begin, driver_signals, path_t
 from pmr.simulation.native.form import start_of as start_of
 from pmr.simulation.native.form import static_start as static_start
 from pmr.simulation.start import InitialState
-from pmr.simulation.stepping import (
-    Progress,
-    Recorder,
-    SimulationEnd,
-    energy_round_off,
-    energy_surplus,
-    refuse_growth,
-)
+from pmr.simulation.stepping import Progress, Recorder, SimulationEnd, energy_round_off, energy_surplus, refuse_growth
 from pmr.system.states import SystemTrajectory, displacements
 from pmr.system.system import System
 
