@@ -92,9 +92,9 @@ class Outputs:
 class RoundOffBounds:
     """Largest round-off of displacements (m), of forces (N) and of each of k probes (k,)."""
 
-    displacement: float
-    force: float
-    probe: Array
+    displacement: float  # m
+    force: float  # N
+    probe: Array  # (k,), each in the unit of the probe
 
     @classmethod
     def for_system(cls, system: System, excitation: Excitation, forces: Array | None = None) -> RoundOffBounds:

@@ -99,7 +99,10 @@ def excitation_of_scene(scene: Scene, system: System) -> Excitation:
 
 
 def check_scene_fits(scene: Scene, system: System) -> None:
-    """Raise an InputError if a scene's bodies, joints or loads are not those of the scene that a system is made for."""
+    """Raise an InputError if a scene's bodies, joints or loads are not those of the scene that a system is made for.
+
+    A frame, and second order in it, have to be in both or in neither.
+    """
     parts = scene.bodies
     if tuple(parts) != tuple(system.bodies):
         allowed = f"the sections of the system are allowed: {', '.join(system.bodies)}"

@@ -68,8 +68,8 @@ class Trial:
     sizes: Sizes
     coordinates: int  # number for all bodies, with modes of cylinders
     steps: int
-    reduction: Mapping[str, float]
-    step: Mapping[str, float]
+    reduction: Mapping[str, float]  # errors of the reduction
+    step: Mapping[str, float]  # errors of the time step
     settled: bool  # whether runs with shorter steps approach each other; if not, the step's error may be larger
     estimate: Estimate | None  # estimated error of the run's reduction; None if the estimate failed
     step_error: StepError | None  # error of the run's step; None if it could not be computed

@@ -228,7 +228,10 @@ def import_failure_message(error: Exception) -> str:
 
 
 def check_temporary() -> None:
-    """Raise InputError if the environment names a folder for temporary files that can't be written to."""
+    """Raise InputError if the environment names a folder for temporary files that can't be written to.
+
+    Only the first of ``TMPDIR``, ``TEMP`` and ``TMP`` that is set is tried, as Python takes this one.
+    """
     named = {key: os.environ[key] for key in ("TMPDIR", "TEMP", "TMP") if os.environ.get(key)}
     for key, folder in tuple(named.items())[:1]:
         try:

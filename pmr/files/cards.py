@@ -89,7 +89,7 @@ class _Files:
     """Files of a deck, which name each other relative to the deck's `folder` or to that of the including file."""
 
     folder: Path
-    count: int = 0
+    count: int = 0  # of the inclusions so far
 
     def lines(self, path: Path, within: Sequence[Path]) -> Iterator[tuple[Place, str]]:
         """Yield place and text of each line of a file but comments, with the lines of included files in their place.

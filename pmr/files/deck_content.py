@@ -134,9 +134,9 @@ class Deck:
 
     nodes: dict[int, tuple[float, float, float]] = field(default_factory=dict)  # m, by number, in the file's order
     elements: list[Elements] = field(default_factory=list)
-    element_numbers: set[int] = field(default_factory=set)
-    node_sets: dict[str, set[int]] = field(default_factory=dict)
-    element_sets: dict[str, set[int]] = field(default_factory=dict)
+    element_numbers: set[int] = field(default_factory=set)  # of all elements
+    node_sets: dict[str, set[int]] = field(default_factory=dict)  # numbers of nodes, by name of the set
+    element_sets: dict[str, set[int]] = field(default_factory=dict)  # numbers of elements, by name of the set
     surfaces: dict[str, set[int]] = field(default_factory=dict)  # nodes on each surface
     set_spellings: dict[str, str] = field(default_factory=dict)  # names of sets and surfaces as first written
     axes: Axes | None = None  # of the coordinates of nodes that follow; None for those of the whole

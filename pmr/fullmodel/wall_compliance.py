@@ -58,7 +58,7 @@ class PlateBody:
     box: BoxBoom
     profile: Box = field(compare=False)  # from which `box` was made
     material: Material
-    shear_correction: float
+    shear_correction: float  # factor kappa on the shear stiffness of the shell
     clamps: tuple[Clamp, ...] = ()
     masses: tuple[PointMass, ...] = ()
     frames: float = 0.0  # m: thickness of frames; 0: none

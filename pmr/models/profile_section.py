@@ -117,7 +117,7 @@ class MidLine:
 
     @cached_property
     def flow(self) -> Array:
-        """Shear flow at the Gauss points of the sides under unit forces along y and z, (k, q, 2) in 1/m."""
+        """Shear flow (k, q, 2) in 1/m at q Gauss points on each of k sides, under unit forces along y and z."""
         first = np.zeros(2)
         moments = []
         for side in self.sides:

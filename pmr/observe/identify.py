@@ -67,7 +67,7 @@ class Identification:
     those of d damping ratios, if some were measured.
     """
 
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # of the p parameters
     values: Array  # (p,): of the parameters, after the fit
     errors: Array  # (p,): standard errors, infinite where the frequencies don't tell the parameter
     correlation: Array  # (p, p): of the errors of the parameters

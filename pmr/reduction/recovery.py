@@ -315,7 +315,7 @@ class RecoveredBody:
 
     records: Mapping[str, FieldRecord]
     forces: SectionForces | None = None  # None: the body is no beam
-    recovery: Recovery | None = None
+    recovery: Recovery | None = None  # object that computes full coordinates; None: the body is no beam
 
     @property
     def reduced(self) -> FieldRecord:

@@ -65,7 +65,7 @@ class ErrorTable:
 
     caption: str
     rows: Sequence[Row]
-    reasons: Sequence[str] = ()
+    reasons: Sequence[str] = ()  # sentences below the table
 
     @property
     def marks(self) -> list[Mark]:
@@ -146,7 +146,7 @@ class Table:
     rows: tuple[tuple[str, str], ...]
     bars: Mapping[str, float] = field(default_factory=dict)
     marks: int = 1
-    note: str = ""
+    note: str = ""  # sentence below the table; empty for none
     headings: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -155,8 +155,8 @@ class Grid:
     """Table with column headings; the first column names the subject of each row."""
 
     caption: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
+    head: tuple[str, ...]  # (c,): headings of the columns
+    rows: tuple[tuple[str, ...], ...]  # texts of c cells each
 
 
 @dataclass(frozen=True)
@@ -234,7 +234,7 @@ class Chapter:
         `first` hold the main results.
     """
 
-    anchor: str
+    anchor: str  # identifier, with which all identifiers in the chapter begin
     title: str
     headline: str = ""
     opening: str = ""

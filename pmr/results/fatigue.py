@@ -74,8 +74,8 @@ class SNLine:
 class Damage(NamedTuple):
     """Damage by one occurrence of a history, and by each further repetition, as numbers: 1 is failure."""
 
-    once: float
-    further: float
+    once: float  # by the first occurrence
+    further: float  # by each repetition after it
 
     def after(self, times: float) -> float:
         """Return the damage by a history that occurs `times` times; a part of a time does a part of its damage."""
@@ -86,8 +86,8 @@ class Damage(NamedTuple):
 class RepeatedCycles:
     """Rainflow cycles of a history, and of two such histories one after the other (`rainflow_cycles`)."""
 
-    once: Array
-    twice: Array
+    once: Array  # (C, 5): cycles of the history
+    twice: Array  # (C', 5): cycles of the history followed by itself
 
     @classmethod
     def count(cls, t: Array, x: Array) -> RepeatedCycles:

@@ -129,8 +129,8 @@ class BodyResult:
     section forces along a beam over these times; both are given by model.
     """
 
-    shapes: Shapes | None = None
-    fields: Fields | None = None
+    shapes: Shapes | None = None  # None for a section of a boom
+    fields: Fields | None = None  # None without a recovery
     peak_stress: Mapping[str, Array] = field(default_factory=dict)
     envelopes: Mapping[str, Envelope] = field(default_factory=dict)
 
@@ -211,7 +211,7 @@ class RunResult:
     frequencies: Frequencies
     bodies: Mapping[str, BodyResult] = field(default_factory=dict)
     reach: Array | None = None  # (T,) m, distance of a boom's tip from the base's tail; None for a body alone
-    frequency_response: FrequencyResponse | None = None
+    frequency_response: FrequencyResponse | None = None  # None unless the scene asks for it
     tip_error: Array | None = None  # (T, d) m, estimated error of the tip's displacement in d directions
 
     def __repr__(self) -> str:

@@ -164,6 +164,7 @@ class Boom:
 class SectionMoments:
     """First moments mu (S, 4, 3) of the sections' displacements at one instant, with their derivatives."""
 
+    # (S, 4, 3) kg m for 1 and kg m^2 for x, y and z, with the displacements along x, y and z; and their rates in time
     value: Array
     rate: Array
     second: Array  # second rate without the part that accelerations of coordinates and paths cause

@@ -192,11 +192,11 @@ class RunRecord:
     folder.
     """
 
-    key: str
+    key: str  # name of the run, which no other run of the study has
     status: str
     parameters: Mapping[str, Scalar]
     figures: Mapping[str, Scalar]
-    seconds: Mapping[str, float]
+    seconds: Mapping[str, float]  # wall times in s, by name of the stage
     reason: str = ""
     detail: str = ""
     warnings: tuple[str, ...] = ()

@@ -51,8 +51,8 @@ class Order:
     `code_of_tasks`); if empty, any code may run it.
     """
 
-    key: str
-    digest: str
+    key: str  # of the task
+    digest: str  # of everything that decides the result; names the file of the result
     address: str
     arguments: Mapping[str, Any]
     needs: Mapping[str, str]  # name that the function uses -> digest of the result

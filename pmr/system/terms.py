@@ -247,7 +247,7 @@ class Hoist:
     levers: Array = field(default_factory=lambda: np.zeros((0, 6)))
     numbers: Array = field(default_factory=lambda: np.zeros(0))  # (22,), as `HOIST_MASS` and what follows it in hoist.c
     reach: tuple[tuple[str, ...], ...] = ()  # paths along which the head moves, and those along which the winch does
-    drivers: tuple[str, ...] = ()
+    drivers: tuple[str, ...] = ()  # names of its drivers, as the module's docstring lists them
     is_wound: bool = False  # whether the speed of the winch drives the rope, and not the rope's length
     slots: tuple[Slot, ...] = ()  # (17,), as `SLOT_LENGTH` and what follows it in hoist.c
 

@@ -40,7 +40,7 @@ class ModelAttributes:
     token: str  #: Hash that distinguishes the model from others
     model_exchange: bool  #: Whether there is a Model Exchange interface in addition to Co-Simulation
     derivatives: bool  #: Whether there are directional derivatives
-    sources: Sequence[str]
+    sources: Sequence[str]  #: Names of the C sources in the archive; empty if it has none
     end: float  #: s, of the reference trajectory
     step: float  #: s, of the reference trajectory
 

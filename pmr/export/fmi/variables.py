@@ -200,8 +200,8 @@ class Variable:
     description: str
     role: Role = Role()
     unit: str = ""  #: Empty for a number
-    start: float | None = None
-    nominal: float | None = None
+    start: float | None = None  #: Value at the start; None if the FMU computes it
+    nominal: float | None = None  #: Magnitude of usual values; None if not stated
     derivative_of: int | None = None  #: Value reference of the state of which this variable is the derivative
     within: tuple[float, float] | None = None  #: Smallest and largest value
     # ``choice``: the kind of start, the only variable that is no real number; ``rate``: the rate of an output

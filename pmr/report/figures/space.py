@@ -304,9 +304,9 @@ def drawn_steps(result: RunResult, view: str) -> NDArray[np.intp]:
 class LargestStress:
     """Largest stress of a boom: time step, body, distance from the body's tail in m, and value in Pa."""
 
-    step: int
-    body: str
-    x: float
+    step: int  # number of the time step
+    body: str  # name
+    x: float  # m, from the body's tail
     value: float  # Pa
 
 
