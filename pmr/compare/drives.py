@@ -73,7 +73,7 @@ def luffing_part(scene: Scene, response: Response) -> SummaryPart:
     speed = arm * angle.rate(t)
     histories = {"force": force, "length": length, "speed": speed, "power": force * speed}
     histories |= _use_of_cylinder(cylinder, force, length)
-    return _cylinder_part(LUFFING_CYLINDER, histories, response, along, turning_warnings(scene, angle.value(t)))
+    return _cylinder_part(LUFFING_CYLINDER, histories, response, along, luffing_warnings(scene, angle.value(t)))
 
 
 def _use_of_cylinder(cylinder: LuffingCylinder, force: Array, length: Array) -> dict[str, Array]:
@@ -202,6 +202,24 @@ def _cylinder_part(
     extremes = {key: Extremes.from_history(history, response.t, along) for key, history in histories.items()}
     figures = {key.replace(" ", "_"): of.summary() for key, of in extremes.items()}
     return SummaryPart({cylinder.replace(" ", "_"): figures}, warnings, boiling_warnings(cylinder, extremes, response))
+
+
+def luffing_warnings(scene: Scene, angles: Array) -> list[str]:
+    """Warnings about the luffing cylinder at the prescribed luffing `angles` (T,) in rad.
+
+    They are those of `turning_warnings`, and one if the angles need lengths of the cylinder beyond its stroke.
+    """
+    warnings = turning_warnings(scene, angles)
+    cylinder = scene.frame.cylinder if scene.frame is not None else None
+    if cylinder is not None and cylinder.stroke is not None:
+        length = cylinder.length_and_arm(angles).length
+        if cylinder.beyond_stroke(length):
+            low, high = cylinder.stroke
+            warnings.append(
+                f"the luffing angles need a luffing cylinder of {length.min():.4g} to {length.max():.4g} m, but "
+                f"frame.cylinder.stroke is {low:g} to {high:g} m: the boom can't be at all of these angles"
+            )
+    return warnings
 
 
 def turning_warnings(scene: Scene, angles: Array) -> list[str]:

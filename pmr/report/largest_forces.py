@@ -45,8 +45,6 @@ OIL_SIDES = {"bore": "in the bore", "rod": "on the rod side"}
 ROPES = "which pulls the ropes"
 #: Labels of the quantities whose errors are those of the boom's moment on its machine.
 MARGIN_ERRORS = (QUANTITIES["reaction"].label, QUANTITIES["support_force"].label)
-#: Share of a stroke up to which a length beyond it is round-off.
-ROUND_OFF = 1e-9
 
 
 def force_rows(result: RunResult) -> LargestValues:
@@ -138,8 +136,7 @@ def _luffing_length_row(result: RunResult, length: Summary) -> LargestValue:
     if frame is not None and frame.cylinder is not None and frame.cylinder.stroke is not None:
         low, high = frame.cylinder.stroke
         text += f"; its stroke is {format_range(low, high, f'{SPACE}m')}"
-        beyond = max(low - least, most - high) / (high - low)
-        if beyond >= ROUND_OFF and not has_free_luffing(result):
+        if (beyond := frame.cylinder.beyond_stroke((least, most))) and not has_free_luffing(result):
             text += f", and the given angles need {format_percent(beyond)} more"
             share = 1.0 + beyond
     return largest_value("driven_length", text, share, "length of the luffing cylinder")

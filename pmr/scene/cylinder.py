@@ -41,6 +41,8 @@ Force = Annotated[float, Quantity("N", 0.0, 1e15), Usual(0.0, 1e7)]
 Rate = Annotated[float, Quantity("m/s", -1e6, 1e6), Usual(0.0, 10.0)]
 #: Young's modulus of the steel of rods, Pa.
 STEEL = 210e9
+#: Share of a stroke up to which a length beyond it is round-off.
+ROUND_OFF = 1e-9
 #: Largest opening of a valve, in either direction.
 OPEN = 1.0
 
@@ -275,6 +277,17 @@ class LuffingCylinder(DrivenCylinder):
         length = np.linalg.norm(from_foot, axis=-1)
         turned = from_foot[..., 1] * lug[..., 0] - from_foot[..., 0] * lug[..., 1]
         return LengthAndArm(length, np.divide(turned, length, out=np.zeros_like(length), where=length > 0.0))
+
+    def beyond_stroke(self, length: ArrayLike) -> float:
+        """Return by how much the lengths `length` (T,) in m leave the stroke at most, as a share of the stroke.
+
+        The share is 0 if there is no stroke, or if the lengths leave it by no more than round-off.
+        """
+        if self.stroke is None:
+            return 0.0
+        low, high = self.stroke
+        share = float(max(low - np.min(length), np.max(length) - high) / (high - low))
+        return share if share >= ROUND_OFF else 0.0
 
     def direction(self, angle: ArrayLike) -> NDArray[np.float64]:
         """Return unit vectors (..., 2) from foot to lug, along x and z of the boom.

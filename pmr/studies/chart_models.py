@@ -69,7 +69,7 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
     The task's warnings are those warnings of a run that hold for the scene in all postures.
     """
     from pmr.compare import other_runs
-    from pmr.compare.drives import turning_warnings
+    from pmr.compare.drives import luffing_warnings
     from pmr.fullmodel.build import warnings
 
     at = PostureSet.from_task(arguments["at"])
@@ -102,7 +102,7 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
         full = tasks.full_system(scene)
         arrays["too_stiff"] = np.array(stiffness_excess(scene, better, full, at, arguments["up_to"]))
     of_structures = [line for body in tasks.bodies_of(scene).values() for line in warnings(body.structure)]
-    lines = dict.fromkeys((*of_structures, *other_runs.mesh_warnings(scene), *turning_warnings(scene, at.luffing)))
+    lines = dict.fromkeys((*of_structures, *other_runs.mesh_warnings(scene), *luffing_warnings(scene, at.luffing)))
     return TaskResult(arrays=arrays, warnings=tuple(lines))
 
 

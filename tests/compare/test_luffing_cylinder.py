@@ -7,11 +7,14 @@ from turning_cylinder import Rigid, boom
 
 import pmr
 from pmr import InputError
-from pmr.compare.drives import turning_warnings
+from pmr.compare.drives import luffing_part, turning_warnings
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
 from pmr.scene.cylinder import LuffingCylinder
 from pmr.scene.mechanism import CYLINDER
+from pmr.simulation.statics.postures import with_hook
+from pmr.studies.chart_models import compute_postures
+from pmr.studies.shared import scene_arguments
 
 G, LENGTH, MASS = 9.80665, 6.0, 250.0
 FOOT, LUG = [0.5, -1.0], [1.5, -0.2]
@@ -105,6 +108,24 @@ def test_a_support_in_its_place_has_a_warning_where_the_arm_changes() -> None:
     plain["frame"]["cylinder"]["foot"] = [1.5, -1.5]  # below the lug
     plain["frame"]["cylinder"]["lug"] = [1.5, -0.3]
     assert turning_warnings(Scene.model_validate(plain), np.zeros(1)) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("end", "warns"), [(1e-3, False), (-1e-3, True)])
+def test_angles_that_the_cylinder_can_not_reach_have_a_warning_in_runs_and_charts(end: float, warns: bool) -> None:
+    """The stroke ends 1 mm beyond the length at the greatest angle, or 1 mm before it."""
+    plain = boom(30.0, "beam2d", 1e7).model_dump(mode="json")
+    longest = abs(turning_cylinder.LUG * np.exp(1j * np.deg2rad(60.0)) - turning_cylinder.FOOT)
+    plain["frame"]["cylinder"]["stroke"] = [1.0, longest + end]
+    plain["frame"]["luffing"] = {"kind": "smooth_ramp", "times": [0.0, 0.02], "values": [10.0, 60.0]}
+    scene = Scene.model_validate(plain)
+    response = pmr.simulate(scene, pmr.reduce(scene).system)
+    at = {"extensions": {name: [1.0] for name in scene.names[1:]}, "luffing": [np.deg2rad(60.0)], "slewing": [0.0]}
+    task = scene_arguments(with_hook(scene)) | {"up_to": 1e3, "error": False, "at": at}
+    for warnings in (luffing_part(scene, response).warnings, compute_postures(task, {}).warnings):
+        assert [f"stroke is 1 to {longest + end:g} m" in line for line in warnings if "stroke" in line] == [
+            True
+        ] * warns
 
 
 def share_along(angle: float) -> float:
