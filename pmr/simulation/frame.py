@@ -308,7 +308,8 @@ class WindOnSection(FrameSignal):
     azimuth: float  # rad
     factors: tuple[float, float]  # m: shape factor times depth along y and along z
     load: Load  # signal of the pressure in Pa at the reference height, and profile over the height
-    above: float  # m: of the pivot above the ground
+    above: float  # m: of the pivot above the ground, without `rise`
+    rise: SignalBase  # m: displacement of the pivot upwards, by frame.base.z
     axis: str
     degree: int
 
@@ -316,7 +317,8 @@ class WindOnSection(FrameSignal):
     def of_load(cls, scene: Scene, member: Member, load: Load, name: str) -> Self:
         """Amplitude of the input `name` (`pmr.scene.choice.input_directions`) of a load by wind.
 
-        The pivot is as high above the ground as the scene's ground says, unless the load states its own height.
+        The pivot is as high above the ground as the scene's ground says, unless the load states its own height; a
+        displacement of the base upwards comes on top.
         """
         frame, part, box = scene.frame, member.part, member.part.body.box
         assert frame is not None  # as the checks say
@@ -335,6 +337,7 @@ class WindOnSection(FrameSignal):
             factors=(load.shape * depths[0], load.shape * depths[1]),
             load=load,
             above=above,
+            rise=({} if frame.base is None else frame.base.motions).get("z", Constant(amount=0.0)),
             axis=axis,
             degree=int(degree),
             step=scene.time.step,
@@ -342,7 +345,7 @@ class WindOnSection(FrameSignal):
 
     @property
     def signals(self) -> tuple[SignalBase, ...]:
-        return (self.load.signal, *self.angles, *self.section.paths)
+        return (self.load.signal, self.rise, *self.angles, *self.section.paths)
 
     def value(self, t: ArrayLike) -> Array:
         at = np.asarray(t, float)
@@ -366,7 +369,8 @@ def _amplitudes(wind: WindOnSection, t: bytes) -> Array:
     turning = FrameRotation.from_signals(luffing, slewing, times, rocking)
     blown = turning.rotation[:, 0] * np.cos(wind.azimuth) + turning.rotation[:, 1] * np.sin(wind.azimuth)
     up, extensions = turning.up, [path.value(times) for path in section.paths]
-    tail = wind.above + up @ np.array(section.pivot) + up[:, 0] * np.sum([np.zeros(len(times)), *extensions], axis=0)
+    pivot = wind.above + wind.rise.value(times)
+    tail = pivot + up @ np.array(section.pivot) + up[:, 0] * np.sum([np.zeros(len(times)), *extensions], axis=0)
     hidden = np.clip(section.around - extensions[-1], 0.0, section.length) if extensions else np.zeros(len(times))
     level = np.abs(up[:, 0]) < 1e-12
     bend = np.where(level, hidden, (load.least - tail) / np.where(level, 1.0, up[:, 0]))

@@ -146,6 +146,21 @@ def test_wind_above_a_ground_is_the_same_in_a_stored_scene_and_in_a_task_of_a_st
     assert all(of_copy == amplitudes[0] for of_copy in amplitudes[1:]) and amplitudes[0][0] > 0.0
 
 
+def test_a_base_that_rises_lifts_the_boom_into_stronger_wind() -> None:
+    """The pivot rises by 3 m in 2 s, beside pivots that are at its heights from the start."""
+    pressure = still(300.0)
+    built = scene(still(30.0), still(0.0), pressure)
+    rise = {"ry": still(2.0), "z": {"kind": "smooth_ramp", "times": [0.0, 2.0], "values": [0.0, 3.0]}}
+    rising = Scene.model_validate(built.model_dump(mode="json") | {"frame": built.frame.model_dump() | {"base": rise}})
+    for t, height in ((0.0, 0.0), (1.0, 1.5), (2.0, 3.0)):
+        higher = scene(still(30.0), still(0.0), pressure, above=ABOVE + height)
+        of_rising, of_higher = (
+            [float(signal.value(t)) for signal in load_signals(each, member_at(each, 1)).values()]
+            for each in (rising, higher)
+        )
+        assert of_rising == pytest.approx(of_higher, rel=1e-12) and of_rising[0] > 0.0
+
+
 def test_a_wind_without_a_profile_presses_alike_on_what_is_outside() -> None:
     built = scene(still(0.0), still(0.0), still(200.0), exponent=0.0, azimuth=90.0)
     signals = load_signals(built, member_at(built, 0))

@@ -19,6 +19,7 @@ from pmr.kernel.data import system_in_modes
 from pmr.kernel.kernel import Kernel
 from pmr.kernel.state import StepError
 from pmr.scene.choice import SimulatorNeeds, refuse_unsupported
+from pmr.scene.keys import LUFFING
 from pmr.scene.signals import Constant, SignalBase
 from pmr.simulation.excitation import Excitation, side_positions, side_velocities, signals_in_order
 from pmr.simulation.modal import ModalForm, modal_form
@@ -258,5 +259,6 @@ def failure_reason(system: System, error: StepError, x: Array) -> str:
 
 
 def path_text(paths: Sequence[str], s: Array) -> str:
-    """Text with the coordinates s (P,) in m of P paths."""
-    return "".join(f", {path} at {at:g} m" for path, at in zip(paths, s, strict=False))
+    """Text with the coordinates s (P,) of P paths, in m, and in rad for the luffing angle of a cylinder that holds."""
+    units = ("rad" if path == LUFFING else "m" for path in paths)
+    return "".join(f", {path} at {at:g} {unit}" for path, at, unit in zip(paths, s, units, strict=False))
