@@ -51,6 +51,9 @@ OTHER_UNITS: Mapping[str, Mapping[str, float]] = {
 
 #: Distance of a probe from the nearest corner, as a share of that between two corners, from which it is between them.
 FROM_CORNER = 0.3
+#: Share of the least second moment of a cross-section below which its torsion constant is that of an open profile.  The
+#: share is 0.04 to 0.17 for rolled channels and I-sections, and more than 1 for closed and for solid cross-sections.
+OPEN = 0.2
 #: Share of a section's length up to which a probe is at the place of a force.
 AT_JUMP = 1e-6
 
@@ -84,13 +87,33 @@ class _UnusualNumber:
         return f"{self.key} = {self.value:.6g}{unit} is unusual: {usual} is usual here; {question}"
 
 
-def hints(scene: Scene) -> list[str]:
-    """Return a sentence for each key of a scene whose number is unusual, and one on hung forces without a mass."""
+def hints(scene: Scene, at_rest: bool = False) -> list[str]:
+    """Return a sentence for each key of a scene whose number is unusual, and remarks on what its model leaves out.
+
+    The remarks are about hung forces without a mass, open profiles, and probes where a beam does not know the stress.
+    A model `at_rest`, as that of a load chart, needs no masses of hung forces.
+    """
     numbers = list(_unusual_in_table(scene, "", boom_scales(scene)))
     for number, part in enumerate(scene.sections):
         key = f"sections[{number}]." if scene.sections[0].name else ""
         numbers += _unusual_in_table(part, key, boom_scales(scene) | _section_scales(part))
-    return [*_sentences(numbers), *filter(None, [hung_force_remark(scene)]), *_probe_remarks(scene)]
+    hung = "" if at_rest else hung_force_remark(scene)
+    return [*_sentences(numbers), *filter(None, [hung]), *_open_profile_remarks(scene), *_probe_remarks(scene)]
+
+
+def _open_profile_remarks(scene: Scene) -> Iterator[str]:
+    """Yield a sentence for each beam whose torsion constant is that of an open profile."""
+    for member in members(scene):
+        section = member.part.body.section
+        if section is None or traits_of(member).is_planar:
+            continue
+        if section.torsion_constant >= OPEN * section.least_second_moment:
+            continue
+        yield (
+            f"{scene.section_key(member.number, 'body.section.torsion_constant')} = {section.torsion_constant:.4g} m^4 "
+            "is that of an open profile: this beam warps freely, and twists too far where it is kept from warping; "
+            "body.model = 'shell' with a mesh.file has this effect"
+        )
 
 
 def _probe_remarks(scene: Scene) -> Iterator[str]:

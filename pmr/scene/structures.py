@@ -305,6 +305,12 @@ class BeamSection(SceneTable):
     )
 
     @property
+    def least_second_moment(self) -> float:
+        """Smaller principal second moment in m^4."""
+        half_difference = (self.second_moment_y - self.second_moment_z) / 2.0
+        return self.polar_moment / 2.0 - math.hypot(half_difference, self.product_of_inertia)
+
+    @property
     def polar_moment(self) -> float:
         """I_y + I_z in m^4, for rotary inertia about the axis."""
         return self.second_moment_y + self.second_moment_z

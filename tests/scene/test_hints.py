@@ -136,7 +136,7 @@ kind = "chart"
 title = "T"
 scene = "CRANE"
 change.sections.fly.masses = []
-change.sections.fly.probes = [{name = "root", at = [1.0, 0.0, 0.1]}]
+change.sections.fly.probes = [{name = "root", at = [1.0, 0.11, 0.16]}]
 extensions = [1.0]
 luffing = [30.0]
 up_to = 20000.0
@@ -168,6 +168,13 @@ machine = [{name = "truck", mass = 24e3, at = [0.0, 0.0, -1.0]}]
         ("[-2.0, -2.0]", "[-2000.0, -2000.0]", "limits[2].polygon[0][0]", "mm"),
         ("mass = 24e3", "mass = 24.0", "limits[2].machine[0].mass", "t"),
         ("14.0", "300.0", "cases[0].wind.speed", "m/min"),
+        # of the scene, as in a run
+        (
+            "extensions",
+            "change.section.body.material.density = 7.85\nextensions",
+            "sections[0].body.material.density",
+            "t/m^3",
+        ),
     ],
 )
 def test_so_it_is_in_a_chart(usual: str, wrong: str, key: str, unit: str, tmp_path: Path) -> None:
@@ -286,6 +293,19 @@ def test_models_in_other_units_pass(scale: float) -> None:
     changes += ["pads=[" + ",".join(f"{{{pad}}}" for pad in pads) + "]", f"slider.path={2.0 * scale}"]
     changes += [f"observe.start={0.2 * scale}", f"observe.end={5.8 * scale}"]
     assert scenes.load("boom_beam", changes).title
+
+
+@pytest.mark.parametrize(("torsion_constant", "model", "is_open"), [
+    (11.9e-8, "beam3d", True), (11.9e-8, "beam2d", False), (2.0e-6, "beam3d", False),
+])  # fmt: skip
+def test_a_beam_of_an_open_profile_is_said_to_warp_freely(torsion_constant: float, model: str, is_open: bool) -> None:
+    """A channel of 200 mm, and a tube of the same second moments."""
+    section = f"area=3.22e-3,second_moment_y=1.91e-5,second_moment_z=1.48e-6,torsion_constant={torsion_constant}"
+    scene = scenes.load_any("boom_beam", ["body.shear=false", f"body.section={{{section}}}"])
+    body = scene.sections[0].body.model_copy(update={"model": model})
+    remarks = [hint for hint in hints(scene.vary_sections(lambda _: {"body": body})) if "warps freely" in hint]
+    assert len(remarks) == is_open
+    assert all(hint.startswith("body.section.torsion_constant = 1.19e-07 m^4") for hint in remarks)
 
 
 @pytest.mark.parametrize("x, acting", [(2.0, "the luffing cylinder"), (2.02, "")])

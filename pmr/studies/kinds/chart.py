@@ -19,7 +19,7 @@ from pmr.errors.environment import check_installed
 from pmr.results.quantities import UNBENT_WALLS, stress_remark
 from pmr.scene import Scene
 from pmr.scene.choice import is_planar
-from pmr.scene.hints import table_hints
+from pmr.scene.hints import hints, table_hints
 from pmr.scene.keys import Usual, key_error
 from pmr.scene.members import members
 from pmr.scene.tomlfiles import Change
@@ -309,8 +309,8 @@ class Study(StudyBase):
         return len(self._luffing_angles) * len(self.slewing)
 
     def hints(self) -> list[str]:
-        """Return a line for each key of the study with a number outside the range that is usual for its scene."""
-        return table_hints(self, self._scene)
+        """Return a line for each unusual number of the study or its scene, and what the scene's model leaves out."""
+        return [*table_hints(self, self._scene), *hints(self._scene, at_rest=True)]
 
     @property
     def _chart_points(self) -> list[tuple[dict[str, float], float, float]]:
