@@ -14,7 +14,7 @@ from pmr.scene.cylinder import LuffingCylinder
 from pmr.scene.mechanism import CYLINDER
 from pmr.simulation.statics.postures import with_hook
 from pmr.studies.chart_models import compute_postures
-from pmr.studies.shared import scene_arguments
+from pmr.studies.tasks import scene_arguments
 
 G, LENGTH, MASS = 9.80665, 6.0, 250.0
 FOOT, LUG = [0.5, -1.0], [1.5, -0.2]
