@@ -70,10 +70,9 @@ def _check_single_body(scene: Scene) -> None:
 
 
 def _check_computed_motions(scene: Scene) -> None:
-    """Refuse what does not go with a payload that swings, or with a motion that is computed with the boom's.
+    """Refuse simulators without the equations of a payload that swings, or of a motion computed with the boom's.
 
-    Refused are simulators without the equations of such a motion, and with a computed motion also a comparison with a
-    richer model.
+    With a computed motion, a comparison with a richer model is refused, too.
     """
     hoist, free = scene.hoist is not None, () if scene.frame is None else scene.frame.free_directions
     free = (*free, *(f"extension of {scene.names[number]}" for number in scene.free_extensions))
@@ -239,9 +238,10 @@ def _check_accuracy(scene: Scene) -> None:
 
 
 def check_free_extension(scene: Scene) -> None:
-    """Refuse a second free extension, and all settings that a free extension does not go with.
+    """Refuse a second free extension, and settings with which an extension can't be computed.
 
-    A scene without a free extension passes.
+    A frame, first order, a start in equilibrium, and valve openings from -1 to 1 are needed; `_check_moved_sections`
+    says what the drives of the sections have to be.  A scene without a free extension passes.
     """
     for number, extension in scene.free_extensions.items():
         free = f"the free extension of {scene.names[number]}"
@@ -276,9 +276,9 @@ def moved_sections(scene: Scene, number: int) -> dict[int, tuple[float, float]]:
 
 
 def _check_moved_sections(scene: Scene, number: int, free: str) -> None:
-    """Refuse drives that give way, and models without displacements along the boom.
+    """Refuse ropes, cylinders that give way, and models without displacements along the boom on sections that move.
 
-    `free` names the free extension of section `number` in messages.
+    They are section `number`, with the free extension that `free` names in messages, and all sections that follow it.
     """
     for k in moved_sections(scene, number):
         joint, key = scene.joint(k), f"sections[{k}].joint"

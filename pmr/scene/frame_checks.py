@@ -80,10 +80,12 @@ JUMP = 1e-9
 
 
 def check_frame(scene: Scene) -> None:
-    """Refuse a moving frame whose angles jump or have kinks, or that does not go with the scene's settings.
+    """Refuse a moving frame whose motions jump or have kinks, or that contradicts other settings of the scene.
 
-    Such settings are gravity with a direction of its own, models that can't follow the frame's motion, whatever the
-    terms of second order do not cover, and the ANCF reference.  A scene without a frame passes.
+    Such settings are angles of more than a turn without a unit, gravity with a direction of its own, given matrices,
+    and planar models if the boom leaves its vertical plane.  With second order, an extension has to be above 0, the
+    base held along x at its tail, and each load along the boom at a tip.  What a luffing cylinder, a machine, a
+    computed motion and a ground need is checked, too.  A scene without a frame passes.
     """
     frame = scene.frame
     if frame is None:
@@ -264,7 +266,7 @@ def check_hoist(scene: Scene) -> None:
 
 
 def check_luffing(scene: Scene, frame: Frame) -> None:
-    """Refuse a luffing cylinder that can't carry the boom, and what does not go with a free luffing angle."""
+    """Refuse a luffing cylinder without an arm, a wrong drive or stroke, and wrong supports beside a free angle."""
     _check_cylinder(scene, frame)
     _check_drive(scene, frame)
     if frame.luffing == "free":
@@ -292,7 +294,7 @@ def misplaced_supports(scene: Scene) -> dict[int, float]:
 
 
 def _check_supports(scene: Scene, frame: Frame) -> None:
-    """Refuse supports of the base that do not go with a free luffing angle.
+    """Refuse supports of the base that would hold a free luffing angle, or give way to it.
 
     A support that keeps the base from turning about the pivot has to be rigid.  On a spring the whole boom would turn
     by the angle and by the spring alike, and the steps of a heavy boom would not converge.  A support across the boom
@@ -314,11 +316,10 @@ def _check_supports(scene: Scene, frame: Frame) -> None:
 
 
 def _check_drive(scene: Scene, frame: Frame) -> None:
-    """Refuse what a free luffing angle does not go with, and a free angle's keys if the angle is prescribed.
+    """Refuse a luffing cylinder that can't drive a free angle, and a free angle's keys if the angle is prescribed.
 
-    With a free angle these are refused: a cylinder without a drive, valve openings outside of -1 to 1, and an unfit
-    stroke.  A stroke has to contain the cylinder's first length and to lie between its dead centres.  A free angle
-    without a cylinder is allowed.
+    Beside a free angle, a cylinder needs a drive and valve openings from -1 to 1.  Its stroke has to contain the
+    cylinder's first length and to lie between its dead centres.  A free angle without a cylinder is allowed.
     """
     cylinder = frame.cylinder
     if frame.luffing != "free":

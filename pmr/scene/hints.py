@@ -117,7 +117,7 @@ def _open_profile_remarks(scene: Scene) -> Iterator[str]:
 
 
 def _probe_remarks(scene: Scene) -> Iterator[str]:
-    """Yield a sentence for each probe of a beam's stress between its corners, or where section forces jump.
+    """Yield a sentence for each probe of a beam's stress or strain between its corners, or where section forces jump.
 
     Section forces jump at supports, masses and loads at points, and at the lug of the luffing cylinder.
     """
@@ -334,7 +334,8 @@ def hung_force_remark(scene: Scene) -> str:
 def _strength_effects(scene: Scene, at_rest: bool) -> list[str]:
     """List the effects on strength that no stress contains; if `at_rest`, fatigue is always one of these.
 
-    The list is empty if no section has a cross-section.
+    The list is empty if all sections are planar beams given by their stiffnesses, or masses on wheels: they have no
+    stresses.
     """
     if all(part.body.profile is not None or part.body.mover is not None for part in scene.sections):
         return []  # lines without a section, which have no stress

@@ -131,10 +131,10 @@ class Hoist(Payload, Rope):
 
     @model_validator(mode="after")
     def _check_rope(self) -> Self:
-        """Refuse a hoist without mass, a rope unless exactly one key sets its length, and heads on a named group.
+        """Refuse a hoist without mass, a rope without a length or with two, and a wrong place of the head.
 
-        A speed of the winch is allowed only with the length at t = 0 in `hanging`.  The tip is the only group with a
-        head.
+        The length is set by `length` or by `hanging`; a speed of the winch needs `hanging`, the length at t = 0.  The
+        head is at the tip or at a place along x.
         """
         if not self.mass > 0.0:
             raise key_error("payload", self.payload, "a mass above 0 of payload and hook together is allowed")

@@ -208,8 +208,8 @@ def _check_drive(scene: Scene, number: int) -> None:
 def _check_flexible_drive(scene: Scene, number: int) -> None:
     """Refuse a rigid drive of section `number` if this section follows a flexible one, and friction with some drives.
 
-    Friction is refused if the section's drive changes its length, or if the drives of this section and of sections that
-    are carried by it are flexible.
+    Friction is refused if the section's drive changes its length, if the drive is flexible and other sections follow
+    this section, or if this section follows one with a flexible drive.
     """
     if not has_driven_tail(member_at(scene, number)):
         return  # no drive holds the section along the boom

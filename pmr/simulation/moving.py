@@ -77,8 +77,8 @@ class StoredScene:
 def read_scene(system: System, source: str, free: bool = False) -> StoredScene:
     """Scene that is stored in the provenance of a system, with a free luffing angle or extension if `free`.
 
-    Raises InputError, which names the file `source`, if there is no scene, or if a value that has to be a number is
-    none.
+    Raises InputError, which names the file `source`, if there is no scene, if a value is not of the type that its key
+    needs, or if a signal of the scene is in a file of its own.
     """
     try:
         scene = system.provenance["scene"]

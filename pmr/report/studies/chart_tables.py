@@ -267,7 +267,8 @@ def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Itera
     def cell(r: int, e: int, values: Array) -> str:
         """Entry of `values`, in kg, at radius number `r` and boom length number `e`, with the letter of its limit.
 
-        Empty where the entry is NaN, and `NO_LOAD` where nothing remains of it after rounding down.
+        Empty where the entry is NaN, ``>`` and the largest load that was tried where no limit is reached, and `NO_LOAD`
+        where nothing remains of the entry after rounding down.
         """
         if np.isnan(values[r, e]):
             return ""
