@@ -151,8 +151,8 @@ def _residuals(body: SlidingBody, motion: Trajectory, part: SystemTrajectory) ->
     """Violation in m of the equation of each of m rows at T steps, and its rate in m/s, as one array (2, T, m).
 
     For rows that only push, the violation is the difference to the clearance if they press, and the overlap otherwise.
-    The rate is NaN for rows that give way, since these have no equation at velocity level, and if path rates are not
-    known.
+    The rates of all rows are NaN if any row gives way, since such a row has no equation at velocity level, and if path
+    rates are not known.
     """
     q, v, s, multipliers = motion.q, motion.v, motion.s, motion.multipliers
     violation = body.apply_rows(s, q) - body.row_compliance * multipliers

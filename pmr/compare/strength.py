@@ -136,7 +136,7 @@ def missed_stress_part(scene: Scene, response: Response) -> SummaryPart:
 
     The warning names the history that exceeds its largest value at these times the most, by a share of `MISSED` or
     more.  Histories that are small compared with others of the same kind and unit are left out.  The part is empty if
-    no history does.
+    no history does, if stresses are not recovered, or if the response does not have all steps.
     """
     steps, recovery = scene.recovered_steps, scene.recovery
     if recovery is None or not recovery.stress or len(response.t) != scene.time.steps + 1:

@@ -122,7 +122,8 @@ def unnamed_loads(scene: Scene, cases: Sequence[Summary]) -> Iterator[str]:
 def replaced_mass_warnings(original: Scene, scene: Scene, point: tuple[float, float, float] | None = None) -> list[str]:
     """Return a line for each mass of `original` that `scene` lacks, unless that is at the tip or where the load hangs.
 
-    Only masses of the last section that have a place of their own are looked at.  The load acts at `point` in m in the axes of the last section; None stands for the tip, the end of the axis.
+    Only masses of the last section that have a place of their own are looked at.  The load acts at `point` in m in the
+    axes of the last section; None stands for the tip, the end of the axis.
     """
     last, remaining = original.sections[-1], {mass.name for mass in scene.sections[-1].masses}
     lines = list[str]()
