@@ -8,7 +8,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, Self
+from typing import Annotated, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -18,6 +18,8 @@ from pmr.errors.environment import is_installed
 from pmr.results.quantities import DIRECTION, resultant_name, stress_remark
 from pmr.scene import Scene
 from pmr.scene.choice import has_unlike_side_walls, lateral_load_reasons
+from pmr.scene.frame import Frame
+from pmr.scene.ground import Ground
 from pmr.scene.hints import boom_scales
 from pmr.scene.joint_checks import check_extension
 from pmr.scene.keys import SceneTable, key_error
@@ -25,10 +27,6 @@ from pmr.scene.members import footprint, members, pads_on_faces, seats
 from pmr.scene.signals import Constant
 from pmr.studies.study import Count
 from pmr.system.from_scene import force_names
-
-if TYPE_CHECKING:
-    from pmr.scene.frame import Frame
-    from pmr.scene.ground import Ground
 
 logger = logging.getLogger(__name__)
 
