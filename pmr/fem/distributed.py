@@ -186,3 +186,16 @@ def project_matrix(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
 def share(size: int, comm: MPI.Comm) -> Indices:
     """Range (2,) of this rank's coordinates among `size`: number of the first one, and number after the last one."""
     return np.array([comm.rank, comm.rank + 1]) * size // comm.size
+
+
+class SparseProduct:
+    """Sparse rows (m, n_local) that touch few coordinates, prepared for fast products with dense columns."""
+
+    def __init__(self, rows: sp.spmatrix) -> None:
+        rows = sp.csr_matrix(rows)
+        self._touched = np.unique(rows.indices)
+        self._rows = rows[:, self._touched]
+
+    def multiply(self, x: Array) -> Array:
+        """Product (m, k) of the rows with x (n_local, k); this rank's contribution to the sum over ranks."""
+        return np.asarray(self._rows @ x[self._touched])

@@ -45,6 +45,7 @@ from pmr.reduction.snapshots import Snapshots
 from pmr.system.body_matrices import dependence_of_rows, symmetric_part
 from pmr.system.polynomials import stack_tables
 from pmr.system.reduced_model import ReducedModel, satisfied_rows
+from pmr.system.truncation import checked_positions
 
 logger = logging.getLogger(__name__)
 
@@ -232,8 +233,6 @@ def _distributed_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> _SingularVectors:
     return _SingularVectors(Q @ U, sigma)
 
 
-#: Number of path coordinates at which the rank of the reduced rows is checked.
-RANK_CHECKS = 64
 #: Smallest singular values of rows, scaled to unit length, below which the rows are dependent or nearly dependent.
 INDEPENDENT, NEARLY_DEPENDENT = 1e-9, 1e-4
 
@@ -333,10 +332,10 @@ def _check_rank(model: ReducedModel) -> None:
     a stiffness may depend on each other: these pads share the force according to their stiffness.
     """
     rigid = np.flatnonzero(model.row_compliance == 0.0)
-    names, (low, high) = [model.row_names[i] for i in rigid], model.domain
+    names = [model.row_names[i] for i in rigid]
     if not names:
         return
-    places = low + (high - low) * (np.arange(RANK_CHECKS) + 0.5) / RANK_CHECKS
+    places = checked_positions(model)
     dependences = [dependence_of_rows(model.C(s)[rigid], names) for s in places]
     worst = int(np.argmin([dependence.measure for dependence in dependences]))
     measure, involved = dependences[worst].measure, ", ".join(dependences[worst].names)

@@ -3,7 +3,7 @@ r"""Reduced models of a scene's bodies: of a single body with its path, or of se
 Ports are points where a user attaches something to a reduced body; they have attachment modes.
 
 A force b at a port causes, besides a motion in the basis V, the motion X = R b, with the residual flexibility R that V
-leaves out (`pmr.reduction.residual_tables`).  If X is among the coordinates, what remains of R has R b = 0, so the
+leaves out (`pmr.reduction.residual`).  If X is among the coordinates, what remains of R has R b = 0, so the
 coordinates alone respond exactly to a static force at the port, wherever the sliders are.  Since R K R = R
 
 .. math:: X^T K X = b^T R b, \qquad X^T M V = X^T K V = 0
@@ -31,7 +31,7 @@ from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.model import FullModel
 from pmr.reduction.basis import Basis, modal_basis
 from pmr.reduction.cache import Cache, ReducedBody
-from pmr.reduction.free_body import FreeBody, support_motions, with_reactions
+from pmr.reduction.free_body import FreeBody, ResidualFlexibility, support_motions, with_reactions
 from pmr.reduction.from_scene import (
     Vectors,
     build_basis,
@@ -43,7 +43,6 @@ from pmr.reduction.from_scene import (
 )
 from pmr.reduction.recovery import Recovery
 from pmr.reduction.residual import section_model
-from pmr.reduction.residual_tables import ResidualFlexibility
 from pmr.reduction.snapshots import free_modes
 from pmr.scene import Reduction as Choice
 from pmr.scene import Scene

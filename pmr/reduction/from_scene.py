@@ -20,7 +20,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.reduction.basis import Basis, modal_basis, pod, reduced_model, with_held_coordinates, with_rigid_modes
 from pmr.reduction.cache import ReducedBody
 from pmr.reduction.free_body import FreeBody, released_rows, rigid_modes
-from pmr.reduction.residual import check_independence, flexible_model, section_model
+from pmr.reduction.residual import flexible_model, section_model
 from pmr.reduction.snapshots import Snapshots, eigenmode_snapshots, free_modes
 from pmr.scene import Reduction, Scene
 from pmr.scene.keys import ALONE
@@ -28,6 +28,7 @@ from pmr.scene.members import member_at
 from pmr.scene.run_settings import OwnBasis
 from pmr.system.attachment import QUASI_STATIC
 from pmr.system.reduced_model import ReducedModel
+from pmr.system.truncation import check_independence
 
 #: Vectors (n, k) on the n coordinates of a full model, or a function of the model that returns this rank's part of
 #: them.

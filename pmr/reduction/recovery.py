@@ -35,8 +35,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.structure import couple
 from pmr.models import is_assembled
 from pmr.reduction.cache import ReducedBody
-from pmr.reduction.free_body import FreeBody
-from pmr.reduction.residual_tables import ResidualFlexibility
+from pmr.reduction.free_body import FreeBody, ResidualFlexibility
 from pmr.reduction.section_forces import PIECES, SectionForces
 from pmr.results.field_series import Fields
 from pmr.results.field_stress import (

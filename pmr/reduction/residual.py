@@ -1,42 +1,48 @@
-"""Reduced models with the residual flexibility that their basis leaves out."""
+"""Reduced models with the residual flexibility that their basis leaves out, tabulated over the path.
+
+The tables are exact piecewise polynomials in s: products of the rows' polynomials with R between carriers.
+"""
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.interpolate import PPoly
 
-from pmr.errors import InputError
-from pmr.fem.compat import PETSc
-from pmr.fem.distributed import free_dropped, inner, local_csr, times
-from pmr.files.arrays import Array
+from pmr.errors import InputError, environment
+from pmr.fem.compat import MPI, PETSc
+from pmr.fem.distributed import SparseProduct, free_dropped, inner, local_csr, times
+from pmr.files.arrays import Array, Indices
 from pmr.fullmodel.model import FullModel
-from pmr.reduction.basis import RANK_CHECKS, Basis, galerkin, without_rows
-from pmr.reduction.free_body import FreeBody, released_rows
-from pmr.reduction.residual_tables import ResidualFlexibility, carrier_loads, load_powers, tables, terms
+from pmr.reduction.basis import Basis, galerkin, without_rows
+from pmr.reduction.free_body import FreeBody, ResidualFlexibility, released_rows, terms
 from pmr.scene.members import TAIL
 from pmr.system.attachment import RICHER
-from pmr.system.body_matrices import dependence_of_flexibility
 from pmr.system.carriers import CarrierFlexibility, CarrierRows, CylinderResponses, Flexibility
-from pmr.system.polynomials import add_tables, multiply_tables
 from pmr.system.reduced_model import ReducedModel, satisfied_rows
-from pmr.system.rows import SharedCarriers
-from pmr.system.truncation import is_modal, truncate, with_tables
+from pmr.system.rows import RowPolynomials, SharedCarriers
+from pmr.system.truncation import (
+    HELD,
+    check_independence,
+    is_modal,
+    truncate,
+    with_floor,
+    with_tables,
+    yielding_rows,
+)
 
 #: Largest coefficient of a fixed row on a basis that satisfies this row, over the largest coefficient of all rows.
 SATISFIED = 1e-6
-#: Lowest eigenvalue of the flexibility of rows, scaled to a unit diagonal, below which the rows are dependent.
-INDEPENDENT = 1e-9
+
+
 #: Couplings of the basis in K and D, relative to the terms they are sums of, are round-off up to this many times the
 #: machine precision; between eigenmodes, up to 30 times was seen.
 ROUND_OFF = 100.0
-#: Least flexibility of a row, over the flexibility C K^+ C^T of the basis at this row; see `_with_floor`.
-FLOOR = float(np.sqrt(np.finfo(float).eps))
-#: Flexibility of a row and value of this row on the basis, each over the largest of all, up to which supports hold it.
-HELD = 1e-12
+
+
 #: Most entries of all responses to loads together with which matrices of a moving frame are computed between them.
 MOST_ENTRIES = 20_000_000
 #: Eigenvalue of the products of responses of unit size, over the largest one, up to which a direction is left out.
@@ -114,7 +120,7 @@ def section_model(
     carriers = CarrierRows.from_rows(released_rows(model).shared_carriers.rows, values, flexibility)
     flexible = _with_flexibility(reduced, tables(flexibility, shared, model.rows.domain))
     if basis.size < model.size:  # all motions of a body leave no flexibility out
-        check_independence(flexible, _yielding_rows(flexible))
+        check_independence(flexible, yielding_rows(flexible))
     carriers = replace(carriers, inertia=inertia[0] if inertia else None, answers=answers, spanned=spanned)
     of_carriers = _with_matrices(carriers, model, [V, span, x], motions)
     return _with_coordinates(replace(flexible, carriers=of_carriers), coordinates)
@@ -254,23 +260,10 @@ def _project(residual: ResidualFlexibility, basis: Basis, provenance: dict[str, 
 def _with_flexibility(reduced: ReducedModel, flexibility: Flexibility) -> ReducedModel:
     """Return the model `reduced` with the residual flexibility `flexibility`.
 
-    Unless the basis consists of eigenmodes, `_with_floor` raises the flexibility where it is too small.
+    Unless the basis consists of eigenmodes, `with_floor` raises the flexibility where it is too small.
     """
     flexible = replace(reduced, flexibility=flexibility)
-    return flexible if is_modal(flexible) else _with_floor(flexible)
-
-
-def _yielding_rows(model: ReducedModel) -> list[int]:
-    """Numbers of the rows at which the body can move or give way; its supports hold all other rows everywhere.
-
-    A row that the supports hold may have no flexibility on this body, because the contact gives way on its other body.
-    """
-    assert model.flexibility is not None
-    s = _checked_positions(model)
-    G = np.einsum("tmm->tm", model.flexibility.rows(s)).max(axis=0, initial=0.0)
-    C = np.abs(model.rows(s)).max(axis=(0, 2), initial=0.0)
-    still = (G <= HELD * G.max(initial=0.0)) & (C <= HELD * C.max(initial=0.0))
-    return np.flatnonzero(~still).tolist()
+    return flexible if is_modal(flexible) else with_floor(flexible)
 
 
 def _rows_on_path(model: FullModel) -> SharedCarriers:
@@ -305,53 +298,100 @@ def _without_round_off(reduced: ReducedModel, residual: ResidualFlexibility, V: 
     return replace(reduced, K=K, D=D)
 
 
-def _with_floor(model: ReducedModel) -> ReducedModel:
-    """Return the model with a least residual flexibility: `FLOOR` times C K^+ C^T, which is that of its coordinates.
+_log = logging.getLogger(__name__)
 
-    This least flexibility is added to the residual flexibility G of those rows C for which G + 1/k, with the row's
-    stiffness k, is less anywhere on the path.  If there is no such row, the model is returned unchanged.  Not to be
-    called for free modes: these leave something out everywhere, and on soft supports C K^+ C^T is the flexibility of
-    the supports, far more than that of bending.
 
-    A basis of modes with the slider held responds by itself to a force at the held positions, and leaves nothing out
-    there.  The stiffness C^T G^-1 C of such a row would drown the body's own stiffness in round-off.  With the floor,
-    both round-off and the additional displacement of the row are about 1e-8 of the displacement.
+#: Number of loads solved for at a time on each rank: a few times as many vectors of full length are in memory.  A load
+#: then costs a tenth of what it costs alone, and larger blocks would not make it cheaper (70,000 coordinates of a
+#: shell).
+BLOCK = 64
+#: Bytes of memory above which a warning is logged.
+NOTICED = 2**30
+
+
+class LoadValues:
+    """Values on K carriers, i inputs and o outputs of the responses to unit loads on the carriers, then on the inputs.
+
+    `loads` (n_local, K + i) are this rank's part of the loads, `carriers` is the number K.
     """
-    assert model.flexibility is not None
-    G, C = model.flexibility.rows, model.rows
-    of_modes = multiply_tables(C, C, np.linalg.pinv(model.K, rcond=1e-12, hermitian=True))
-    s = np.sort(np.concatenate([C.x, _checked_positions(model)]))
-    residual_part, held = (np.einsum("tmm->tm", table(s)) for table in (G, of_modes))
-    lacking = np.any(residual_part + model.row_compliance < FLOOR * held, axis=0)
-    if not lacking.any():
-        return model
-    floor = PPoly(of_modes.c * np.outer(lacking, lacking), of_modes.x)
-    return replace(model, flexibility=replace(model.flexibility, rows=add_tables(G, floor, FLOOR)))
+
+    def __init__(self, model: FullModel, loads: sp.csc_matrix, carriers: int) -> None:
+        self._comm, self._carriers, count = model.comm, carriers, loads.shape[1]
+        self._loads, self._outputs = SparseProduct(loads.T), SparseProduct(local_csr(model.outputs).T)
+        self._on_loads, self._on_outputs = np.zeros((count, count)), np.empty((model.outputs.getSize()[1], count))
+
+    def store(self, numbers: Indices, answers: Array) -> None:
+        """Store the values of the responses `answers` (n_local, k) to the loads with these `numbers` (k,).
+
+        The responses are this rank's part.
+        """
+        self._on_loads[:, numbers] = self._loads.multiply(answers)
+        self._on_outputs[:, numbers] = self._outputs.multiply(answers)
+
+    def result(self) -> CarrierFlexibility:
+        """Flexibility between carriers, inputs and outputs, made symmetric; collective.
+
+        The responses to all loads have to be stored before.
+        """
+        pairs, K = self._on_loads, self._carriers
+        self._comm.Allreduce(MPI.IN_PLACE, pairs)
+        pairs += pairs.T.copy()
+        pairs /= 2.0
+        outputs = np.asarray(self._comm.allreduce(self._on_outputs))
+        return CarrierFlexibility(pairs[:K, :K], pairs[:K, K:], outputs[:, :K], outputs[:, K:], pairs[K:, K:])
 
 
-def check_independence(model: ReducedModel, numbers: list[int] | None = None) -> None:
-    """Raise an InputError if the forces on some rows are not determined at one of `RANK_CHECKS` path coordinates.
+def check_memory(model: FullModel, carriers: int, powers: int) -> None:
+    """Raise an InputError if the tables of `powers` matrices (carriers, carriers) don't fit in memory; collective.
 
-    The forces are not determined if the rows' flexibility G + 1/k, with the residual flexibility G and the stiffnesses
-    k of the pads, is not positive definite.  The rows have the given `numbers`; None stands for all rows.  The ends of
-    the path are not checked: there a slider may be on a support.
+    The number of carriers grows with the ratio of the path's length to the length of the shortest pad.  If the tables
+    need more than `NOTICED` bytes, a warning is logged.
     """
-    assert model.flexibility is not None
-    numbers = list(range(len(model.row_names))) if numbers is None else numbers
-    names = [model.row_names[k] for k in numbers]
-    for s in _checked_positions(model) if numbers else ():
-        F = model.flexibility.rows(s) + np.diag(model.row_compliance)
-        dependence = dependence_of_flexibility(F[np.ix_(numbers, numbers)], names)
-        if dependence.measure < INDEPENDENT:
-            dependent = ", ".join(dependence.names)
-            allowed = (
-                f"the rows {dependent} depend on each other at s = {s:.4g} m, so their forces are not "
-                "determined; sliders, supports and pads that hold different motions are allowed, or a stiffness"
-            )
-            raise InputError("scene", "", None, allowed)
+    needed = 8 * carriers**2 * (powers + 2)  # bytes; making one symmetric takes two more
+    free = model.comm.bcast(environment.available_memory() if model.comm.rank == 0 else None)
+    message = f"pads have {carriers:,} stations along their paths, which takes about {needed / 1e9:.1f} GB of memory"
+    if free is not None and needed > free:
+        allowed = f"{message}, {free / 1e9:.1f} GB are free; longer pads, a shorter path, or fewer elements of beams, "
+        allowed += "are allowed"
+        raise InputError("scene", "pads.length", None, allowed)
+    if needed > NOTICED and model.comm.rank == 0:
+        _log.warning("%s; longer pads take less", message)
 
 
-def _checked_positions(model: ReducedModel) -> Array:
-    """Path coordinates (RANK_CHECKS,) in m, spread evenly over the domain without its ends."""
-    low, high = model.domain
-    return low + (high - low) * (np.arange(RANK_CHECKS) + 0.5) / RANK_CHECKS
+def load_powers(residual: ResidualFlexibility, carriers: sp.csr_matrix, count: int) -> list[CarrierFlexibility]:
+    """The first `count` of the flexibilities R, R M R, ... between carriers (K, n), inputs and outputs; collective.
+
+    R is the `residual` flexibility, in m/N; R M R is in s^2 m/N, and so on.  Each of them takes one static solve per
+    load.
+    """
+    model = residual.model
+    check_memory(model, carriers.shape[0], count)
+    loads = carrier_loads(model, carriers)
+    tables = [LoadValues(model, loads, carriers.shape[0]) for _ in range(count)]
+    _log.info(
+        "%d static solves answer loads on %d carriers and %d inputs",
+        count * loads.shape[1],
+        carriers.shape[0],
+        loads.shape[1] - carriers.shape[0],
+    )
+    many = BLOCK * model.comm.size
+    for k in range(0, loads.shape[1], many):
+        numbers = np.arange(k, min(k + many, loads.shape[1]))
+        columns = loads[:, numbers].toarray(order="F")
+        for power, table in enumerate(tables):
+            columns = residual.apply(times(model.M, columns) if power else columns)
+            table.store(numbers, columns)
+    return [table.result() for table in tables]
+
+
+def tables(
+    flexibility: CarrierFlexibility, shared_carriers: SharedCarriers, domain: tuple[float, float]
+) -> Flexibility:
+    """Residual flexibility of the rows of `shared_carriers` as piecewise polynomials in s, over `domain` in m."""
+    breaks = shared_carriers.rows[0].breaks if shared_carriers.rows else np.array(domain)
+    return flexibility.tables(RowPolynomials.from_rows(shared_carriers.rows, breaks))
+
+
+def carrier_loads(model: FullModel, carriers: sp.csr_matrix) -> sp.csc_matrix:
+    """Unit loads (n_local, L), this rank's part: on each carrier (K, n), then on each input; L is their number."""
+    return sp.hstack([carriers[:, model.share].T, local_csr(model.inputs)], format="csc")

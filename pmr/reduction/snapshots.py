@@ -27,8 +27,7 @@ from pmr.files.arrays import Array, Indices, Mask
 from pmr.fullmodel.eigensolvers import DenseEigenSolver, DependentRowsError, eigensolver, is_dense
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.modes import Modes, finish_modes
-from pmr.reduction.free_body import FreeBody, fixed_rows
-from pmr.reduction.residual_tables import terms
+from pmr.reduction.free_body import FreeBody, fixed_rows, terms
 from pmr.scene import Scene
 from pmr.system.body_matrices import DAMPING
 from pmr.system.polynomials import power_contributions

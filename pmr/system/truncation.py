@@ -1,4 +1,4 @@
-r"""Modes that move from the coordinates into the tables of the residual flexibility, and back.
+r"""Tables of the residual flexibility: modes that move into them and back, and whether they determine the rows' forces.
 
 .. math::
     G_r = G_{r+c} + \sum_{j=r+1}^{r+c} \frac{(C \varphi_j)(C \varphi_j)^T}{\omega_j^2},
@@ -13,14 +13,21 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.interpolate import PPoly
 
+from pmr.errors import InputError
 from pmr.files.arrays import Array
-from pmr.system.body_matrices import DAMPING, symmetric_part
+from pmr.system.body_matrices import DAMPING, dependence_of_flexibility, symmetric_part
 from pmr.system.carriers import EnrichmentModes
+from pmr.system.polynomials import add_tables, multiply_tables
 from pmr.system.reduced_model import ReducedModel
 
 #: Largest entry that couples two modes, relative to their diagonal entries, in a modal form.
 MODAL = 1e-6
+
+
+#: Number of path coordinates at which the rank of the reduced rows is checked.
+RANK_CHECKS = 64
 
 
 def truncate(model: ReducedModel, r: int) -> ReducedModel:
@@ -171,3 +178,78 @@ def _select_modes(modes: EnrichmentModes, numbers: slice) -> EnrichmentModes:
         B=modes.B[numbers],
         outputs=modes.outputs[:, numbers],
     )
+
+
+#: Lowest eigenvalue of the flexibility of rows, scaled to a unit diagonal, below which the rows are dependent.
+INDEPENDENT = 1e-9
+
+
+#: Least flexibility of a row, over the flexibility C K^+ C^T of the basis at this row; see `with_floor`.
+FLOOR = float(np.sqrt(np.finfo(float).eps))
+#: Flexibility of a row and value of this row on the basis, each over the largest of all, up to which supports hold it.
+HELD = 1e-12
+
+
+def yielding_rows(model: ReducedModel) -> list[int]:
+    """Numbers of the rows at which the body can move or give way; its supports hold all other rows everywhere.
+
+    A row that the supports hold may have no flexibility on this body, because the contact gives way on its other body.
+    """
+    assert model.flexibility is not None
+    s = checked_positions(model)
+    G = np.einsum("tmm->tm", model.flexibility.rows(s)).max(axis=0, initial=0.0)
+    C = np.abs(model.rows(s)).max(axis=(0, 2), initial=0.0)
+    still = (G <= HELD * G.max(initial=0.0)) & (C <= HELD * C.max(initial=0.0))
+    return np.flatnonzero(~still).tolist()
+
+
+def with_floor(model: ReducedModel) -> ReducedModel:
+    """Return the model with a least residual flexibility: `FLOOR` times C K^+ C^T, which is that of its coordinates.
+
+    This least flexibility is added to the residual flexibility G of those rows C for which G + 1/k, with the row's
+    stiffness k, is less anywhere on the path.  If there is no such row, the model is returned unchanged.  Not to be
+    called for free modes: these leave something out everywhere, and on soft supports C K^+ C^T is the flexibility of
+    the supports, far more than that of bending.
+
+    A basis of modes with the slider held responds by itself to a force at the held positions, and leaves nothing out
+    there.  The stiffness C^T G^-1 C of such a row would drown the body's own stiffness in round-off.  With the floor,
+    both round-off and the additional displacement of the row are about 1e-8 of the displacement.
+    """
+    assert model.flexibility is not None
+    G, C = model.flexibility.rows, model.rows
+    of_modes = multiply_tables(C, C, np.linalg.pinv(model.K, rcond=1e-12, hermitian=True))
+    s = np.sort(np.concatenate([C.x, checked_positions(model)]))
+    residual_part, held = (np.einsum("tmm->tm", table(s)) for table in (G, of_modes))
+    lacking = np.any(residual_part + model.row_compliance < FLOOR * held, axis=0)
+    if not lacking.any():
+        return model
+    floor = PPoly(of_modes.c * np.outer(lacking, lacking), of_modes.x)
+    return replace(model, flexibility=replace(model.flexibility, rows=add_tables(G, floor, FLOOR)))
+
+
+def check_independence(model: ReducedModel, numbers: list[int] | None = None) -> None:
+    """Raise an InputError if the forces on some rows are not determined at one of `RANK_CHECKS` path coordinates.
+
+    The forces are not determined if the rows' flexibility G + 1/k, with the residual flexibility G and the stiffnesses
+    k of the pads, is not positive definite.  The rows have the given `numbers`; None stands for all rows.  The ends of
+    the path are not checked: there a slider may be on a support.
+    """
+    assert model.flexibility is not None
+    numbers = list(range(len(model.row_names))) if numbers is None else numbers
+    names = [model.row_names[k] for k in numbers]
+    for s in checked_positions(model) if numbers else ():
+        F = model.flexibility.rows(s) + np.diag(model.row_compliance)
+        dependence = dependence_of_flexibility(F[np.ix_(numbers, numbers)], names)
+        if dependence.measure < INDEPENDENT:
+            dependent = ", ".join(dependence.names)
+            allowed = (
+                f"the rows {dependent} depend on each other at s = {s:.4g} m, so their forces are not "
+                "determined; sliders, supports and pads that hold different motions are allowed, or a stiffness"
+            )
+            raise InputError("scene", "", None, allowed)
+
+
+def checked_positions(model: ReducedModel) -> Array:
+    """Path coordinates (RANK_CHECKS,) in m, spread evenly over the domain without its ends."""
+    low, high = model.domain
+    return low + (high - low) * (np.arange(RANK_CHECKS) + 0.5) / RANK_CHECKS

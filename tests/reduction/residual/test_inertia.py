@@ -8,10 +8,9 @@ from pmr import InputError, ReducedModel
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
 from pmr.reduction.basis import modal_basis
-from pmr.reduction.free_body import FreeBody
+from pmr.reduction.free_body import FreeBody, ResidualFlexibility
 from pmr.reduction.from_scene import build_basis, project, take_snapshots
 from pmr.reduction.residual import flexible_model, section_model
-from pmr.reduction.residual_tables import ResidualFlexibility
 from pmr.reduction.snapshots import free_modes
 from pmr.system.body import FullBody
 

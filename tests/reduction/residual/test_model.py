@@ -17,14 +17,13 @@ from pmr.fem.distributed import inner, tall, times
 from pmr.fullmodel.build import build, full_model
 from pmr.fullmodel.model import FullModel
 from pmr.reduction.basis import Basis, modal_basis, with_rigid_modes
-from pmr.reduction.free_body import FreeBody, rigid_modes
+from pmr.reduction.free_body import FreeBody, ResidualFlexibility, rigid_modes
 from pmr.reduction.from_scene import build_basis, project, take_snapshots
-from pmr.reduction.residual import FLOOR, flexible_model, section_model
-from pmr.reduction.residual_tables import ResidualFlexibility
+from pmr.reduction.residual import flexible_model, section_model
 from pmr.reduction.snapshots import eigenmode_snapshots, free_modes
 from pmr.scene import load
 from pmr.system.rows import Rows
-from pmr.system.truncation import truncate
+from pmr.system.truncation import FLOOR, truncate
 
 NO_ANCF = "compare.against=[]"
 
@@ -115,7 +114,8 @@ def test_free_modes_need_no_floor(load_scene) -> None:
     """Their tables stay what R is, to the last digit that it has."""
     scene = load_scene("simple_residual", [NO_ANCF, "reduction.coordinates=60"])
     model = full_model(scene)
-    from pmr.reduction.residual_tables import ResidualFlexibility, load_powers, tables
+    from pmr.reduction.free_body import ResidualFlexibility
+    from pmr.reduction.residual import load_powers, tables
 
     modes = free_modes(model, 60)
     found = flexible_model(FreeBody(model), modal_basis(modes), {})

@@ -9,8 +9,8 @@ from pmr import InputError, reduce
 from pmr.errors import environment
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
-from pmr.reduction.free_body import FreeBody
-from pmr.reduction.residual_tables import BLOCK, ResidualFlexibility, check_memory, load_powers, tables
+from pmr.reduction.free_body import FreeBody, ResidualFlexibility
+from pmr.reduction.residual import BLOCK, check_memory, load_powers, tables
 from pmr.reduction.snapshots import free_modes
 from pmr.system.polynomials import common_breaks
 from pmr.system.rows import Rows
