@@ -283,11 +283,10 @@ class CarrierRows:
                 return f"the carriers' row {k} touches a carrier that there is none of"
         answers = self.answers
         least = self.values.shape[1] + (0 if answers is None else answers.rows.shape[1] - answers.turned.shape[1])
-        if (p := len(self.spanned)) and (
-            self.spanned.shape[1] < len(self.values) or not np.isfinite(self.spanned).all()
-        ):
+        spans_all = self.spanned.shape[1] >= len(self.values) and np.isfinite(self.spanned).all()
+        if len(self.spanned) and not spans_all:
             return f"the carriers' spanned has shape {self.spanned.shape} or is not finite"
-        least += p
+        least += len(self.spanned)
         for name, A in self.matrices.items():
             if A.shape != (len(A), len(A)) or len(A) < least or not np.isfinite(A).all():
                 return f"the carriers' matrices.{name} has shape {A.shape} or is not finite"
