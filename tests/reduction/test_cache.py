@@ -215,7 +215,7 @@ def test_what_is_no_basis_is_refused(load_scene, tmp_path: Path, name: str) -> N
 
 @pytest.mark.parametrize("key", ["reduction.basis=file", "reduction.file=workflows/evolved_residual.toml"])
 def test_basis_and_file_go_together(load_scene, key: str) -> None:
-    with pytest.raises(InputError, match="reduction.file.*a file is allowed with basis = 'file'"):
+    with pytest.raises(InputError, match="reduction.file.*a file goes with basis = 'file'"):
         load_scene("evolved_residual", [key])
 
 
