@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pmr.report.numbers import MINUS, SPACE, significant
 
@@ -157,6 +157,7 @@ class Grid:
     caption: str
     head: tuple[str, ...]  # (c,): headings of the columns
     rows: tuple[tuple[str, ...], ...]  # texts of c cells each
+    narrow: Literal["scrolls", "blocks", "small"] = "scrolls"  # in a narrow window; each row may be a block of lines
 
 
 @dataclass(frozen=True)
@@ -167,6 +168,7 @@ class Drawing:
     svg: str
     caption: str
     half: bool = False  # whether the figure is half as wide as a page
+    fits: bool = False  # whether a second ``<svg>`` element follows, which a narrow window shows in place of the first
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator, NullLocator
 
 from pmr.errors import escape_controls
-from pmr.report.blocks import Drawing
+from pmr.report.blocks import END_OF_SCREEN, SCREEN, Drawing
 from pmr.report.numbers import format_input, power_of_ten
 
 WIDE = 6.7  # in, the text width of an A4 page
@@ -376,11 +376,15 @@ def _attribute(declaration: str) -> str:
     return f' {key}="{value}"' if value and key != "font-family" else ""
 
 
-def drawing(name: str, draw: Callable[..., Figure], caption: str, *arguments: Any) -> Drawing:
+def drawing(name: str, draw: Callable[..., Figure], caption: str, *arguments: Any, fits: bool = False) -> Drawing:
     """Draw a figure in the report's style by ``draw(*arguments)``, and return it with its caption.
 
-    `name` is the figure's identifier and has to be unique in the page.
+    `name` is the figure's identifier and has to be unique in the page.  If `fits` is true, a second figure for narrow
+    windows is drawn by ``draw(*arguments, HALF)``, which is not printed.
     """
     with style():
         figure = draw(*arguments)
-        return Drawing(name, svg(figure, name, caption), caption, half=figure.get_figwidth() <= HALF)
+        shown = svg(figure, name, caption)
+        if fits:
+            shown += f"{SCREEN}{svg(draw(*arguments, HALF), f'{name}-narrow', caption)}{END_OF_SCREEN}"
+        return Drawing(name, shown, caption, half=figure.get_figwidth() <= HALF, fits=fits)

@@ -71,11 +71,11 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     chart = LoadChart(table.place, least, which, shown_names, up_to)
     ends_at = format_load(up_to) if (which < 0).any() else ""
     caption = prose("chart_caption", slewing=slewing_clause(parts[0]["at.slewing"]), ends_at=ends_at)
-    picture = drawing(f"{prefix}-chart", load_chart, caption, chart)
+    picture = drawing(f"{prefix}-chart", load_chart, caption, chart, fits=True)
     texts = [_cell_text(study, table, chart, error, number) for number in range(least.size)]
     shown = f"{SCREEN}{pointer_cells(chart, texts)}{END_OF_SCREEN}</svg>"
-    picture = replace(picture, svg=picture.svg.removesuffix("</svg>") + shown)
-    lines = drawing(f"{prefix}-duty", duty_lines, duty_caption(len(chart.load)), chart)
+    picture = replace(picture, svg=picture.svg.replace("</svg>", shown, 1))
+    lines = drawing(f"{prefix}-duty", duty_lines, duty_caption(len(chart.load)), chart, fits=True)
     duty = tuple(duty_grids(study, DutyTable.from_loads(table, up_to), not_covered))
     play = "play" in present_parts(parts)
     facts = {"figures": study.figures, "play": play, "not_covered": not_covered}
@@ -219,7 +219,7 @@ def _governing_page(
         remark=arrays["at.remarks"][n],
         stops=_stops(study, arrays["at.stops"][n]),
     )
-    drawn = drawing(anchor, bent_boom, caption, boom)
+    drawn = drawing(anchor, bent_boom, caption, boom, fits=True)
     return Block(
         f"Governed by {names[n]}", (drawn,), text=text, tables=_use_tables(names, n, arrays, sections), columns=2
     )

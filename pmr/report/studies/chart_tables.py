@@ -145,7 +145,7 @@ def _load_cell(load: float) -> str:
 
 
 #: Most boom lengths in the tables of loads, and most of them side by side: more are cut off on paper.
-MOST_LENGTHS, LENGTHS_BESIDE = 24, 8
+MOST_LENGTHS, LENGTHS_BESIDE = 24, 6
 
 
 def limit_grid(study: FinishedStudy, names: list[str], parts: Parts) -> Grid:
@@ -170,7 +170,7 @@ def limit_grid(study: FinishedStudy, names: list[str], parts: Parts) -> Grid:
             )
         )
     heads = ("limit", "of", "amount", "factor", "governs", "not reached", "passed empty")
-    return Grid(prose("limits", slewing=_degrees(parts)), heads, tuple(rows))
+    return Grid(prose("limits", slewing=_degrees(parts)), heads, tuple(rows), "blocks")
 
 
 def _degrees(parts: Parts) -> str:
@@ -201,7 +201,7 @@ def error_bar_grids(study: FinishedStudy, names: list[str], parts: Parts) -> lis
         )
     caption = "Half width of the error bars as a share of the load: the median of all points, of each part by itself."
     heads = ["large rotations" if of == "rotation" else "play of pads" if of == "play" else of for of in shown]
-    return [Grid(caption, ("limit", "in all", *heads, "largest"), tuple(rows))]
+    return [Grid(caption, ("limit", "in all", *heads, "largest"), tuple(rows), "blocks")]
 
 
 def present_parts(parts: Parts) -> list[str]:
@@ -244,7 +244,9 @@ def case_grid(study: FinishedStudy) -> Grid:
             )
         )
     heads = ("case", "boom's weight", "machine's weight", "load", "wind", "loads of the scene", "found", "factors from")
-    return Grid("What acts at once: factors of weights and load, pressure of the wind, and loads.", heads, tuple(rows))
+    return Grid(
+        "What acts at once: factors of weights and load, pressure of the wind, and loads.", heads, tuple(rows), "blocks"
+    )
 
 
 def _format_amount(limit: Mapping[str, object], amount: float | None) -> str:
@@ -300,7 +302,7 @@ def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Itera
             head = ("radius in m", *(f"{duty.lengths[e]:.4g}{SPACE}m" for e in part))
             rows = [(f"{radius:.5g}", *(cell(r, int(e), values) for e in part)) for r, radius in enumerate(duty.radii)]
             caption = "The same for longer booms." if n else text
-            yield Grid(caption, head, tuple(row for row in rows if any(row[1:])))
+            yield Grid(caption, head, tuple(row for row in rows if any(row[1:])), "small")
 
 
 #: Arrays by name of each run of a study, one mapping for each run.

@@ -5,6 +5,7 @@ import json
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,8 @@ from numpy.typing import NDArray
 
 from pmr import InputError
 from pmr.errors.environment import plugin_objects
+from pmr.report.blocks import END_OF_SCREEN, SCREEN
+from pmr.report.figures import HALF, WIDE
 from pmr.report.studies import render_studies
 from pmr.report.studies.chart import governing_pages
 from pmr.report.studies.tables import FinishedStudy
@@ -283,6 +286,26 @@ def test_the_report_shows_the_picture_with_values_at_the_pointer(small: StudyRes
     assert text.count("<title>radius") == 12
     assert "buckling of the boom: limit not reached" in text and "not met" not in text
     assert "Limits with the letters of pictures" in text and "Elsewhere it carries " in text
+
+
+def test_pictures_and_tables_of_a_chart_fit_a_narrow_window(small: StudyResults, folder: Path) -> None:
+    """A second picture for a narrow window is not printed; no table is left that only scrolls there."""
+    text = render_studies(folder)
+    drawings = re.findall(r'class="wide fits">\n<div class="drawing">(.*?)</div>', text, re.DOTALL)
+    assert len(drawings) >= 3 and 'class="wide">' not in text
+    for drawn in drawings:
+        widths = [float(width) for width in re.findall(r'<svg viewBox="0 0 ([\d.]+)', drawn)]
+        assert widths == pytest.approx([72.0 * WIDE, 72.0 * HALF])
+        printed = re.sub(f"{SCREEN}.*?{END_OF_SCREEN}", "", drawn, flags=re.DOTALL)
+        assert printed.count("<svg") == 1 and "<title>" not in printed
+    names = re.findall(r' id="([^"]+)"', text)
+    assert len(set(names)) == len(names)
+    ways = re.findall(r'<table class="grid (\w+)">', text)
+    assert ways.count("blocks") == 3 and ways.count("small") == 2 and ways.count("scrolls") == 1  # that of the effort
+    for table in re.findall(r'<table class="grid blocks">(.*?)</table>', text, re.DOTALL):
+        heads = re.findall(r"<th scope=\"col\"[^>]*>(.*?)</th>", table)
+        labels = re.findall(r'<td class="number" data-label="([^"]+)"', table)
+        assert len(labels) == table.count("<td") and {*map(unescape, labels)} == {*map(unescape, heads[1:])}
 
 
 BOOM_LIFT = f"""
