@@ -2,8 +2,8 @@
 
 For a trajectory in the coordinates of a body, forces are the body's outputs in N and the multipliers of its sliders and
 pads.  Velocities are the rates of the displacements; they include the rates of the residual part, which follows its
-forces at once (`output_rates`).  All outputs in other units count as probes: stresses, strains, and displacements and
-rotations that are measured at a point.
+forces at once (`pmr.compare.motion.output_rates`).  All outputs in other units count as probes: stresses, strains, and
+displacements and rotations that are measured at a point.
 """
 
 from __future__ import annotations

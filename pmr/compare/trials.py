@@ -83,9 +83,10 @@ class Trial:
 class Trials:
     """Runs of a system for any number of modes of each body and any number of steps; each run is made only once.
 
-    `models` are reductions on free modes, by name of the body, whose errors can be estimated (`reason_without_estimate`
-    returns None).  `join` makes the system that is simulated from models of any size.  Errors are given for the `kinds`
-    of outputs, which are stored as `wanted`.  `sizes` are always numbers of modes, one for each body.
+    `models` are reductions on free modes, by name of the body, whose errors can be estimated
+    (`pmr.compare.motion.reason_without_estimate` returns None).  `join` makes the system that is simulated from models
+    of any size.  Errors are given for the `kinds` of outputs, which are stored as `wanted`.  `sizes` are always numbers
+    of modes, one for each body.
     """
 
     def __init__(

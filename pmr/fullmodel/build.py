@@ -286,7 +286,7 @@ def _place(point: Array) -> str:
 
 
 def needed_matrices(scene: Scene) -> tuple[str, ...]:
-    """Names of the matrices of `pmr.system.body_matrices` (in `ROTATING`, `CARRIED`, `STATES`) that a scene needs.
+    """Names of the matrices that a scene needs: keys of ROTATING, CARRIED and STATES in `pmr.system.body_matrices`.
 
     Only these matrices are assembled.  If the scene leaves second order out, the geometric stiffness matrices are
     needed all the same, to tell how large the neglected terms are.

@@ -162,8 +162,9 @@ class Coupling:
         return sp.csr_matrix(column)
 
     def _acceleration_row(self, name: str, model_load: Array) -> sp.csr_matrix:
-        """Load vector (1, n') of the input `name`, a key of `CONSTANT` or `LINEAR`, with attached masses.
+        """Load vector (1, n') of the inertia input `name`, with attached masses.
 
+        The name is a key of CONSTANT or LINEAR in `pmr.system.body_matrices`, such as ``inertia x`` or ``inertia xz``.
         `model_load` (n,) is the load on the model alone.
         """
         row, (S, rigid) = self.T.T @ model_load, acceleration_field(name, self.model)

@@ -123,7 +123,7 @@ class Beam(FiniteElementModel, ABC):
     def resultants(self) -> Array:
         """Section forces at a node of each of E elements per unit force on each of the node's d coordinates: (E, k, d).
 
-        The k section forces are in the order of `FORCES`.
+        The k section forces are in the order of `pmr.results.field_stress.FORCES`.
         """
 
     @cached_property

@@ -170,7 +170,7 @@ class SlidingNoise(NamedTuple):
 
 @dataclass(frozen=True)
 class PositionSettings:
-    """Random motion of a slider and of what excites the modes; `tune` in a script finds them on measured series."""
+    """Random motion of a slider and of what excites the modes, found on measured series by workflows/dropbear.py."""
 
     mode_noise: tuple[float, ...] = (1.7e-5, 2.9e-3, 5.2e-3)  # (m,): of the modes, over that of the measurement
     speeds: tuple[float, ...] = (0.08,)  # m/s, in both directions beside rest

@@ -310,7 +310,8 @@ class FreeBase:
     def moments(self, B: Array) -> Array:
         """Moments beta (..., S, 4, 3, n) from the matrix B (..., n, i) of inputs on coordinates.
 
-        B is the matrix of the assembly, or of an `InputResponse`, which includes the response of contacts.
+        B is the matrix of the assembly, or that of a `pmr.system.changing_rows.InputResponse`, which includes the
+        response of contacts.
         """
         moments = np.zeros((*B.shape[:-2], self._count, 4, 3, self.size))
         section, over, along = np.array(list(self.fields)).T

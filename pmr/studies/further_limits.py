@@ -273,7 +273,10 @@ class TippingMoments:
 
     @classmethod
     def compute(cls, edges: Array, resting: Array, at: PostureMatrices, k: int, amounts: Array) -> TippingMoments:
-        """Compute the moments at the k-th posture of `at`, about edges with the rows (e, 6) of `edge_rows`.
+        """Compute the moments at the k-th posture of `at`, about e edges.
+
+        `edges` (e, 6) are rows whose products with a force and its moment about the pivot are the moments about the
+        edges (`pmr.scene.ground.edge_rows`).
 
         `resting` (6,) is the weight of the machine's masses with its moment about the pivot; `amounts` (w,) are the
         amounts by which the w components ``at.loads`` (weights, load, loads of the scene) act.  Raises InputError if a

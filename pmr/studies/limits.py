@@ -2,8 +2,8 @@ r"""Limits of a load chart: quantities with allowed amounts, and the share of a 
 
 `KINDS` declares each of them once: its amount, its unit and how the share follows from states.  The share is 1 where
 the limit is reached.  With the limit's safety factor :math:`\gamma`, the share is :math:`\gamma |r| / r_{most}` for a
-quantity r that runs have too (`pmr.results.quantities`), or that is a user's function or expression of `AtRest`.  For
-other kinds, with the allowed amount marked by the index least, it is
+quantity r that runs have too (`pmr.results.quantities`), or that is a user's function or expression of
+`pmr.studies.further_limits.AtRest`.  For other kinds, with the allowed amount marked by the index least, it is
 
 ===========  ===============================================================================
 buckling     :math:`\gamma \Lambda_{least} / \Lambda` with the buckling factor :math:`\Lambda` on all axial forces

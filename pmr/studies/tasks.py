@@ -282,7 +282,10 @@ def frequencies_task(scene: Scene) -> Task:
 
 
 def simulate_reference(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: simulate the full model or the ANCF cable, as argument ``simulator`` says; arrays of the `Response`."""
+    """Task: simulate the full model or the ANCF cable, as argument ``simulator`` says.
+
+    The arrays of the result are those of the `pmr.results.response.Response`.
+    """
     from pmr.pipeline.full_order import FullOrder
 
     scene = scene_of(arguments)

@@ -38,7 +38,7 @@ ROOM = npz.MOST_EXPANSION, npz.ROOM
 
 @dataclass(frozen=True)
 class StoredSystem:
-    """Content of a system's file: the fields of a `System` that are stored."""
+    """Content of a system's file: the fields of a `pmr.system.system.System` that are stored."""
 
     bodies: Mapping[str, ReducedModel]
     contacts: tuple[Contact, ...]

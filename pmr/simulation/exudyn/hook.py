@@ -73,8 +73,8 @@ def add_hook(mbs: exu.MainSystem, items: SystemItems, loads: tuple[str, str, str
     loads : three str
         Names of inputs along x, y and z of the boom at one point, ``fly.hook x`` and so on; their signals still act.
     mass : float
-        Mass of the hook itself in kg.  Its weight, by the gravity of the scene given to `OnBody`, acts along -Z of the
-        mbs.
+        Mass of the hook itself in kg.  Its weight, by the gravity of the scene in the argument `on` of
+        `simulator.add_system`, acts along -Z of the mbs.
 
     Raises
     ------

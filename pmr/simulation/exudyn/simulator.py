@@ -70,8 +70,8 @@ def add_system(
     mbs : exudyn.MainSystem
         A pre-step function that is already set stays in place and is called first.  One that is set later with
         ``mbs.SetPreStepUserFunction`` replaces the update and is refused in the first step (unless Newton's method
-        differentiates numerically): use `add_pre_step_function`.  Explicit solvers, and index 2 if rigid rows move,
-        are refused in ``mbs.SolveDynamic``.
+        differentiates numerically): use `pmr.simulation.exudyn.items.add_pre_step_function`.  Explicit solvers, and
+        index 2 if rigid rows move, are refused in ``mbs.SolveDynamic``.
     system : System
         `System.of` a single body, or the bodies of a boom.
     paths : mapping of str to signal or function

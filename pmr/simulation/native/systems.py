@@ -144,7 +144,8 @@ class March:
 
         `take` is called for some consecutive steps at a time, with the number of the first one and their `Steps`.
         `progress`, if it is not None, is called with the share of steps that are done.  Raises GrowthError if more than
-        the share `GROWN` of the largest energy comes from neither loads nor contacts that travel.
+        the share `pmr.simulation.stepping.GROWN` of the largest energy comes from neither loads nor contacts that
+        travel.
         """
         paths, inputs, least = self.form.kernel.paths, self.form.kernel.inputs, 0.0
 

@@ -355,8 +355,8 @@ class BodyStep:
     def free(self, scaled: Array, v: Array, f: Array) -> Array:
         """Rows (n_local,) of this rank of the solution b_free without contact forces.
 
-        `scaled` (n_local,) and v (n_local,) are this rank's rows of q* / dq and v*, as in `Integrator`; f (i,) are the
-        loads.
+        `scaled` (n_local,) and v (n_local,) are this rank's rows of q* / dq and v*: the predicted coordinates, divided
+        by their derivative by the step's new acceleration, and the predicted rates.  f (i,) are the loads.
         """
         w = self._v_gain * scaled - v
         self._x.getArray()[:] = scaled + self._damped.of_mass * w

@@ -87,7 +87,7 @@ def equilibrium(assembly: Assembly, x: Array, f: Array, c: Array | None = None) 
     assembly : Assembly
         System with n coordinates, m contacts, i inputs and k terms.
     x : (sides,) array, m
-        Positions of the sides of all contacts (`System.coordinates`).
+        Positions of the sides of all contacts (`System.side_coordinates`).
     f : (i,) array
         Loads, one for each input.
     c : (k,) array, optional
@@ -315,7 +315,7 @@ def buckling_factors(assembly: Assembly, x: Array, coefficients: Mapping[str, fl
     ----------
     assembly : Assembly
     x : (sides,) array, m
-        Positions of the sides of all contacts, as `pmr.system.system.System.coordinates` returns them.
+        Positions of the sides of all contacts, as `System.side_coordinates` returns them.
     coefficients : mapping of str to float
         Amplitude c_k of each term of the system, by the term's name; zero for terms that are not named.
     count : int
