@@ -62,7 +62,7 @@ class _Views:
         chosen = self.bodies.moments()
         views = [Shot((*self._pieces_at(m, SIDE), *self._ground_pieces(m)), SIDE, self.limits) for m in chosen]
         for number, (moment, shot) in enumerate(zip(chosen, frame_shots(views, WIDTH), strict=True), start=1):
-            yield View(f"view-{number}", shot, self._caption(moment))
+            yield View(f"view-{number}", shot, self._caption(moment, is_first=number == 1))
         if self.bodies.cell_stresses:
             yield self._peak_view(self.bodies.moment_of_peak())
 
@@ -224,11 +224,11 @@ class _Views:
         )
         return View("close", shot, caption)
 
-    def _caption(self, moment: Moment) -> str:
+    def _caption(self, moment: Moment, is_first: bool) -> str:
         """Return the caption of a view.
 
-        It states the extension beyond the mouth (or the reach), the time, the largest stress and the scale of
-        displacements.
+        It states the extension beyond the mouth (or the reach), the time and the largest stress.  The first view's
+        caption also states what holds for all views, such as the scale of displacements.
         """
         stress = ""
         if self.bodies.cell_stresses:
@@ -240,6 +240,7 @@ class _Views:
             t=_two_decimals(moment.t, "s"),
             stress=stress,
             scale=self.bodies.scale,
+            is_first=is_first,
         )
 
 

@@ -261,7 +261,8 @@ def _force_block(result: RunResult, prefix: str, kind: str, heading: str, *more:
         for first in range(0, len(shown), MOST_FORCES):
             panels = {force.name: force.history for force in shown[first : first + MOST_FORCES]}
             name, quantity = f"{prefix}-{anchor}-{len(drawn) + 1}", UNIT_QUANTITIES[unit].capitalize()
-            drawn.append(drawing(name, panel_figure, _caption(result, kind, unit), result, panels, unit, quantity))
+            caption = _caption(result, kind, unit, is_first=first == 0)
+            drawn.append(drawing(name, panel_figure, caption, result, panels, unit, quantity))
     idle = [force.name for force in forces if force not in bearing]
     text = f"No force at any time on {', '.join(idle)}." if idle else ""
     grids = tuple(grid for grid in (_force_grid(result, kind, bearing), *more) if grid.rows)
@@ -274,8 +275,11 @@ def exceeds_round_off(result: RunResult, force: Force) -> bool:
     return any(float(np.abs(force.history(of)).max(initial=0.0)) > of.force_floor for of in responses)
 
 
-def _caption(result: RunResult, kind: str, unit: str) -> str:
-    """Caption of a figure of forces of one `kind`, or of moments if `unit` is ``N m``."""
+def _caption(result: RunResult, kind: str, unit: str, is_first: bool) -> str:
+    """Caption of a figure of forces of one `kind`, or of moments if `unit` is ``N m``.
+
+    The caption of a figure that is not the first one of its kind refers to the figure before it.
+    """
     return prose(
         "forces",
         kind=kind,
@@ -284,6 +288,7 @@ def _caption(result: RunResult, kind: str, unit: str) -> str:
         is_slider=is_alone(result) and not result.scene.pads,
         is_luffing_cylinder=kind == "support" and is_luffing_cylinder_alone(result),
         has_peaks=result.responses["reduced"].force_peaks is not None and has_pushing_pads(result),
+        is_first=is_first,
     )
 
 
