@@ -1,8 +1,8 @@
 r"""Estimate the error of a reduced model without a full model.
 
 The error comes from inertia and damping of the truncated modes.  A second run has more coordinates: the first truncated
-modes (enrichment modes), and attachment modes (`pmr.system.attachment`), which add inertia and damping of all further
-modes in the directions of all loads that acted on a body in the first run:
+modes (enrichment modes), and attachment modes (`pmr.system.attachment`).  These add inertia and damping of all further
+modes, in the directions of all loads that acted on a body in the first run:
 
 .. math:: \text{estimate} = 1.25 \lVert y_{\text{second}} - y_r \rVert
 

@@ -37,9 +37,11 @@ def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
     """Write a script that simulates the system saved in `npz_path` under its scene's paths and loads, to `target`.
 
     The script's data are written into the same folder.  The script needs numpy, scipy and exudyn only; its path is
-    returned.  Raises InputError as `script_data`, if the file holds no system, if matrices of the system or lengths of
-    its ropes change in time, if it has friction or a hoist, or if the data would replace a file that holds anything but
-    data of a script.
+    returned.
+
+    Raises InputError as `script_data`; if the file holds no system; if matrices of the system or lengths of its ropes
+    change in time; if it has friction or a hoist; or if the data would replace a file that holds anything but data of a
+    script.
     """
     npz_path, target = Path(npz_path), Path(target)
     system = System.load(npz_path).ensure_constant(npz_path.name).ensure_lengths_stay(npz_path.name)

@@ -276,9 +276,9 @@ def watch(kalman: KalmanFilter, values: Array, step: float) -> Watched:
 
     `values` (T, p) are the measurements at steps of `step` s, NaN for missing ones.  Measurements of a sensor that is
     stuck are not used.  A sensor has an alarm at all steps at which it is stuck or silent (`find_stuck`,
-    `find_silent`), or at which the mean square of its innovations is large; only in the last case it is checked whether
-    the sensor is at fault (`isolate`), and a sensor at fault is excluded.  It stays excluded, and has an alarm, until
-    the mean square of its innovations has been below `NORMAL` for `RETURN` s.
+    `find_silent`), or at which the mean square of its innovations is above `ALARM`.  Only in the last case it is
+    checked whether the sensor is at fault (`isolate`).  A sensor at fault is excluded, and has an alarm, until the mean
+    square of its innovations has been below `NORMAL` for `RETURN` s.
     """
     (T, p), N, q = values.shape, len(kalman.x), kalman.outputs_count
     of_outputs, of_states = np.zeros((2, T, q)), np.zeros((2, T, N))

@@ -220,9 +220,9 @@ class BoxBoom:
     def layers(self, start: float, end: float) -> list[float]:
         """Ends of the layers of cells between the stations `start` and `end` (m), as shares of their distance.
 
-        Layers have the ordinary length `layer`.  If the boom has a short first layer at its tail (`tail_layer`), each
-        of the next layers is twice as long as the one before, until layers have the ordinary length or half of the
-        distance is filled.
+        Layers have about the length `layer`, and all the same.  If the boom has a short first layer at its tail
+        (`tail_layer`) and `start` is 0, each of the next layers is twice as long as the one before, until a layer would
+        have the ordinary length or half of the distance would be filled.
         """
         fine: list[float] = []
         if start == 0.0 and self.tail_layer:

@@ -314,8 +314,10 @@ class PositionObserver:
         A position follows from the accelerations up to `delay` s later; `math.inf` stands for all of the record.
 
         `activity` (T,), or one number for all steps, is the power of vibrations that only a slider in motion excites,
-        such as those above the modes' frequencies, in the unit of `active` and `noise` of the settings.  Raises
-        InputError for arrays of other shapes, for an activity that is not finite or below 0, and for a delay below 0.
+        such as those above the modes' frequencies.  It has the unit of `active` and `noise` of the settings.
+
+        Raises InputError for arrays of other shapes, for an activity that is not finite or below 0, and for a delay
+        below 0.
         """
         y = np.ascontiguousarray(acceleration, float)
         if y.ndim != 1:

@@ -1,8 +1,10 @@
 """Checks of a moving frame, its luffing cylinder and a hoist, which raise InputError.
 
-Refused are angles that jump, whatever the motion of the frame or its terms of second order do not cover, a luffing
-cylinder without an arm about the pivot, and what does not go with a luffing angle that is computed with the boom.
-Places of head and winch of a hoist on the boom stand here too.
+Refused are motions of a frame that jump, and a luffing cylinder without an arm about the pivot.  So are models that
+can't follow the frame (matrices without a mesh; planar ones if the boom leaves its vertical plane) and places at which
+supports and loads are not covered by terms of second order.  Beside a luffing angle that is computed, the cylinder
+needs a drive, and supports may neither hold the angle nor give way to it.  Places of head and winch of a hoist on the
+boom stand here too.
 """
 
 from __future__ import annotations
@@ -65,7 +67,10 @@ def _check_computed(scene: Scene, frame: Frame, computed: str) -> None:
 
 
 def _check_ground(scene: Scene) -> None:
-    """Refuse a ground without gravity, and a ground under a base whose forces at the pivot are not known."""
+    """Refuse a ground without gravity, and one under a base section whose forces at the pivot are not known.
+
+    They are not known with supports of "all" points, and with a model that has no motion along the boom.
+    """
     if scene.gravity is None:
         raise scene_error("gravity", None, "a table is needed with frame.ground, as the weight presses on the ground")
     for i, support in enumerate(scene.sections[0].supports):

@@ -218,9 +218,9 @@ def _response_at_rest(
 ) -> Response:
     """Response at rest in the posture `place`: forces of springs and contacts, on supports and on the machine.
 
-    Each of the T `states` (T, n + m + i) consists of coordinates, contact forces and loads; c (T, k) are amplitudes of
-    k terms at these states; x and `rows` are the sides' positions and the contacts as in `rest_rows`.  The response has
-    no displacements and no energies.
+    Each of the T `states` (T, n + m + i) consists of coordinates, contact forces and loads, and c (T, k) are amplitudes
+    of k terms at these states.  x and `rows` are the sides' positions and the contacts as in `rest_rows`.  The response
+    has no displacements and no energies.
     """
     system, (n, m), count = assembly.system, (assembly.size, len(rows.C)), len(states)
     q, forces, loads = np.split(states, [n, n + m], axis=1)

@@ -1,9 +1,9 @@
 r"""A boom on a base that moves freely: momenta of the boom, and forces of the boom on its base, in the boom's axes.
 
-The boom's frame, with its origin O at the pivot, has the velocity v and the angular velocity omega.  A section with its
-tail at d = p + X e_x (the base section's tail is at p, X is the sum of extensions) has points, with the density
-:math:`\rho`, at the position x = d + r + u, with the position r from the tail and the displacement u = Phi q by
-coordinates q; with second-order terms, u includes the shortening of the boom along its axis as it bends.  With the
+The boom's frame, with its origin O at the pivot, has the velocity v and the angular velocity omega.  The tail of a
+section is at d = p + X e_x: that of the base section is at p, and X is the sum of extensions.  A point of the section,
+with the density :math:`\rho` and the position r from the tail, is at x = d + r + u with the displacement u = Phi q by
+coordinates q.  With second-order terms, u includes the shortening of the boom along its axis as it bends.  With the
 first moments of each section over 1, x, y, z (l = 0 to 3) along the axis j
 
 .. math::

@@ -11,10 +11,10 @@ Forces of rigid supports, which have no multiplier of their own, follow from the
 
 is the force of the body on each support, with the rows :math:`C_f` of the rigid supports and the rows C(s) of sliders
 and pads.  It is positive along the support's direction, like the force of a support with a stiffness.  Any such motions
-are right for a full model.  A reduced model uses the static ones, with all sliders and pads released: for these
-:math:`\Phi^T K q = 0` for every q that the supports allow, so the local stiffness at a support, which few coordinates
-represent badly, has no influence (Craig and Bampton's constraint modes; for a statically determinate body they are
-rigid motions, and the equations are the sums of forces and moments).
+are right for a full model.  A reduced model uses the static ones, with all sliders and pads released (Craig and
+Bampton's constraint modes).  For these :math:`\Phi^T K q = 0` for every q that the supports allow, so the local
+stiffness at a support, which few coordinates represent badly, has no influence.  For a statically determinate body they
+are rigid motions, and the equations are the sums of forces and moments.
 """
 
 from __future__ import annotations

@@ -38,8 +38,8 @@ reaches the sections.  The pads of the joint slide by y, the extension s less th
 .. math:: y = s - \Lambda / k, \qquad C q + H f - G \lambda - \lambda / k = \sum f / k
 
 so there is also friction if a section swings on its cylinder.  Sections are taken as rigid along the boom: friction is
-a force between the tails of both sections.  As it acts on the face that a pad touches, at the distance e from the axis,
-it is also a moment e f on both sections; with the pad's row c(x), the work of this moment is :math:`e f\, c'(x) q`.
+a force between the tails of both sections.  It acts on the face that a pad touches, at the distance e from the axis, so
+it is also a moment e f on both sections.  With the pad's row c(x), the work of this moment is :math:`e f\, c'(x) q`.
 """
 
 from __future__ import annotations

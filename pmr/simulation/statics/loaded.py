@@ -5,9 +5,9 @@ r"""A structure at rest under a load that grows: the response as a rational func
 
 for coordinates q and contact forces :math:`\lambda`, with the stiffness K, rows C and flexibility F of the contacts,
 forces b and gaps g.  G is the geometric stiffness; the index 0 marks what the fixed loads cause, 1 what a unit of the
-load that grows causes.  Let the set of closed contacts be fixed, :math:`A = L L^T` the flexibility of the structure
-with the stiffness :math:`K + G_0`, :math:`V \eta V^T` the eigenvalues and eigenvectors of :math:`L^T G_1 L`, and U = L
-V.  Then
+load that grows causes.  For a fixed set of closed contacts, let :math:`A = L L^T` be the flexibility of the structure
+with the stiffness :math:`K + G_0`.  With :math:`L^T G_1 L = V \eta V^T`, where :math:`\eta` holds the eigenvalues and V
+the eigenvectors, and with :math:`U = L V`,
 
 .. math::
     q(P) = \bar q(P) - P\, U\, (I + P \eta)^{-1} U^T G_1\, \bar q(P), \qquad \bar q(P) = q_0 + P\, q_1
