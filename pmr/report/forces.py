@@ -306,8 +306,7 @@ def _force_grid(result: RunResult, kind: str, forces: Sequence[Force]) -> Grid:
     on, signs = " on supports that give way" if kind == "support" else "", SIGNS.get(kind, "")
     if kind == "support" and is_luffing_cylinder_alone(result):
         on, signs = " of the luffing cylinder", " Positive where it pushes."
-    floor = ROUND_OFF * float(np.abs(response.slider_force).max())
-    return extremes_grid(result, f"Least and largest forces{on}", measured, signs, floor)
+    return extremes_grid(result, f"Least and largest forces{on}", measured, signs, response.force_floor)
 
 
 def _reaction_grid(result: RunResult, at_pivot: bool, caption: str) -> Grid:

@@ -84,6 +84,10 @@ def idle(result: RunResult, **forces: float) -> RunResult:
     return replace(result, responses=found)
 
 
+def test_a_body_without_pads_has_no_table_of_their_forces(make_result) -> None:
+    assert contact_block(idle(make_result(responses=("full", "reduced"))), "case-1") is None
+
+
 def test_a_pad_that_never_touches_has_no_panel_and_no_row(probed: RunResult, monkeypatch) -> None:
     """Neither one without any force, nor one that round-off alone presses on; both are named."""
     result, panels = idle(probed, lower=1.0, upper=0.0, aside=1e-14, other=1e-3), []
