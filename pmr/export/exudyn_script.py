@@ -70,9 +70,9 @@ def _is_free(file: Path) -> bool:
 def script_data(system: System, source: str) -> Arrays:
     """Arrays that the script reads, by name: matrices, contacts, signals, start.
 
-    Raises InputError, which names the file `source`, for a system that the script can't simulate: its provenance has no
-    usable scene, the scene has a frame that moves or a signal that is no sum of polynomials and sines, or no output is
-    a displacement.
+    Raises InputError, which names the file `source`, for a system that the script can't simulate: if its provenance has
+    no usable scene; if the scene has a frame that moves, or a signal that is no sum of polynomials and sines; or if no
+    output is a displacement.
     """
     for body in system.bodies.values():
         if ALONE in system.bodies:

@@ -127,7 +127,7 @@ class _Files:
 
         `within` are the files that led to the card, the deck first.  The file is looked for in the folder of the deck,
         then in that of the file that names it.  Raises InputError, with file and line, for a file that is missing or
-        includes itself.
+        includes itself, and beyond the depth `DEEPEST` or the number `MOST_INCLUSIONS` of inclusions.
         """
         name = card.options.get("INPUT", "")
         files = [folder / name for folder in (self.folder, within[-1].parent)]

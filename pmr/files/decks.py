@@ -101,6 +101,7 @@ class _Assembly:
         """Add the `content` of the instance `name`, nodes, elements and sets, to the whole deck.
 
         Nodes and elements keep their numbers unless the whole has one of them already; `place` is that of the instance.
+        Raises InputError, with file and line, if an element has a node that `content` lacks.
         """
         joined, numbers = self.joined, Numbers.of(content)
         if not joined.nodes.keys().isdisjoint(numbers.nodes):

@@ -170,8 +170,8 @@ def _read_damping(files: ForeignFiles, pairs: Indices) -> sp.csr_matrix:
     """Return the damping matrix (n, n) on the coordinates `pairs` (n, 2), node and direction of each.
 
     A file whose rows have no labels is returned in the size that it has.  If its entries state their node and
-    direction, all other coordinates are not damped.  Raises InputError if the damping is structural, or acts on other
-    coordinates than the stiffness.
+    direction, all other coordinates are not damped.  Raises InputError if the damping is structural, if it acts on
+    other coordinates than the stiffness, or if a matrix is named of a file whose format has no names.
     """
     path, name = files.damping, files.damping_name
     assert path is not None

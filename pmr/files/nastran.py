@@ -143,8 +143,9 @@ def _read_bulk(path: Path, lines: Lines) -> Bulk:
 def _read_lines(path: Path, within: Sequence[Path] = ()) -> Lines:
     """Return the lines of a file with their numbers; lines of included files stand in place of their INCLUDE.
 
-    Lines of an included file have the number of the line with INCLUDE.  `within` are the files that include this one.
-    Raises UnreadableError for a file that is missing or includes itself.
+    Lines of an included file have the number of the line with INCLUDE.  `within` are the files that include this one,
+    the deck first.  An included file is looked for in the folder of the deck, then in that of the file that names it.
+    Raises UnreadableError for a file that is missing or includes itself, and beyond the depth `DEEPEST`.
     """
     lines = list[tuple[int, str]]()
     for number, text in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):

@@ -169,9 +169,9 @@ class Resistance:
     def spring_nodes(self) -> NDArray[np.bool_]:
         """Mask (N,) of grounded nodes that are held by a spring.
 
-        The spring acts at the node, or at a point within the body's length of the node.  The forces are then a
-        symmetric matrix S (3, 3) times the displacement of this point.  With the vector d from the node to the point, F
-        = S, and G w = S (w x d) for a rotation w.
+        The spring acts at the node, or at a point within the body's length of the node.  Its force is then a symmetric
+        matrix S (3, 3) times the displacement of this point: S v if the body moves by v, and S (w x d) if it turns by w
+        about the node, with the vector d from the node to the point.
         """
         translations = self.direction < 3
         S, G = self.blocks, np.zeros((len(self.points), 3, 3))

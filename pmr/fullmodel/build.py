@@ -332,11 +332,11 @@ def log_warnings(built: Iterable[AssembledBody], comm: MPI.Comm) -> None:
 
 
 def warnings(structure: Structure) -> list[str]:
-    """Warnings about a structure: nodes of given matrices that could not be checked, seams, round-off in the stiffness.
+    """Warning about a structure, as a list of one text; empty if there is nothing to warn of.
 
-    A seam of a mesh is open where several nodes lie at one place.  Very short elements cause round-off.  There is a
-    warning of round-off if it changes the lowest frequency by more than the share `NOTICED_ROUND_OFF`.  The list is
-    empty if there is nothing to warn of.
+    The first of these is told: nodes of given matrices that could not be checked, an open seam, round-off.  A seam of a
+    mesh is open where several nodes lie at one place.  Very short elements cause round-off in the stiffness, which is
+    told if it changes the lowest frequency by more than the share `NOTICED_ROUND_OFF`.
     """
     if getattr(structure.model, "unchecked", False):
         return [UNCHECKED]

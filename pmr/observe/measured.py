@@ -61,7 +61,8 @@ class ObserverFile:
         """Return the observer that this file describes, for a reduced `system` that moves along the paths of `scene`.
 
         `summary` is the content of the run's ``summary.json``; the errors that it states for outputs count as errors of
-        the observer's model.
+        the observer's model.  Raises InputError if the payload's gravity is not the scene's gravity along -z; also as
+        `linearize` and `Observer`.
         """
         if self.payload is not None and self.payload.gravity and scene.gravity is not None:
             across = -scene.gravity.acceleration * scene.gravity.direction[2]

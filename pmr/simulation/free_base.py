@@ -260,8 +260,8 @@ def base_equations(
 class FreeBase:
     """Inertia of a boom of S sections on n coordinates, in the order of `pmr.system.assembly.Assembly`.
 
-    Raises InputError for planar sections, for a frame that does not slew, and if it is not known how supports hold the
-    base.
+    Raises InputError for planar sections, for a scene without a frame that turns the boom out of its vertical plane,
+    and if it is not known how supports hold the base.
     """
 
     def __init__(self, scene: Scene, system: System, assembly: Assembly | None = None) -> None:

@@ -201,7 +201,8 @@ def write_fmu(
     Raises
     ------
     InputError
-        If the file holds neither a system nor a model, a rigid contact only pushes, or a binary is missing; also as
+        If `version` is another one, the file holds neither a system nor a model, a rigid contact only pushes, or a
+        binary is missing; also as
         `pmr.simulation.SystemSimulator` and `UnitObserver.arrays`.
     """
     if version not in VERSIONS:
