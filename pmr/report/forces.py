@@ -30,7 +30,7 @@ from pmr.results.tables import REACTION_OF, reaction_extremes
 from pmr.scene.keys import LUFFING_CYLINDER
 from pmr.scene.mechanism import AT_PIVOT
 
-MOST_FORCES = 6  # largest number of panels in one figure
+MOST_FORCES = 4  # largest number of panels in one figure
 #: Sentences on the sign of forces, by the kind of output, for forces whose signs seem to contradict another table.
 SIGNS = {
     "support": " Positive along the axes: a support that is pressed down has a negative force, and so has one in place "

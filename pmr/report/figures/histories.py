@@ -204,8 +204,8 @@ def history_figure(
     panels, differences = [(label, signals)], time.differences(signals)
     if largest_of(differences) > 0.0 or error is not None:
         panels.append(("Difference" if differences else "Error", differences))
-    gaps = {"height_ratios": (1.35, 1.0)[: len(panels)], "hspace": 0.12}
-    figure, axes = make_sheet(WIDE, 2.25 if len(panels) > 1 else 1.7, len(panels), gridspec_kw=gaps)
+    gaps = {"height_ratios": (1.15, 1.0)[: len(panels)], "hspace": 0.12}
+    figure, axes = make_sheet(WIDE, 2.4 if len(panels) > 1 else 1.7, len(panels), gridspec_kw=gaps)
     for ax, (name, panel) in zip(axes[:, 0], panels, strict=True):
         band = error if panel is differences else None
         unit = unit_for(max(largest_of(panel), 0.0 if band is None else float(band.max())), base)
@@ -228,7 +228,7 @@ def panel_figure(result: RunResult, panels: Mapping[str, ResponseFunction], base
     time = Timeline(result)
     signals = {name: time.signals(of) for name, of in panels.items()}
     unit, columns = unit_for(largest_of(*signals.values()), base), min(len(panels), 2)
-    tall, weight = (0.62, 0.6) if columns > 1 else (1.2, 1.0)
+    tall, weight = (0.72, 0.6) if columns > 1 else (1.2, 1.0)
     figure, axes = make_panels(len(panels), tall, 0.09, 0.3, sharex=True, sharey=True)
     for k, (ax, (name, panel)) in enumerate(zip(axes, signals.items(), strict=True)):
         time.trace(ax, panel, unit.size, weight)
