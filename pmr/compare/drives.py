@@ -310,8 +310,9 @@ def hoist_part(scene: Scene, response: Response) -> SummaryPart:
 
     ``weight_force`` is the rope's force if the payload is at rest, :math:`m g / n` with the mass m, gravity g and n
     falls.  ``factor`` is the largest force over this one, a hoist or stop factor of the motion.  ``slack`` lists the
-    spans in which the rope is slack (`slack_spans`); a warning names them.  The part is empty if the scene has no hoist
-    or no gravity, or the response no hook.
+    spans in which the rope is slack (`slack_spans`).  Warnings name these spans, a hook below the ground, and a rope
+    that moves at t = 0 with another speed than its payload.  The part is empty if the scene has no hoist or no gravity,
+    or the response no hook.
     """
     hoist = scene.hoist
     if hoist is None or scene.gravity is None or not response.of(KINDS[HEIGHT]).shape[1]:

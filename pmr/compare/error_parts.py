@@ -101,7 +101,8 @@ def reduction_error(
 ) -> ReductionError:
     """Estimate the error of the reduction by enrichment modes, or for a single body by the `other` model.
 
-    The result lists the effects that the error does not cover.  `other` is None for booms of several sections.  If
+    The result lists the effects that the error does not cover, and warns of them; if there is no estimate, it has the
+    reason.  Further warnings are those of `estimate_warnings`.  `other` is None for booms of several sections.  If
     `estimated` is not None, it is taken as the estimate, which is then not computed.  The estimate is a stage of
     `clock`.
     """
@@ -179,8 +180,9 @@ def estimate_summary(estimated: Estimate, not_covered: Sequence[str] = ()) -> di
 def estimate_warnings(
     models: Mapping[str, ReducedModel], stepping: TimeStepping, estimated: Estimate | None
 ) -> list[str]:
-    """Warnings about too few coordinates, and about a step that is too long for an estimate without damping.
+    """Warnings about too few coordinates and, for a body alone with a moving slider, about too long a step.
 
+    The step is too long if it does not resolve the highest mode although rho_inf is 1, so that nothing damps it.
     `models` are by name of the body; `estimated` is None if there is no estimate.
     """
     beam, chi = (0.0, 0.0) if estimated is None else (estimated.error_of("beam"), estimated.chi or 0.0)

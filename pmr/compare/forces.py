@@ -38,7 +38,8 @@ def forces_part(scene: Scene, system: System, response: Response) -> SummaryPart
     Each has its time and place.  Pads have the largest mean ``pressure`` in Pa too, the size of their force over length
     times width, and the ``allowed_pressure`` of their ring if it states one.  Cylinders also have the largest
     ``friction`` in N to be overcome, the energy in J ``dissipated`` by friction, and their impulses at ``kinks``.
-    Warnings name pulled pads, unknown forces, and a pressure above the allowed one.
+    Warnings name pulled pads, a pressure above the allowed one, forces and reactions that are not known, and kinks of
+    paths at which cylinders take impulses.
     """
     joined, along, figures = len(scene.sections) > 1, scene.path_positions(response.t), dict[str, Any]()
     pressed: Sequence[str] = ()

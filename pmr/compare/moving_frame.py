@@ -34,6 +34,7 @@ ACROSS = 1e-9
 def frame_part(scene: Scene, system: System, excitation: Excitation, frequencies: Frequencies) -> SummaryPart:
     r"""Entries ``frame`` and ``buckling`` of summary.json; the part is empty if the scene has no frame.
 
+    ``luffing``, ``slewing`` and ``base`` are the ranges of the frame's motions, and ``angular_velocity`` is in rad/s.
     With the largest angular velocity :math:`\omega` of the frame and the lowest circular frequency :math:`\omega_1` on
     the way, ``gyroscopic`` is :math:`2 |\omega| / \omega_1` and ``centrifugal`` is :math:`(|\omega| / \omega_1)^2`.
     Both are sizes, relative to the stiffness, of terms that are left out without second order.  Both are None past the
@@ -41,7 +42,12 @@ def frame_part(scene: Scene, system: System, excitation: Excitation, frequencies
     the frequencies, or ``unstressed`` without second order.
 
     ``share`` is the largest share by which axial forces and the frame's speed change the stiffness
-    (`second_order_effect`); if it is above ``limit``, second order matters.
+    (`second_order_effect`); if it is above ``limit``, second order matters.  ``factor`` is the least factor on axial
+    forces at which the boom buckles, at the time ``t`` in s; ``over`` has it at some times of the run, None if nothing
+    presses.  Without second order, ``buckling`` is left out if contacts do not hold the bodies.
+
+    Warnings name second order that is left out although it matters, models that can't show buckling across the plane,
+    and times past the buckling load.
     """
     if scene.frame is None:
         return SummaryPart()

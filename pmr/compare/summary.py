@@ -63,9 +63,10 @@ from pmr.system.system import System
 
 
 def origin_part(scene: Scene, libraries: Mapping[str, str] | None = None) -> SummaryPart:
-    """Origin of the result: title, hash, commit, date, machine, and versions of pmr and of `libraries`, with hints.
+    """Origin of the result: title, hash, commit, date, machine, and versions of pmr and of `libraries`.
 
-    `libraries` maps names to versions; None stands for no libraries.
+    ``notes`` are remarks of the scene on published values, and the warnings are hints on the scene
+    (`pmr.scene.hints`).  `libraries` maps names to versions; None stands for no libraries.
     """
     origin = environment.describe_origin(libraries)
     notes = list(scene.published.remarks) if scene.published else []
@@ -163,7 +164,10 @@ def parts_of_forces(scene: Scene, system: System, response: Response) -> list[Su
 def parts_of_motion(
     scene: Scene, simulated: SimulatedSystem, simulations: Simulations, natural: Frequencies, step: SummaryPart
 ) -> list[SummaryPart]:
-    """Parts on forces, error of the step, published frequencies, parts of steps, sampling, frame and energy.
+    """Parts on forces, steps, frequencies and the frame of a motion, in the order in which they are to be combined.
+
+    They are forces, dynamic factors, error of the step, published frequencies, lowest mode, parts of steps, sampling,
+    stress that was missed, frame and energy.
 
     `simulations` are the simulations of `simulated`; `natural` are natural frequencies on the way; `step` is the part
     on the error of the step.

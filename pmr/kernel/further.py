@@ -423,9 +423,11 @@ def mass_numbers(masses: Sequence[MachineMass]) -> Array:
 def ground_arrays(frame: Frame, system: System, paths: Sequence[str], reactions: Sequence[str]) -> Arrays:
     """Arrays of the outriggers, by name, of a system in a `frame` with these paths and reactions of rigid supports.
 
-    The arrays have the wrench (6,) about the pivot by a unit of each force on the ground, and the change of this wrench
-    by 1 m of each of P paths: (6, 1 + P).  The result is empty if the scene has no ground, or if a force between boom
-    and ground is not known.
+    ``ground_wrenches`` has the wrench (6,) about the pivot by a unit of each force on the ground, and the change of
+    this wrench by 1 m of each of P paths, (6, 1 + P); ``ground_sources`` has the numbers of these forces.  Further
+    arrays have the numbers of the base's motions and of the cylinder's force (-1 for what there is not), the masses,
+    and the corners, places, stiffness and tipping edges of the outriggers.  The result is empty if the scene has no
+    ground, or if a force between boom and ground is not known.
     """
     scene = frame.scene
     ground = None if scene.frame is None else scene.frame.ground

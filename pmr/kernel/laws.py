@@ -101,7 +101,7 @@ class FixedPoint:
     """
 
     def __init__(self, size: int, most: int = 32, add_up: Callable[[float], float] | None = None) -> None:
-        """Begin without iterates, for n = `size` numbers on this rank; `most` search directions at most are stored.
+        """Begin without iterates, for n = `size` numbers on this rank; no more than `most` search directions are kept.
 
         If each rank has a part of the iterates, `add_up` returns the sum over all ranks of the number that each passes.
         """

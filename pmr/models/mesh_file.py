@@ -134,8 +134,8 @@ def _deck_content(file: Path) -> MeshFile:
 
     Groups are the sets of elements, the sets of nodes and the surfaces.  Sets that begin with an underscore are a
     program's own and left out.  A warning names cards and elements that have no effect in a mesh.  Raises an
-    `InputError` for cells of other kinds or with curved edges, for nodes that are tied to others at other places, and
-    for other cards that join nodes.
+    `InputError` for cells of other kinds or with curved edges, for solid cells of two kinds, for nodes that are tied to
+    others at other places, and for other cards that join nodes.
     """
     deck = read_deck(file)
     for where, keyword in deck.further.constraints:

@@ -202,8 +202,7 @@ def write_fmu(
     ------
     InputError
         If `version` is another one, the file holds neither a system nor a model, a rigid contact only pushes, or a
-        binary is missing; also as
-        `pmr.simulation.SystemSimulator` and `UnitObserver.arrays`.
+        binary is missing; also as `pmr.simulation.SystemSimulator` and `UnitObserver.arrays`.
     """
     if version not in VERSIONS:
         raise InputError("command line", "--fmi", version, "2 or 3 is allowed")
