@@ -326,7 +326,7 @@ def _play_words(gap: float) -> str:
     if gap:
         return (
             f"the loads are those of pads without play; error bars have how much loads change by {1e3 * gap:g} mm of "
-            "play from face to face, all of it at top and left"
+            "play from face to face, all of it at top and left, more in a load case that presses the boom to a side"
         )
     return "the loads are those of pads with the play of the scene; error bars have how much loads change without it"
 
