@@ -6,9 +6,11 @@ Text of unknown origin is made safe for terminals, pages and drawings.  Public n
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from importlib import import_module
+from importlib.util import find_spec
 from math import floor, isfinite, log10
 from os.path import isdir
 from pathlib import Path
@@ -159,7 +161,7 @@ def lazy_names(
     `places` maps each public name to its object, written ``module:name``.  `before`, unless it is None, is called
     before a module is imported; it raises an error if the import would fail for want of a library.  For a name in
     `former` the function returns the object of the present name, with a DeprecationWarning.  For any other name it
-    raises AttributeError, which lists the names.
+    raises AttributeError, which says that a module has to be imported, or lists the names.
     """
 
     def find(name: str) -> Any:
@@ -169,6 +171,8 @@ def lazy_names(
                  DeprecationWarning, stacklevel=2)  # fmt: skip
             name = now
         if name not in places:
+            if package in sys.modules and find_spec(f"{package}.{name}"):
+                raise AttributeError(f"{package}.{name} is a module of its own: import {package}.{name}")
             raise AttributeError(
                 f"module {package!r} has no public name {name!r}; there are {', '.join(sorted(places))}"
             )

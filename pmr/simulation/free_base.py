@@ -55,6 +55,7 @@ from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import EliminatedContacts
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
+from pmr.system.truncation import extend
 
 
 def with_all_inertia(system: System) -> System:
@@ -62,7 +63,9 @@ def with_all_inertia(system: System) -> System:
     if all(len(body.quasi_static) == 0 for body in system.bodies.values()):
         return system
     bodies = {name: replace(body, quasi_static=np.zeros(0, np.int64)) for name, body in system.reduced.items()}
-    return system.with_bodies(bodies)
+    still = {name: len(body.quasi_static) for name, body in system.reduced.items()}
+    on_modes = {name: extend(model, still[name]) if still[name] else model for name, model in system.on_modes.items()}
+    return replace(system.with_bodies(bodies), on_modes=on_modes)
 
 
 @dataclass(frozen=True)

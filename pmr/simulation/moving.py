@@ -170,12 +170,13 @@ def path_ranges(system: System) -> dict[str, tuple[float, float]]:
     """
     ranges = system.ranges
     try:
-        excitation = None if ALONE in system.bodies else read_scene(system, "system").excitation
+        stored = None if ALONE in system.bodies else read_scene(system, "system", free=True)
     except InputError:
-        excitation = None
-    if excitation is None:
+        stored = None
+    if stored is None or stored.extends_freely:  # it goes wherever the rows allow
         return ranges
-    ends = {path: signal.bounds(0.0, excitation.stepping.end) for path, signal in excitation.paths.items()}
+    end, paths = stored.excitation.stepping.end, stored.excitation.paths
+    ends = {path: signal.bounds(0.0, end) for path, signal in paths.items()}
     return {path: (max(low, ends[path][0]), min(high, ends[path][1])) for path, (low, high) in ranges.items()}
 
 

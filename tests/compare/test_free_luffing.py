@@ -80,6 +80,15 @@ def test_oil_that_boils_has_a_warning() -> None:
     assert any(line.startswith("the oil on the rod side of the luffing cylinder would have -") for line in lines)
 
 
+def test_the_reduction_has_an_estimate_beside_a_free_angle_in_second_order() -> None:
+    """Modes that would have no inertia have it here, and the richer model of the estimate has further ones."""
+    keys = ["section.reduction.estimate=true", "compare.against=['full']", "frame.second_order=true"]
+    summary = pmr.run(pmr.load_scene("luffing_oil", [*QUICK, *keys])).result.summary
+    errors = summary["errors"]["reduced_vs_full"]
+    for kind in ("tip", "beam", "pad_force", "cylinder_force"):
+        assert 1.0 <= summary["estimate"][kind] / errors[kind] < 1.5
+
+
 def test_pads_that_pull_have_a_remedy_that_a_free_angle_takes(result: RunResult) -> None:
     """A full ring shares a force between the pad that bears and the one opposite; bearing faces alone carry it all."""
     assert not [line for line in result.summary["warnings"] if "pull" in line]

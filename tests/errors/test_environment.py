@@ -155,6 +155,11 @@ def test_a_name_that_there_is_not_lists_those_that_there_are() -> None:
         lazy_names("some", {"c": "json:c", "b": "json:b"})("d")
 
 
+def test_a_module_that_is_not_imported_yet_is_told_from_a_name_that_there_is_not() -> None:
+    with pytest.raises(AttributeError, match=r"^pmr.kernel is a module of its own: import pmr.kernel$"):
+        lazy_names("pmr", {})("kernel")
+
+
 def test_nothing_is_imported_where_it_would_be_in_vain() -> None:
     def missing() -> None:
         raise InputError("environment", "package", "missing", "nothing")

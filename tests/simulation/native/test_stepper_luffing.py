@@ -15,7 +15,7 @@ from pmr.export.fmi.variables import Drivers, variables
 from pmr.kernel.state import StepError
 from pmr.scene import Scene
 from pmr.simulation.free_base import with_all_inertia
-from pmr.simulation.moving import read_scene
+from pmr.simulation.moving import path_ranges, read_scene
 from pmr.simulation.native.free_motion import LuffingRun
 from pmr.simulation.native.machine import CYLINDER_COLUMNS
 
@@ -108,6 +108,12 @@ def test_the_rate_at_the_start_is_that_of_the_scene() -> None:
     carried = reference(drivers, read_scene(system, "system", free=True))
     start = {v.name: v.start for v in variables(drivers, carried.start_values, carried.nominal)}
     assert start["luffing_start_rate"] == pytest.approx(0.02, rel=1e-12)
+
+
+def test_paths_beside_a_free_angle_range_as_far_as_the_scene_moves_them() -> None:
+    out = f"sections.fly.joint.extension={RAMP}[0.6, 0.7]}}"
+    system = pmr.reduce(free_boom.scene(*KEYS[:-1], DRIVES["opening"], out)).system
+    assert path_ranges(system)["fly"] == pytest.approx((0.6, 0.7)) and system.ranges["fly"][1] > 0.8
 
 
 def test_a_saved_state_goes_on_alike_in_another_stepper() -> None:
