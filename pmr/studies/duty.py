@@ -136,6 +136,16 @@ class DutyTable:
     lower: Array  # (R, E) kg: the load less its error bars
     which: NDArray[np.int64]  # (R, E), number of the limit that governs; -1 where no limit is reached
     up_to: float  # kg
+    extensions: tuple[Mapping[str, Any], ...] = ()  # (E,) mappings of extensions in m by parameter of the study's runs
+
+    @property
+    def column_names(self) -> list[str]:
+        """Boom lengths as text, with the extensions of each section where several columns have the same length."""
+        names = [f"{length:.4g} m" for length in self.lengths]
+        return [
+            f"{name} ({extensions_text(self.extensions[e])})" if self.extensions and names.count(name) > 1 else name
+            for e, name in enumerate(names)
+        ]
 
     def load_text(self, load: float, digits: str = ".0f") -> str:
         """Return a load in kg as text in the format `digits`.
@@ -145,21 +155,26 @@ class DutyTable:
         return f">{self.up_to:{digits}}" if load >= self.up_to else f"{load:{digits}}"
 
     @classmethod
-    def from_loads(cls, least: LeastLoads, up_to: float) -> DutyTable:
-        """Return the duty table from the loads `least` of a chart; `up_to` is the largest load in kg that was tried."""
+    def from_loads(cls, least: LeastLoads, up_to: float, rows: Sequence[Mapping[str, Any]] = ()) -> DutyTable:
+        """Return the duty table from the loads `least` of a chart; `up_to` is the largest load in kg that was tried.
+
+        `rows` are the parameters of the rows of the chart, the extensions in m; they tell boom lengths apart that are
+        equal.
+        """
         radii = _round_radii(least.place[:, :, 0])
         lower = np.maximum(ChartLoads(least.load, least.error, up_to).lower, 0.0)
         columns = np.array([least.at_radii(radii, lower, e, up_to) for e in range(len(least.load))])
         load, bound = np.moveaxis(columns, 0, 2)  # (R, E, l) each
         limited, which = load.min(axis=2), load.argmin(axis=2)
         lengths = np.linalg.norm(least.place[:, 0], axis=1)
-        return cls(radii, lengths, limited, bound.min(axis=2), np.where(limited < up_to, which, -1), up_to)
+        which, extensions = np.where(limited < up_to, which, -1), tuple(rows[row] for row in least.order if rows)
+        return cls(radii, lengths, limited, bound.min(axis=2), which, up_to, extensions)
 
     def csv(self, names: Sequence[str]) -> str:
         """Return the table as text in CSV; `names` are the names of the limits."""
         heads = ["radius [m]"]
-        for length in self.lengths:
-            heads += [f"{length:.4g} m: {column}" for column in ("load [kg]", "lower bound [kg]", "governed by")]
+        for name in self.column_names:
+            heads += [f"{name}: {column}" for column in ("load [kg]", "lower bound [kg]", "governed by")]
         rows = []
         for r, radius in enumerate(self.radii):
             row = [f"{radius:.9g}"]
@@ -182,7 +197,9 @@ class DutyTable:
         book.properties.title = title
         for sheet, values in ((book.active, self.load), (book.create_sheet(), self.lower)):
             sheet.title = "Loads in kg" if values is self.load else "Lower bounds in kg"
-            sheet.append(["radius in m, boom length in m →", *(round(float(length), 3) for length in self.lengths)])
+            lengths = zip(self.lengths, self.column_names, strict=True)
+            heads = (name if "(" in name else round(float(length), 3) for length, name in lengths)
+            sheet.append(["radius in m, boom length in m →", *heads])
             for radius, row in zip(self.radii, values, strict=True):
                 loads = (None if np.isnan(cell) else float(cell) for cell in row)
                 cells = (self.load_text(cell) if cell is not None and cell >= self.up_to else cell for cell in loads)
@@ -198,6 +215,11 @@ class DutyTable:
         file = io.BytesIO()
         book.save(file)
         return file.getvalue()
+
+
+def extensions_text(parameters: Mapping[str, Any]) -> str:
+    """Return the extensions in m of a row of a chart as text, from the parameters of the row's run."""
+    return " + ".join(f"{name.removeprefix('extension.')} {float(out or 0.0):.4g}" for name, out in parameters.items())
 
 
 def _angles_at_radii(radii: Array, place: Array, luffing: Array) -> Array:

@@ -143,3 +143,21 @@ def test_a_limit_that_is_not_reached_at_two_angles_does_not_govern_between_them(
     between = duty.radii <= 10.0 * np.cos(np.deg2rad(20.0))
     assert between.sum() > 5 and np.all(duty.load[between] == up_to) and np.all(duty.lower[between] == up_to)
     assert np.all(duty.which[between] == -1) and np.all(duty.which[~between] == 0)
+
+
+def test_boom_lengths_that_are_equal_are_told_apart_by_their_extensions() -> None:
+    """Two ways to 12 m, whose loads differ, beside one to 8 m: none has the name of another."""
+    angle = np.deg2rad(np.linspace(0.0, 44.0, 6))
+    ways = [(12.0, 9000.0, 3.5, 3.0), (8.0, 9000.0, 1.0, 1.5), (12.0, 8000.0, 3.0, 3.5)]
+    rows = [
+        {"load": moment / (length * np.cos(angle))[:, None], "error": np.zeros((6, 1)), "luffing": angle,
+         "place": length * np.stack([np.cos(angle), np.sin(angle)], axis=1)}
+        for length, moment, _, _ in ways
+    ]  # fmt: skip
+    extensions = [{"extension.middle": middle, "extension.fly": fly} for _, _, middle, fly in ways]
+    duty = DutyTable.from_loads(LeastLoads.from_rows(rows, 1), UP_TO, extensions)
+    assert duty.column_names == ["8 m", "12 m (middle 3.5 + fly 3)", "12 m (middle 3 + fly 3.5)"]
+    heads, *_, last = csv.reader(io.StringIO(duty.csv(["tipping"])))
+    cells = dict(zip(heads, last, strict=True))
+    assert float(cells["12 m (middle 3.5 + fly 3): load [kg]"]) == pytest.approx(9000.0 / 12.0)
+    assert float(cells["12 m (middle 3 + fly 3.5): load [kg]"]) == pytest.approx(8000.0 / 12.0)

@@ -76,7 +76,8 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     shown = f"{SCREEN}{pointer_cells(chart, texts)}{END_OF_SCREEN}</svg>"
     picture = replace(picture, svg=picture.svg.replace("</svg>", shown, 1))
     lines = drawing(f"{prefix}-duty", duty_lines, duty_caption(len(chart.load)), chart, fits=True)
-    duty = tuple(duty_grids(study, DutyTable.from_loads(table, up_to), not_covered))
+    rows = [run.parameters for run in study.results.runs]
+    duty = tuple(duty_grids(study, DutyTable.from_loads(table, up_to, rows), not_covered))
     play = "play" in present_parts(parts)
     facts = {"figures": study.figures, "play": play, "not_covered": not_covered}
     method = prose("chart_method", study_file=study.study_file, **facts)

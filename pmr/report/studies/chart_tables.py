@@ -299,7 +299,7 @@ def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Itera
     parts_of_columns = np.array_split(columns, -(-len(columns) // LENGTHS_BESIDE))
     for text, values in named.items():
         for n, part in enumerate(parts_of_columns):
-            head = ("radius in m", *(f"{duty.lengths[e]:.4g}{SPACE}m" for e in part))
+            head = ("radius in m", *(duty.column_names[e].replace(" m", f"{SPACE}m", 1) for e in part))
             rows = [(f"{radius:.5g}", *(cell(r, int(e), values) for e in part)) for r, radius in enumerate(duty.radii)]
             caption = "The same for longer booms." if n else text
             yield Grid(caption, head, tuple(row for row in rows if any(row[1:])), "small")

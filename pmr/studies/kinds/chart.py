@@ -256,8 +256,9 @@ class Study(StudyBase):
         loads = self.loads(table)
         rows = [self._cells(table, loads, k, *point) for k, point in enumerate(points)]
         cells = [[_cell(value) for _, value in row] for row in rows]
-        done_rows = [results.arrays(run.key) for run in results.runs if run.status == "done"]
-        duty = DutyTable.from_loads(LeastLoads.from_rows(done_rows, len(self.slewing)), self.up_to)
+        done_runs = [run for run in results.runs if run.status == "done"]
+        least = LeastLoads.from_rows([results.arrays(run.key) for run in done_runs], len(self.slewing))
+        duty = DutyTable.from_loads(least, self.up_to, [run.parameters for run in done_runs])
         return {
             "chart.csv": csv_text([head for head, _ in rows[0]], cells),
             "duty.csv": duty.csv(self.names),
