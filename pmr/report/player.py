@@ -226,7 +226,8 @@ def body_motion(bodies: MovingBodies) -> dict[str, Any]:
 def _frame_motion(bodies: MovingBodies) -> dict[str, Any] | None:
     """Motion of a frame for the player; None if the scene has no frame.
 
-    The motion has rotations (frames, 9), origins (frames, 3) in m, angles, and centre and size of the picture.
+    The motion has rotations (frames, 9), origins (frames, 3) in m, the angles (frames,) of luffing and slewing in
+    degrees, and the centre (3,) and the size in m of what is seen.
     """
     frame, pose = bodies.result.frame, bodies.result.pose(bodies.t)
     if frame is None or pose is None:

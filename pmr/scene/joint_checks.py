@@ -295,7 +295,8 @@ def _check_ground_supports(scene: Scene, number: int) -> None:
 def check_extension(scene: Scene, number: int) -> None:
     """Refuse extensions that bring section `number` behind the tail of the next outer section, or out of that section.
 
-    The pads of the section must not leave the outer section, and pads of tail and mouth must not overlap on a face.
+    The section has to reach the pads at the mouth, its own pads must not leave the outer section, and pads of tail and
+    mouth must not overlap on a face.
 
     A carriage, without pads at a mouth, may go wherever its own pads are on the next outer section (`_check_pads`).
     """

@@ -115,7 +115,7 @@ class Damping(ShorthandTable):
     @model_validator(mode="before")
     @classmethod
     def _resolve_ratio(cls, data: object) -> object:
-        """Add the factors of mass and stiffness that follow from `ratio` and `frequencies`.
+        """Add the factors of mass and stiffness that follow from `ratio` and `frequencies`, if one of these is given.
 
         Refuses other keys together with these, a negative ratio, and anything but two ascending positive frequencies.
         """

@@ -82,7 +82,7 @@ class Drivers:
         #: names, by number, of drivers that have inertia in the frame and no warning yet of a missing second rate
         self._unwarned = (dict(enumerate(self.paths)) | self._angles) if self._in_frame else {}
         self._told, self._placed, self._started = set[str](), False, False
-        self._fill_in_start, self._begun_rows = motions.copy(), rows.copy()  # motions at the end of the last step
+        self._begun_motions, self._begun_rows = motions.copy(), rows.copy()  # motions at the end of the last step
 
         # by name: numbers of motions, and limits of values and changes that are taken without further checks
         unlimited = (-LARGEST, LARGEST, 2.0 * LARGEST, LARGEST)
@@ -211,15 +211,15 @@ class Drivers:
         """
         smooth, mean = (
             np.minimum(self.rows, self._begun_rows) >= 2,
-            (self.motions[0] - self._fill_in_start[0]) / self._step,
+            (self.motions[0] - self._begun_motions[0]) / self._step,
         )
-        rates[0], rates[1] = np.where(smooth, self._fill_in_start[1], mean), np.where(smooth, self.motions[1], mean)
+        rates[0], rates[1] = np.where(smooth, self._begun_motions[1], mean), np.where(smooth, self.motions[1], mean)
 
     def end_step(self) -> None:
         """End a step, or the start: values stay for the next step, but rates have to be given again."""
         if self._in_frame or self._in_parts:
             if self._in_parts:
-                self._fill_in_start[:], self._begun_rows[:] = self.motions, self.rows
+                self._begun_motions[:], self._begun_rows[:] = self.motions, self.rows
             self.rows.fill(1)
         self._started = True
 

@@ -308,7 +308,7 @@ class MachineRun:
         self._given, self._first = base_motions(scene, np.zeros(1))[0], self.machine["motions"][0].copy()
         self._free, self._sprung = np.isin(DIRECTIONS, frame.machine.free), self.machine["stiffness"] > 0.0
         begun = [[getattr(of, axis) for axis in DIRECTIONS] for of in (frame.machine.start, frame.machine.rate)]
-        self._fill_in_start = np.array(begun) * direction_units(scene)  # (2, 6): motions in free directions, rates
+        self._stated_start = np.array(begun) * direction_units(scene)  # (2, 6): motions in free directions, then rates
         self._inertial = [system.input_names[k] for k in self.machine["inertial"]] if self._free.any() else []
         self.simulation, self._in_balance = (
             MachineSimulation(state, self.machine, reasons),
@@ -343,7 +343,7 @@ class MachineRun:
         Otherwise the machine begins with the motion that the scene states, and the boom undeformed and at rest.
         """
         motion = self._given.copy()
-        motion[:2, self._free] += self._fill_in_start[:, self._free]
+        motion[:2, self._free] += self._stated_start[:, self._free]
         if self._in_balance:
             motion = self._balance_springs(motion)
         if self._in_balance and (self._luffs or self._system.hoist):

@@ -185,7 +185,7 @@ class Stepper:
             (low, high, JUMP * (high - low)) if alone and len(paths) == 1 else (1.0, 0.0, 0.0)
         )
         self._load = len(paths) if alone and len(loads) == 1 else -1
-        self._file_content: Any = memoryview(bound.motions[0])
+        self._driver_values: Any = memoryview(bound.motions[0])
         self._same_memory = alone and system.on_one_path and max(chosen, default=0) < len(every)
         self._advance = bound.step_by_rates if self._in_parts else bound.step
         self._observe, self._y = bound.observe, bound.values
@@ -212,16 +212,17 @@ class Stepper:
         ------
         InputError
             If a path leaves its range or would cross all of the range in a step, an angle other than slewing is more
-            than a turn, a number is not finite, the system has no such name, or there is not one load for each input.
-            A motion that jumps, or that has no second rate in a frame, is reported once by a warning of `logging`.  So
-            are, in a frame, displacements that are too large for the theory, and a machine that tips.
+            than a turn, a number is not finite, the system has no such name, or there is not one load for each input;
+            also if a luffing angle or an extension is given that is free.  A motion that jumps, or that has no second
+            rate in a frame, is reported once by a warning of `logging`.  So are, in a frame, displacements that are too
+            large for the theory, and a machine that tips.
         SimulationError
             If contacts depend on each other, a search within the step does not end, or a force on the ground is not
             finite: the message names the step, its time and what failed.
         """
         drivers = self._drivers
         if type(F) is float and self._load >= 0 and F - F == 0.0:  # F - F is NaN unless F is finite
-            self._file_content[self._load] = F
+            self._driver_values[self._load] = F
         elif F is not None:
             drivers.take_loads(F)
         if frame is not None:
@@ -229,8 +230,8 @@ class Stepper:
                 allowed = "none is allowed after the start, for the luffing angle is free"
                 raise InputError("stepper", "frame.luffing", frame[LUFFING], allowed)
             drivers.take_frame(frame)
-        if type(s) is float and self._low <= s <= self._high and abs(s - self._file_content[0]) <= self._jump:
-            self._file_content[0] = s
+        if type(s) is float and self._low <= s <= self._high and abs(s - self._driver_values[0]) <= self._jump:
+            self._driver_values[0] = s
         else:
             if self._moved:
                 self._refuse_moved(s)
