@@ -160,7 +160,7 @@ static int evaluate_along(pmr_state *st, const double *at, const double *seed_at
     failed = hold && !to->closed ? PMR_REFUSED : stand_under(st, at);
     if (!failed) failed = find_position_forces(st, hold, to->closed);
     if (!failed) {
-        find_all(st, st->values);
+        find_all(st, 1, st->values);
         if (seed_at) {
             failed = find_changes(st, at, seed_at, dz, dv, to);
         } else {

@@ -172,7 +172,7 @@ static double displaced(const pmr_state *st, int k, const double *z, const doubl
 {
     const pmr_system *y = st->system;
     const int l = y->hoist_inputs[k];
-    double sum = dot(y->B + (size_t)l * y->modes, z, 0, y->modes);
+    double sum = dot(y->B + (size_t)l * y->modes, z, y->input_modes[2 * l], y->input_modes[2 * l + 1]);
     int n;
     sum += dot(y->load_energy + (size_t)l * y->ip, st->loads, 0, y->ip);
     for (n = 0; n < y->rows; n++) sum -= (rows ? rows[n] : st->H[n * y->ip + l]) * st->lambda[n];

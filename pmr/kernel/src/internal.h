@@ -74,6 +74,8 @@ struct pmr_system {
     const double *clearance;       /* (rows) m */
     const int32_t *pushes;         /* (rows) */
     const int32_t *row_modes;      /* (rows, 2): modes that a row touches */
+    int32_t *input_modes;          /* (i, 2): modes that a load touches */
+    int32_t *mode_inputs;          /* (r' / PMR_LANES, 2): loads that touch so many modes */
     const double *path_ends;       /* (P, 2) m */
     const pmr_block *block_list;
     const pmr_pair *pair_list;
@@ -122,7 +124,7 @@ struct pmr_system {
         *cylinder_moments;       /* (sources, 1 + P): moment about the pivot of a unit of each, m, and by each path */
     const int32_t *cylinder_pin; /* (3): reactions of a pin along x and z, less than 0: none; source at the lug */
     /* outriggers (ground.c): their outputs, 0 without any; forces that press on the ground and masses of the machine */
-    int32_t ground, ground_sources, ground_mass_count;
+    int32_t ground, ground_sources, ground_mass_count, ground_reads_outputs;
     const int32_t *ground_numbers;     /* (5): motions that accelerate the base, gravity, source that is a cylinder which gives
                                           way; less than 0: none */
     const int32_t *ground_source_list; /* (sources): as those of the cylinder */

@@ -80,7 +80,7 @@ static void tell_motions(const pmr_machine_run *ms, int64_t k, const double *b)
     for (n = 0; n < count; n++) ms->state->motions[3 * count + n] = 3.0;
 }
 
-/* Step k in which free directions end with such rates (6,), those of others left out. */
+/* Step k in which free directions end with such rates (6,), those of others left out, from where the boom began it. */
 static int try_rates(pmr_machine_run *ms, int64_t k, const double *rates)
 {
     const pmr_machine *m = ms->machine;
@@ -130,7 +130,6 @@ static int try_rates(pmr_machine_run *ms, int64_t k, const double *rates)
         else
             ms->new_smooth[n] = ms->new_inertia[n] = loads[m->inertial[n]];
     }
-    restore_boom(ms);
     failed = step_boom(ms->state, ms->u, NULL);
     if (failed) return failed;
     z[0] = ms->state->z, z[1] = z[2] = ms->state->v;
@@ -174,12 +173,14 @@ static int find_machine_slope(pmr_machine_run *ms, int64_t k, const int *which, 
         int failed;
         copy(rates, at.b + 6, 6);
         rates[which[n]] += MACHINE_DIFFERENCE;
+        restore_boom(ms);
         failed = try_rates(ms, k, rates);
         if (failed) return failed;
         for (j = 0; j < count; j++)
             ms->past.slope[j * count + n] = (ms->now.left[which[j]] - at.left[which[j]]) / MACHINE_DIFFERENCE;
     }
     ms->past.slope_known = 1;
+    restore_boom(ms);
     return try_rates(ms, k, at.b + 6); /* what is taken is what was tried last */
 }
 
@@ -234,19 +235,22 @@ static int is_taut(const pmr_state *st) { return st->system->hoist && st->hoist[
    rates of modes were foreseen wrong, over the square of the steps since the last one. */
 static void learn_answer(pmr_machine_run *ms, double change)
 {
-    const size_t rates = (size_t)(ms->state->v - ms->state->mark), modes = (size_t)ms->state->system->modes;
+    const size_t rates = (size_t)(ms->state->v - ms->state->mark);
     const double *now;
     const double age = ms->past.answer_age, by_change = 1.0 / change, by_age = ms->past.answers ? 1.0 / age : 0.0;
-    double *answer = ms->answer, *drift = ms->answer_drift, off = 0.0, all = 0.0;
+    double off = 0.0, all = 0.0;
     size_t at, count, n;
     int part;
+    for (n = 0; n < (size_t)ms->state->system->modes; n++) {
+        const double is = (ms->state->v[n] - ms->tried[rates + n]) * by_change,
+                     missed = is - ms->answer[rates + n] - ms->answer_drift[rates + n] * age;
+        off += missed * missed, all += is * is;
+    }
     for (part = 0; (now = end_part(ms, part, &at, &count)); part++)
-        for (n = 0; n < count; n++) {
-            const double is = (now[n] - ms->tried[at + n]) * by_change, more = is - answer[at + n],
-                         missed = more - drift[at + n] * age;
-            answer[at + n] = is;
-            drift[at + n] = more * by_age;
-            if (at + n - rates < modes) off += missed * missed, all += is * is;
+        for (n = 0; n < count; n += VL) {
+            const vec is = (CONST_LOOSE(now + n) - CV(ms->tried + at + n)) * by_change;
+            V(ms->answer_drift + at + n) = (is - CV(ms->answer + at + n)) * by_age;
+            V(ms->answer + at + n) = is;
         }
     ms->past.answer_off = all > 0.0 ? sqrt(off / all) / (age * age) : 1.0;
     ms->past.answer_age = 0;
@@ -261,28 +265,45 @@ static double answered_slope(const pmr_machine_run *ms, int n)
     return ms->answer[at] + ms->answer_drift[at] * ms->past.answer_age;
 }
 
+/* Add to numbers of an end, from number `at` on, what a change of the rate makes of them. */
+static void add_answer(const pmr_machine_run *ms, double change, size_t at, size_t count, double *now)
+{
+    const double drifted = change * ms->past.answer_age, *answer = ms->answer + at, *drift = ms->answer_drift + at;
+    size_t n;
+    for (n = 0; n < count; n += VL) LOOSE(now + n) += CV(answer + n) * change + CV(drift + n) * drifted;
+}
+
 /* Go on from the end that was tried to that of a rate of direction n which differs by a change, `error` of the fastest, if
-   the answer is that good, and the law of the cylinder agrees with it; whether this was so. */
+   the answer is that good, and the law of the cylinder agrees with it; whether this was so: else the end is kept as
+   tried. */
 static int follow_answer(pmr_machine_run *ms, int64_t k, int n, double change, double error)
 {
     const machine_past *past = &ms->past;
-    const double age = past->answer_age, off = age > 0.0 ? past->answer_off * age * age : ANSWER_FRESH,
-                 drifted = change * age;
-    double springs[6], *now;
+    const double age = past->answer_age, off = age > 0.0 ? past->answer_off * age * age : ANSWER_FRESH;
+    double springs[6], *now, force = 0.0; /* of a rope */
     size_t at, count;
     int part;
     if (past->answers < 2 || age > ANSWER_AGE || !(error * off <= ANSWER_LEFT) || ms->state->system->pads ||
         is_taut(ms->state) != past->answer_taut)
         return 0;
-    for (part = 0; (now = end_part(ms, part, &at, &count)); part++) {
-        add_columns(ms->answer + at, 0, &change, 1, now, (int)count);
-        add_columns(ms->answer_drift + at, 0, &drifted, 1, now, (int)count);
-    }
+    now = end_part(ms, 1, &at, &count);
+    memcpy(ms->tried + at, now, count * sizeof(double));
+    add_answer(ms, change, at, count, now);
     find_springs(ms->machine, k, ms->now.b, springs);
     if (ms->machine->cylinder.kind) push_by_cylinder(ms, k, ms->now.b, springs);
-    return fabs(springs[n] - ms->now.whole.springs[n]) * ms->state->settings.step <=
-               MACHINE_ROUND_OFF * fabs(past->slope[0] * change / error) &&
-           is_taut(ms->state) == past->answer_taut;
+    if (ms->state->system->hoist) {
+        const size_t rope = (size_t)(ms->state->hoist + AT_FORCE - ms->state->mark);
+        force = ms->state->hoist[AT_FORCE] + change * (ms->answer[rope] + ms->answer_drift[rope] * age);
+    }
+    if (!(fabs(springs[n] - ms->now.whole.springs[n]) * ms->state->settings.step <=
+          MACHINE_ROUND_OFF * fabs(past->slope[0] * change / error)) ||
+        (force > 0.0) != past->answer_taut) {
+        memcpy(now, ms->tried + at, count * sizeof(double));
+        return 0;
+    }
+    for (part = 0; (now = end_part(ms, part, &at, &count)); part++)
+        if (part != 1) add_answer(ms, change, at, count, now);
+    return 1;
 }
 
 /* Find the motion at the end of step k; PMR_LOST if it is not found. */
@@ -334,8 +355,9 @@ static int find_motion_at(pmr_machine_run *ms, int64_t k)
             square = change[0] * change[0];
         }
         for (n = 0; n < count; n++) rates[which[n]] += change[n];
-        if (count == 1 && !tries) keep_end_tried(ms); /* before it goes on by the answer */
         if (count == 1 && follow_answer(ms, k, which[0], change[0], error)) return PMR_DONE;
+        if (count == 1 && !tries) keep_end_tried(ms);
+        restore_boom(ms);
         failed = try_rates(ms, k, rates);
         if (failed) return failed;
         if (!tries && count == 1 && error > MACHINE_NEAR) learn_answer(ms, change[0]);

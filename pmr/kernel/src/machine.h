@@ -61,6 +61,7 @@ struct pmr_machine_run {
     pmr_state *state;
     pmr_machine own; /* of a free luffing angle: arrays of two steps */
     double loaded[3]; /* N, Pa: force of a length's spring, and pressures, at the start */
+    int32_t moves;                 /* whether a path does */
     int32_t rows_known;            /* orders of rates that the tables have; 0: they are of another moment */
     int32_t *ranges;               /* (matrices, MOST_SECTIONS + 1, 2) of modes (moments.c) */
     machine_past past;

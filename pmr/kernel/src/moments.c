@@ -14,12 +14,14 @@ static void place_moving(pmr_machine_run *ms, int64_t k)
     const int orders = m->luffs ? ms->orders : 3; /* nobody asks what holds a free luffing angle's frame */
     moved_tables tables = {{NULL}, {NULL}, {NULL}};
     int same = ms->rows_known >= orders, stands = st->placed, a, b, p;
+    ms->moves = 0;
     for (p = 0; p < y->paths; p++) {
         const int32_t motion = y->frame_paths[p];
         const moved now = {motions[motion], rates[motion], motions[2 * y->motions + motion]};
         same = same && at[p].at == now.at && at[p].rate == now.rate && at[p].second == now.second;
         stands = stands && st->s[p] == now.at;
         at[p] = now;
+        ms->moves = ms->moves || now.rate != 0.0 || now.second != 0.0;
         st->u_begun[p] = now.at;
     }
     if (!stands) {
@@ -65,8 +67,9 @@ static void answer(pmr_machine_run *ms, const double *const z[3])
         for (a = 0; a < ms->count; a++) {
             const int row = ms->giving[a];
             double sum = 0.0;
-            for (j = 0; j <= order; j++) { /* the derivative of C z - F lambda */
-                sum += BINOMIAL[order][j] * dot(ms->tables.C[order - j] + (size_t)row * y->modes, z[j], 0, y->modes);
+            for (j = ms->moves ? 0 : order; j <= order; j++) { /* the derivative of C z - F lambda */
+                sum += BINOMIAL[order][j] * dot(ms->tables.C[order - j] + (size_t)row * y->modes, z[j],
+                                                y->row_modes[2 * row], y->row_modes[2 * row + 1]);
                 for (b = 0; j < order && b < ms->count; b++)
                     sum -= BINOMIAL[order][j] * ms->tables.A[order - j][(size_t)row * y->mp + ms->giving[b]] *
                            ms->lambda[j * y->mp + b];
@@ -84,9 +87,10 @@ static void find_inertial(pmr_machine_run *ms, const double *const z[3])
     int order, j, a, l;
     for (order = 0; order < ms->orders; order++) {
         double *values = ms->inertial[order];
-        for (l = 0; l < y->inputs; l++) values[l] = dot(y->B + (size_t)l * y->modes, z[order], 0, y->modes);
+        for (l = 0; l < y->inputs; l++)
+            values[l] = dot(y->B + (size_t)l * y->modes, z[order], y->input_modes[2 * l], y->input_modes[2 * l + 1]);
         for (a = 0; a < ms->count; a++)
-            for (j = 0; j <= order; j++)
+            for (j = ms->moves ? 0 : order; j <= order; j++)
                 add_share(values, ms->tables.H[order - j] + (size_t)ms->giving[a] * y->ip,
                           -BINOMIAL[order][j] * ms->lambda[j * y->mp + a], y->ip);
     }
@@ -135,11 +139,25 @@ static void multiply_modes(pmr_machine_run *ms, int number, const double *z)
     const int r = ms->state->system->modes;
     const double *A = matrix_of(ms, number);
     const int32_t *range;
-    memset(ms->product, 0, r * sizeof(double));
-    for (range = ranges_of(ms, number); range[1]; range += 2) {
-        const int from = range[0], width = range[1] - from;
-        add_columns(A + (size_t)from * r + from, r, z + from, width, ms->product + from, width);
-    }
+    int n, k;
+    for (range = ranges_of(ms, number); range[1]; range += 2)
+        for (n = range[0]; n < range[1]; n += VL) {
+            vec even = {0.0}, odd = {0.0};
+            for (k = range[0]; k < range[1]; k += 2) {
+                even += CONST_LOOSE(A + (size_t)k * r + n) * z[k];
+                odd += CONST_LOOSE(A + (size_t)(k + 1) * r + n) * z[k + 1];
+            }
+            V(ms->product + n) = even + odd;
+        }
+}
+
+/* z A x of one of the matrices, after `multiply_modes` of z. */
+static double product_with(const pmr_machine_run *ms, int number, const double *x)
+{
+    const int32_t *range;
+    double sum = 0.0;
+    for (range = ranges_of(ms, number); range[1]; range += 2) sum += dot(ms->product, x, range[0], range[1]);
+    return sum;
 }
 
 /* Sum of r x u out of first moments A_lj = sum r_l u_j. */
@@ -179,7 +197,6 @@ static void find_boom(pmr_machine_run *ms, int64_t k, const double *const z[3])
     const pmr_machine *m = ms->machine;
     const pmr_system *y = ms->state->system;
     const double *motions = m->motions + (size_t)k * 3 * y->motions, *rates = m->rates + (size_t)k * y->motions;
-    const int r = y->modes;
     boom_moments *boom = &ms->boom;
     double length[3] = {0.0, 0.0, 0.0}, A[9], second[9], rate[9];
     int n, i, j, l, o;
@@ -215,13 +232,13 @@ static void find_boom(pmr_machine_run *ms, int64_t k, const double *const z[3])
             f2 = e[2] / (e[0] * e[0]) - 2.0 * e[1] * e[1] / (e[0] * e[0] * e[0]);
         }
         multiply_modes(ms, ROTATING + SECOND + n, z[0]);
-        zz = dot(ms->product, z[0], 0, r), zv = dot(ms->product, z[1], 0, r);
+        zz = product_with(ms, ROTATING + SECOND + n, z[0]), zv = product_with(ms, ROTATING + SECOND + n, z[1]);
         c->mu[0][of[1]][0] += f * zz / 2.0;
         c->mu[1][of[1]][0] += f * zv + f1 * zz / 2.0;
         if (ms->orders < 3) continue;
-        za = dot(ms->product, z[2], 0, r);
+        za = product_with(ms, ROTATING + SECOND + n, z[2]);
         multiply_modes(ms, ROTATING + SECOND + n, z[1]);
-        vv = dot(ms->product, z[1], 0, r);
+        vv = product_with(ms, ROTATING + SECOND + n, z[1]);
         c->mu[2][of[1]][0] += f * (za + vv) + 2.0 * f1 * zv + f2 * zz / 2.0;
     }
     for (o = 0; o < 3; o++)
@@ -241,7 +258,7 @@ static void find_boom(pmr_machine_run *ms, int64_t k, const double *const z[3])
         turning_of(A, h);
         for (j = 0; j < 3; j++) {
             multiply_modes(ms, j, z[0]);
-            h[j] += dot(ms->product, z[o], 0, r);
+            h[j] += product_with(ms, j, z[o]);
         }
     }
     for (l = 0; l < 9; l++) second[l] = rate[l] = 0.0;
@@ -258,9 +275,9 @@ static void find_boom(pmr_machine_run *ms, int64_t k, const double *const z[3])
     }
     for (i = 0; i < 3; i++)
         for (j = i; j < 3; j++) {
-            double zz, zv;
-            multiply_modes(ms, ROTATING + 3 * i + j, z[0]);
-            zz = dot(ms->product, z[0], 0, r) / 2.0, zv = ms->orders < 3 ? 0.0 : dot(ms->product, z[1], 0, r);
+            const int number = ROTATING + 3 * i + j;
+            multiply_modes(ms, number, z[0]);
+            const double zz = product_with(ms, number, z[0]) / 2.0, zv = ms->orders < 3 ? 0.0 : product_with(ms, number, z[1]);
             second[3 * i + j] += zz, rate[3 * i + j] += zv;
             if (i != j) second[3 * j + i] += zz, rate[3 * j + i] += zv;
         }

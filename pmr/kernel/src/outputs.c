@@ -90,12 +90,13 @@ static void add_supports(const pmr_system *y, const double *v, const double *amp
         }
 }
 
-/* Outputs, reactions, forces and a rope's wrench on its winch one after the other, as frame.c reads them. */
-static void find_all(pmr_state *st, double *values)
+/* Outputs unless these are left out, reactions, forces and a rope's wrench on its winch one after the other, as frame.c
+   reads them. */
+static void find_all(pmr_state *st, int with_outputs, double *values)
 {
     const pmr_system *y = st->system;
     const double *f = st->u + y->paths;
-    find_outputs(st, y->observed, 0, y->op, st->z, f, NULL, NULL, values);
+    if (with_outputs) find_outputs(st, y->observed, 0, y->op, st->z, f, NULL, NULL, values);
     find_outputs(st, y->observed + 1, 0, y->hp, st->z, f, NULL, NULL, values + y->op);
     add_supports(y, st->v, f + y->inputs, st->z, st->v, values + y->op);
     forces_of(st, st->lambda, st->friction, values + y->op + y->hp);
@@ -113,7 +114,7 @@ static void show_behind(pmr_state *st, double *to)
 static int further_outputs(pmr_state *st, double *further)
 {
     const pmr_system *y = st->system;
-    find_all(st, st->values);
+    find_all(st, 1, st->values);
     copy(further, st->values + y->op, y->reactions);
     show_behind(st, further + y->reactions + 3 * y->has_tip + (y->sources > 0) + y->ground);
     return y->motions ? pmr_frame_outputs(y, st->motions, NULL, st->values, NULL, further, NULL) : PMR_DONE;
@@ -142,7 +143,7 @@ static int observe(pmr_state *st, int count, const int32_t *numbers, double *val
     for (k = 0; k < count; k++)
         if (numbers[k] < ground) values[k] = st->values[numbers[k] + (numbers[k] < outputs ? 0 : to_forces)];
     if (!stands) return PMR_DONE;
-    find_all(st, st->values);
+    find_all(st, y->ground_reads_outputs, st->values);
     failed = pmr_ground_outputs(y, st->motions, NULL, st->values, NULL, st->shown, NULL);
     for (k = 0; k < count && !failed; k++)
         if (numbers[k] >= ground) values[k] = st->shown[numbers[k] - ground];

@@ -13,8 +13,9 @@ INLINE void load_bodies(pmr_state *st, const double *f)
     f = with_pulls(st, f);
     for (l = 0; l < y->inputs; l++) st->loads[l] = f[l];
     for (n = 0; n < y->modes; n += VL) {
+        const int32_t *touching = y->mode_inputs + 2 * (n / PMR_LANES);
         vec sum = {0.0};
-        for (l = 0; l < y->inputs; l++) sum += CV(y->B + l * y->modes + n) * f[l];
+        for (l = touching[0]; l < touching[1]; l++) sum += CV(y->B + l * y->modes + n) * f[l];
         V(st->push + n) = sum;
     }
     for (k = 0; k < y->contacts; k++) {

@@ -20,7 +20,8 @@ static void accelerate(pmr_state *st, const double *f, double *a)
     for (n = 0; n < y->modes; n += VL) {
         vec sum = CV(y->omega2 + n) * CV(st->z + n);
         if (!y->coupled) sum += CV(y->damping + n) * CV(st->v + n);
-        for (l = 0; l < y->inputs; l++) sum -= CV(y->B + l * y->modes + n) * f[l];
+        const int32_t *touching = y->mode_inputs + 2 * (n / PMR_LANES);
+        for (l = touching[0]; l < touching[1]; l++) sum -= CV(y->B + l * y->modes + n) * f[l];
         V(a + n) = -sum;
     }
     if (y->coupled)

@@ -210,6 +210,8 @@ static int read_ground(pmr_system *y, char *why)
     s->places = numbers + 5, s->stiffness = s->places + 2 * s->outriggers;
     s->edges = s->stiffness + s->outriggers;
     y->ground = 7 + s->outriggers + s->corners;
+    y->ground_reads_outputs = !within(y->ground_source_list, y->ground_sources, y->outputs, (int32_t)forces) ||
+                              (y->ground_numbers[4] >= 0 && y->ground_numbers[4] < y->outputs);
     return 0;
 }
 
@@ -467,6 +469,23 @@ static int find_spans(const pmr_system *y, pmr_observed *set)
     return !set->spans;
 }
 
+/* Which loads touch which modes. */
+static int find_touched(pmr_system *y)
+{
+    int32_t k;
+    y->input_modes = malloc(2 * sizeof(int32_t) * (y->inputs + 1));
+    y->mode_inputs = malloc(2 * sizeof(int32_t) * (y->modes / PMR_LANES + 1));
+    if (!y->input_modes || !y->mode_inputs) return 1;
+    for (k = 0; k < y->inputs; k++) {
+        int32_t *touched = y->input_modes + 2 * k;
+        find_span(y->B + (size_t)k * y->modes, y->modes, 1, 1, touched);
+        touched[0] = touched[0] / PMR_LANES * PMR_LANES, touched[1] = PMR_UP(touched[1]);
+    }
+    for (k = 0; k < y->modes / PMR_LANES; k++)
+        find_span(y->B + PMR_LANES * k, y->inputs, y->modes, PMR_LANES, y->mode_inputs + 2 * k);
+    return 0;
+}
+
 int pmr_system_open(const void *block, size_t bytes, pmr_system **system, char *why)
 {
     pmr_system *y = calloc(1, sizeof *y);
@@ -480,7 +499,7 @@ int pmr_system_open(const void *block, size_t bytes, pmr_system **system, char *
     }
     y->observed[0] = (pmr_observed){y->op, 0, y->shapes, y->direct, y->X0, y->table_X, NULL};
     y->observed[1] = (pmr_observed){y->hp, 1, y->reaction_shapes, y->reaction_direct, y->reaction_X0, y->table_R, NULL};
-    if (find_spans(y, y->observed) || find_spans(y, y->observed + 1)) {
+    if (find_spans(y, y->observed) || find_spans(y, y->observed + 1) || find_touched(y)) {
         pmr_system_close(y);
         return pmr_say(why, "no memory"), PMR_NO_MEMORY;
     }
@@ -494,6 +513,8 @@ void pmr_system_close(pmr_system *system)
     int k;
     if (!system) return;
     for (k = 0; k < 2; k++) free(system->observed[k].spans);
+    free(system->input_modes);
+    free(system->mode_inputs);
     free(system);
 }
 

@@ -152,31 +152,34 @@ class Drivers:
         its `limits`, with a second rate where inertia needs one.  Otherwise the caller takes one after the other.
         """
         written, rates, seconds, counts = self._values, self._rates, self._seconds, self._counts
+        unwarned = self._unwarned
         for name, motion in motions.items():
             k, low, high, jump, fastest = limits.get(name, NOWHERE)
             if type(motion) is float:
-                if not (low <= motion <= high and -jump <= motion - written[k] <= jump) or k in self._unwarned:
+                if not (low <= motion <= high and -jump <= motion - written[k] <= jump) or k in unwarned:
                     return False
                 continue
             if type(motion) is not tuple or not 2 <= len(motion) <= 3:
                 return False
             value, rate, second = motion if len(motion) == 3 else (*motion, 0.0)
-            if not (type(value) is type(rate) is type(second) is float):
-                return False
-            change = value - written[k]
-            if not (low <= value <= high and -jump <= change <= jump and -fastest <= rate <= fastest):
-                return False
-            if not -LARGEST <= second <= LARGEST or (second == 0.0 == seconds[k] and self._lacks_inertia(k, change)):
+            if not (
+                type(value) is type(rate) is type(second) is float
+                and low <= value <= high
+                and -jump <= (change := value - written[k]) <= jump
+                and -fastest <= rate <= fastest
+                and -LARGEST <= second <= LARGEST
+            ) or (second == 0.0 and k in unwarned and seconds[k] == 0.0 and self._lacks_inertia(k, change)):
                 return False
         for name, motion in motions.items():
             k = limits[name][0]
             if type(motion) is float:
-                written[k] = motion
-                rates[k] = seconds[k] = 0.0
-                counts[k] = 1
-                continue
-            written[k], rates[k], seconds[k] = motion if len(motion) == 3 else (*motion, 0.0)
-            counts[k] = len(motion)
+                written[k], rates[k], seconds[k] = motion, 0.0, 0.0  # `end_step` has set its count to 1
+            elif len(motion) == 3:
+                written[k], rates[k], seconds[k] = motion
+                counts[k] = 3
+            else:
+                written[k], rates[k] = motion
+                seconds[k], counts[k] = 0.0, 2
         return True
 
     def take_loads(self, F: Values) -> None:

@@ -19,9 +19,11 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pmr.errors import InputError, SimulationError
 from pmr.files.arrays import Array
@@ -46,6 +48,17 @@ from pmr.system.contacts import Friction
 from pmr.system.system import System
 
 logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class _WatchedKind:
+    """Watched outputs w of one kind, and the limits between which no warning is needed."""
+
+    outputs: BoundStep
+    numbers: NDArray[np.intp]  # (w,): in `WatchedOutputs`
+    low: Array  # (w,)
+    high: Array  # (w,)
+
 
 #: Distance in m within which a section that follows a free extension has to begin.
 FOLLOWS = 1e-6
@@ -151,10 +164,12 @@ class Stepper:
         self._bound = bound = BoundStep(self._state, [k if k < len(every) else k + beyond for k in chosen])
         self._watched = watched_outputs(system, None if moving is None else moving.scene, self.output_names)
         numbers = [self.output_names.index(name) for name in self._watched.names]
-        self._unwarned = dict[int, BoundStep]()  # outputs of each kind of which no warning was given
+        self._unwarned = dict[int, _WatchedKind]()  # outputs of each kind of which no warning was given
         for kind in set(self._watched.kinds):
-            of_kind = [k for k, its in zip(numbers, self._watched.kinds, strict=True) if its == kind]
-            self._unwarned[kind] = BoundStep(self._state, [k if k < len(every) else k + beyond for k in of_kind])
+            watched = np.flatnonzero(np.array(self._watched.kinds) == kind)
+            of_kind = [numbers[n] for n in watched.tolist()]
+            bound_to_kind = BoundStep(self._state, [k if k < len(every) else k + beyond for k in of_kind])
+            self._unwarned[kind] = _WatchedKind(bound_to_kind, watched, *self._watched.limits[watched].T.copy())
         self._steps = 0
         names, of_frame = kernel.names("drivers"), None
         paths, loads = names[: kernel.paths], {name: names.index(name) for name in system.load_names}
@@ -430,15 +445,15 @@ class Stepper:
 
     def _warn_beyond_limits(self) -> None:
         """Log a warning, once for each kind of watched outputs, if one is beyond its limits."""
-        for kind, outputs in list(self._unwarned.items()):
-            if outputs.observe():
+        for kind, of_kind in list(self._unwarned.items()):
+            if of_kind.outputs.observe():
                 continue  # forces on the ground are not found: the step says so if they are among its outputs
-            numbers = np.flatnonzero(np.array(self._watched.kinds) == kind)
-            low, high = self._watched.limits[numbers].T
-            beyond = numbers[~((outputs.values >= low) & (outputs.values <= high))]  # also what is not a number
-            if beyond.size:
+            values = of_kind.outputs.values
+            within = (values >= of_kind.low) & (values <= of_kind.high)  # not so for what is not a number
+            if not within.all():
                 del self._unwarned[kind]
-                logger.warning("%s: %s", self._step_text(0), self._watched.messages[beyond[0]])
+                first = of_kind.numbers[within.argmin()]
+                logger.warning("%s: %s", self._step_text(0), self._watched.messages[first])
 
     def _raise_failure(self, failed: int, where: str) -> None:
         """Raise the error that the error code `failed` stands for; `where` names the step."""
