@@ -191,8 +191,9 @@ UNITS = tuple(sorted(_UNITS | {unit_text(unit) for unit in _UNITS if unit_text(u
 def read_table(file: Path) -> NumberTable:
     """Read a CSV table of numbers, whose first line has the names of columns with their units in brackets.
 
-    Empty lines are left out; an empty cell is NaN. Raises InputError, with the number of the line, for a unit that is
-    not in `UNITS`, for a cell that is no number and for a line of another length.
+    Empty lines are left out; an empty cell is NaN.  Raises InputError for a file that is missing or no text in UTF-8,
+    for a unit that is not in `UNITS` and, with the number of the line, for a cell that is no number and for a line of
+    another length.
     """
     try:
         with file.open(newline="", encoding="utf-8-sig") as stream:

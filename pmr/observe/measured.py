@@ -146,8 +146,9 @@ class Observation:
         ``excluded`` has, for each sensor that was excluded, the intervals [from, to] in s of its exclusion; to is null
         if the sensor is excluded at the end.  ``payload_drift`` is the first time in s at which the payload's estimate
         drifts, or null.  ``beyond`` has, for each sensor, how many measured values are not used because the scene's
-        motion does not cover their times.  ``faults`` has sentences on these four.  ``coverage`` and ``rms_error``
-        have, for each estimate with true values, the share of these values within the band of 90 %, and the RMS error.
+        motion does not cover their times.  ``faults`` has sentences on these four.  ``not_covered`` has the outputs for
+        which no part of the error budget has an error.  ``coverage`` and ``rms_error`` have, for each estimate with
+        true values, the share of these values within the band of 90 %, and the RMS error.
         """
         estimates, t = self.estimates, self.estimates.t
         names = (*estimates.unknowns, *estimates.outputs)

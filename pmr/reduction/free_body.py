@@ -196,7 +196,7 @@ def support_motions(body: FreeBody) -> Array | None:
         \Phi = P (\Phi_0 - K^+ K \Phi_0), \qquad \Phi_0 = R N + C_f^T (C_f C_f^T)^{-1} (I - C_f R N), \qquad
         N = (C_f R)^+
 
-    R are the rigid motions, and P removes the share of Z. If rigid motions are enough, as on statically determinate
+    R are the rigid motions, and P removes the share of Z.  If rigid motions are enough, as on statically determinate
     supports, no solve is needed.
     """
     model = body.model

@@ -291,7 +291,8 @@ def combine_rings(system: System) -> CombinedRings:
 def _rings(contacts: Sequence[Contact], bodies: Mapping[str, _BodyRows]) -> list[tuple[list[int], Array]]:
     """Numbers of the contacts of each ring, and the ring's matrix S (pads, contacts), which combines its pads.
 
-    S is [[1]] for a contact that stays single.  `bodies` have the rows of the bodies by name.
+    A ring's pads touch the same places of the same bodies, hold both ways, have a compliance and do not rub.  S is
+    [[1]] for a contact that stays single.  `bodies` have the rows of the bodies by name.
     """
     groups = dict[object, list[int]]()
     for number, contact in enumerate(contacts):
