@@ -311,7 +311,7 @@ def test_a_mover_that_can_not_be_is_refused(change: dict[str, Any], said: str) -
 
 
 def test_a_wheel_that_leaves_the_beam_is_refused() -> None:
-    with pytest.raises(InputError, match="all of a pad has to be on it"):
+    with pytest.raises(InputError, match="the whole pad has to be on it"):
         mover(path(1.0, 0.0, 21.0), 1.0, {"mass": 1.0})
 
 
