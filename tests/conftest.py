@@ -173,7 +173,7 @@ def run_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[s
 def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Replace drawings and pictures by empty ones; they take most of a page's time."""
 
-    def empty(name: str, draw: object, caption: str, *arguments: object) -> Drawing:
+    def empty(name: str, draw: object, caption: str, *arguments: object, fits: bool = False) -> Drawing:
         """Build an empty drawing."""
         return Drawing(name, "<svg></svg>", caption)
 

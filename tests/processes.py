@@ -18,10 +18,10 @@ FENICSX = ("dolfinx", "ufl", "basix", "ffcx")
 PETSC = ("petsc4py", "slepc4py", "mpi4py", "dolfinx_solver")  # which sets up the libraries of all of them
 COMMAND = "import sys; from pmr.cli import main; sys.argv[0] = 'pmr'; main()"
 _NO_FIGURES = (
-    "from pmr.cli import run\nfrom pmr.report import album, blocks\nfrom pmr.report.figures import canvas\n"
+    "from pmr.cli import run\nfrom pmr.report import album, blocks\nfrom pmr.report import figures\n"
     "album.render_shot = lambda shot: b''\n"
     "run.has_free_core = lambda: False\n"  # another process would help
-    "canvas.drawing = lambda name, draw, caption, *_: blocks.Drawing(name, '<svg></svg>', caption)\n"
+    "figures.drawing = lambda name, draw, caption, *_, **__: blocks.Drawing(name, '<svg></svg>', caption)\n"
 )
 #: The command whose reports have empty figures, in a real PDF.
 WITHOUT_FIGURES = _NO_FIGURES + COMMAND
