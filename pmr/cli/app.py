@@ -62,20 +62,20 @@ def new(
     (name / SCHEMA).write_text(scene_schema(), encoding="utf-8")
     about = {
         "scene.toml": f"the scene: the structure and what is computed, with comments; `pmr run {name}` computes it",
-        SCHEMA: "from which an editor completes and checks keys",
+        SCHEMA: "the schema: an editor completes and checks keys with it",
     }
     if "[[sections]]" not in scene:
         mesh = TEMPLATES / f"mesh_of_a_{'box' if '[body.box]' in scene else 'beam'}.py"
         (name / "mesh.py").write_text(mesh.read_text(encoding="utf-8"), encoding="utf-8")
-        about["mesh.py"] = "draws a mesh, as a start for one of your own"
+        about["mesh.py"] = "a script that draws a mesh; change it to draw your own"
     for file, what in about.items():
         out.text(f"{name / file}  {what}")
 
 
 def compile_() -> None:
-    """Say that nothing is left to be compiled before a first run.
+    """Do nothing: pip has compiled all code already.
 
-    pip has compiled the step.  Version 0.2 removes this command of earlier versions.
+    Version 0.2 removes this command of earlier versions.
     """
     out.text("nothing is to be compiled: the step was compiled when pmr was installed")
 

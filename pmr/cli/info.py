@@ -364,7 +364,7 @@ def schema(
         ),
     ] = "scene",
 ) -> None:
-    """Print the schema of a scene or study file, or what a key is.
+    """Print the schema of a scene or study file, or explain a key.
 
     An editor that knows TOML (Even Better TOML, Taplo) reads it from the first line of a file:
 

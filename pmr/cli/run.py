@@ -66,13 +66,14 @@ def run(
 ) -> None:
     """Compute scenes: reduced model, simulation, comparison, report.
 
-    DIR then has report.html, report.pdf, summary.json, trajectories.npz and the reduced model.  The reduced model is
-    reduced.npz for a single body and system.npz for several sections.  With recovery DIR also has fields.npz and
-    fields.pvd, which ParaView opens.  Several scenes have one report, and each has a folder for its other files.
+    The results are written to the folder DIR (--out): report.html, report.pdf, summary.json, trajectories.npz and the
+    reduced model.  The reduced model is reduced.npz for a single body and system.npz for several sections.  If the
+    scene has a table [recovery], there are also fields.npz and fields.pvd, which ParaView opens.  If several scenes are
+    given, they have one report together, and each scene has a folder for its other files.
 
     A run that is killed leaves the old results as they were.  If it is killed in its last step, which measures the
-    errors of mesh and model, it leaves the new results without their report.  The simulation of a full model in PETSc
-    that was interrupted is continued.
+    errors of mesh and model, it leaves the new results without their report.  If the simulation of a full model in
+    PETSc was interrupted, the same command continues it.
 
 
     For example:

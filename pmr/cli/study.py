@@ -104,7 +104,7 @@ def study(
         except Exception as error:  # any error of the report; the tables are stored
             err.text(f"pmr: {console.report_failure_message(error, folder)}")
             raise typer.Exit(1) from None
-    out.text(f"{outcome.done} of {len(chosen.runs)} runs are there; {outcome.computed} tasks were computed now")
+    out.text(f"{outcome.done} of {len(chosen.runs)} runs are done; {outcome.computed} tasks were computed in this call")
     if not only:
         _print_results(chosen, outcome)
     if not outcome.is_complete:
@@ -221,7 +221,7 @@ def chart(
         Option(
             metavar="KG",
             help="Largest load that is looked for.",
-            show_default="the mass of machine and boom, or five times that of a boom without a machine",
+            show_default="the mass of machine and boom; without a machine, five times the mass of the boom",
         ),
     ] = None,
     out_dir: Folder = None,
@@ -229,8 +229,9 @@ def chart(
 ) -> None:
     """Compute what a boom carries at every extension and angle.
 
-    Writes chart.toml into DIR, a study over the extensions and luffing angles of the scene, and computes it as
-    `pmr study` does. Add limits and factors to this file: a chart.toml that exists is used as it is.
+    Writes chart.toml, a study over the extensions and luffing angles of the scene, into the folder DIR (--out), and
+    computes it as `pmr study` does.  To change limits and factors, edit chart.toml and run the command again: a
+    chart.toml that exists is used as it is.
 
     Example:
 
@@ -257,7 +258,7 @@ def chart(
     if loaded is not None and largest is not None:
         written.write_text(chart_study_text(file, loaded, largest), encoding="utf-8")
         if up_to is None:
-            sentence = f"{largest:.6g} kg is the largest load that is looked for: {words_of_usual_load(loaded)}"
-            out.sentences(f"{sentence}; --up-to KG takes another")
-        out.text(f"study  {written}  the study of this chart: add limits to it, and call again")
+            sentence = f"{largest:.6g} kg is the largest load that is looked for, {words_of_usual_load(loaded)}"
+            out.sentences(f"{sentence}; --up-to KG sets another")
+        out.text(f"study  {written}  the study of this chart: add limits to it, and run the command again")
     study(written, out_dir=folder, jobs=jobs)

@@ -46,7 +46,7 @@ ANGLES_WITH_MODES = 3
 #: Number of postures in which the richer model's buckling factor is compared with that of full order.
 FULL_ORDER_POSTURES = 5
 #: Why some limits are not compared with a richer model, which has their quantity at other positions or lacks it.
-WHY_NOT_STRESS = "it depends on how walls bend at pads, loads and corners"
+WHY_NOT_STRESS = "as stress depends on how walls bend at pads, loads and corners"
 #: Errors after which a richer structural model counts as not available, as in runs.
 UNKNOWN = (InputError, ConvergenceError, SimulationError, ValueError, ImportError)
 
@@ -267,10 +267,10 @@ class ChartModels:
         of = sorted({limit.of for limit in limits if not limit.kind.in_richer_model})
         model = f"the structural model: {self.no_structural}" if "model" not in self.comparisons else ""
         if not model and of:
-            model = f"the structural model in limits of {' and '.join(of)}: {WHY_NOT_STRESS}"
+            model = f"the error of the structural model in limits of {' and '.join(of)}, {WHY_NOT_STRESS}"
         mesh = "" if "mesh" in self.comparisons else f"the mesh: {NO_OTHER_MESH}"
         no_play = "" if "play" in self.comparisons or play else "the play of pads: compare.play = 0"
-        return [*filter(None, (model, mesh, no_play)), f"large rotations in {STABILITY}"]
+        return [*filter(None, (model, mesh, no_play)), f"the effect of large rotations on {STABILITY}"]
 
 
 def _read_postures(arrays: Mapping[str, NDArray[np.generic]], model: str) -> PostureMatrices | None:

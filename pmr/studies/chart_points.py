@@ -114,9 +114,9 @@ def unnamed_loads(scene: Scene, cases: Sequence[Summary]) -> Iterator[str]:
         if part is not scene.sections[-1] or not is_hung(load, scene)
     ]
     if lacking:
-        some, it = ("loads", "act") if len(lacking) > 1 else ("load", "acts")
+        some, they = ("loads", "they act") if len(lacking) > 1 else ("load", "it acts")
         names = ", ".join(map(repr, dict.fromkeys(lacking)))
-        yield f"{some} {names} {it} in runs of this scene, but not in the chart: no load case names them"
+        yield f"no load case names {some} {names}, so {they} in runs of this scene, but not in the chart"
 
 
 def replaced_mass_warnings(original: Scene, scene: Scene, point: tuple[float, float, float] | None = None) -> list[str]:

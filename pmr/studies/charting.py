@@ -305,15 +305,15 @@ def chart_definitions(scene: Scene, point: tuple[float, float, float] | None = N
         "what hangs at the tip" if point is None else f"what hangs at {list(point)} m in the axes of the last section"
     )
     if remaining:
-        load += f", beside masses that are not part of it: {'; '.join(remaining)}"
+        load += f"; masses that are not part of it: {'; '.join(remaining)}"
     else:
-        load += ", with hook block and rope, as the scene has no mass there: deduct theirs"
+        load += ", with hook block and rope: deduct their masses, as the scene has no mass there"
     ground = scene.frame.ground if scene.frame is not None else None
-    above = f"; {ground.height:g} m more above the ground" if ground is not None else ""
+    above = f"; the height above the ground is {ground.height:g} m more" if ground is not None else ""
     return {
         "load": load,
         "radius": "horizontal distance of the undeformed tip from the pivot of the boom",
-        "height": f"of the undeformed tip above the pivot{above}",
+        "height": f"height of the undeformed tip above the pivot{above}",
         "boom length": "distance of the undeformed tip from the pivot",
     }
 

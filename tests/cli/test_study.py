@@ -57,7 +57,7 @@ def done(small: Path) -> Path:
         f"table  {folder}/runs.csv",
         f"report {folder}/report.html",
         f"report {folder}/report.pdf",
-        "2 of 2 runs are there; 4 tasks were computed now",
+        "2 of 2 runs are done; 4 tasks were computed in this call",
     ]
     assert sum("error along the beam" in line and line.count("%") == 2 for line in table) == 1
     assert max(map(len, table)) <= 80 and "runs.csv" in table[-1]
@@ -80,7 +80,7 @@ def test_a_study_leaves_what_the_help_says(done: Path) -> None:
 def test_called_again_it_goes_on(small: Path, done: Path, run_command) -> None:
     before = tables(done)
     again = run_command("study", str(small), "--out", str(done))
-    assert again.returncode == 0 and "2 of 2 runs are there; 0 tasks" in again.stdout
+    assert again.returncode == 0 and "2 of 2 runs are done; 0 tasks" in again.stdout
     assert tables(done) == before
 
 
@@ -90,7 +90,7 @@ def test_runs_can_be_named_and_computed_one_by_one(small: Path, done: Path, run_
     assert run_command("study", str(small), "--list").stdout.split() == names
     before = tables(done)
     one = run_command("study", str(small), "--out", str(done), "--only", names[1])
-    assert one.returncode == 0 and one.stdout == "1 of 1 runs are there; 0 tasks were computed now\n"
+    assert one.returncode == 0 and one.stdout == "1 of 1 runs are done; 0 tasks were computed in this call\n"
     assert tables(done) == before
 
 
@@ -100,7 +100,7 @@ def test_a_failing_run_leaves_exit_code_1_and_the_other_runs(small: Path, done: 
     more = "change.reduction.snapshots=21"  # more than the mesh has nodes for
     asked = ("study", str(small), "--out", str(done.with_name("failed")), "--set", more, "--jobs", "1")
     failed = run_command(*asked)
-    assert failed.returncode == 1 and "0 of 2 runs are there" in failed.stdout
+    assert failed.returncode == 1 and "0 of 2 runs are done" in failed.stdout
     both = "basis=eigenmodes,coordinates=10, basis=eigenmodes,coordinates=20"
     assert f"failed: {both}: InputError: scene: reduction.snapshots" in failed.stderr
     assert failed.stderr.count("failed: ") == 1

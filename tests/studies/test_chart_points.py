@@ -81,7 +81,7 @@ def test_the_bar_has_the_structural_model(chart: StudyResults, folder: Path) -> 
     assert float(row["lower bound [kg]"]) <= min(arrays["load"][0, :2] - arrays["error.model"][0, :2])
     page = render_studies(folder)
     assert "structural model, from shells" in page and "reduction, mesh, model, rotations" in page
-    bounds = "Lower bounds: these loads, less error bars and doubt of interpolation. Not in them: "
+    bounds = "Lower bounds: these loads minus error bars and the error of interpolation. Not contained: "
     assert f"{bounds}{row['not covered']}." in page
 
 
@@ -97,7 +97,7 @@ def test_a_chart_names_the_pad_that_governs(folder: Path, tmp_path: Path) -> Non
     pads = {pad["name"]: max(-pad["min"], pad["max"]) for pad in outcome.result.summary["pads"]}
     greatest = [name for name, force in pads.items() if force > (1.0 - 1e-6) * max(pads.values())]  # left and right
     assert max(pads.values()) == pytest.approx(5e3, rel=0.01) and row["governing member"] in greatest
-    assert f"kg, by pads ({row['governing member']})" in render_studies(tmp_path)
+    assert f"this limit governs: pads ({row['governing member']})" in render_studies(tmp_path)
 
 
 def test_the_box_of_the_error_bar_names_what_it_lacks() -> None:
@@ -147,7 +147,7 @@ def test_a_chart_names_loads_of_runs_that_no_case_has(folder: Path) -> None:
         ([{"name": "rest"}, {"name": "wind", "loads": {name: 0.0}}], False),
     ):
         (run,) = finished(folder, toml.written(quick | {"cases": cases})).runs
-        assert any(f"load {name!r} acts in runs" in line for line in run.warnings) is warned
+        assert any(f"no load case names load {name!r}, so it acts in runs" in line for line in run.warnings) is warned
 
 
 @pytest.mark.parametrize(("at", "offset"), [([2.0, 0.4, 0.0], "(0, 0.4, 0)"), ([2.5, 0.0, 0.0], "(0.5, 0, 0)")])

@@ -150,7 +150,7 @@ def _key_numbers(study: FinishedStudy, chart: LoadChart, error: Array, parts: Pa
         key_numbers.append(KeyNumber(load, f"at the largest radius, {radius[farthest]:.4g}{SPACE}m", by))
     if np.isfinite(error).any():
         largest, doubt = format_load(float(f"{np.nanmax(error):.2g}")), str(study.figures["in_doubt"])
-        key_numbers.append(KeyNumber(largest, "error bar, at most", covered_parts(parts)))
+        key_numbers.append(KeyNumber(largest, "largest error bar", covered_parts(parts)))
         key_numbers.append(KeyNumber(doubt, "points where another limit may govern", "within the error bars"))
     return key_numbers
 
@@ -247,20 +247,18 @@ def _use_tables(names: list[str], n: int, arrays: Mapping[str, Array], sections:
     `sections` are the names of the sections.
     """
     used = zip(names, arrays["at.used"][n], strict=True)
-    tables = [Table("Used of each limit", tuple((name, f"{100.0 * share:.3g}{SPACE}%") for name, share in used))]
+    tables = [Table("Used share of each limit", tuple((name, f"{100.0 * share:.3g}{SPACE}%") for name, share in used))]
     if len(stress := arrays["at.stress"][n]):
         probes = zip(arrays["at.stress.names"], stress, strict=True)
         tables.append(
-            Table(
-                "Von Mises' stress", tuple((str(name), format_quantity(float(value), "Pa")) for name, value in probes)
-            )
+            Table("Von Mises stress", tuple((str(name), format_quantity(float(value), "Pa")) for name, value in probes))
         )
     direction, of, bent = arrays["at.direction.names"], arrays["at.bent.section"], _zero_round_off(arrays["at.bent"][n])
-    for d, way in (("z", "perpendicular to the boom, up where it lies level"), ("y", "to the left")):
+    for d, way in (("z", "perpendicular to the boom, positive upwards"), ("y", "to the left")):
         if (direction == d).any():
             deflections = [float(bent[(of == k) & (direction == d)][-1]) for k in range(len(sections))]
             tips = tuple((name, format_quantity(value, "m")) for name, value in zip(sections, deflections, strict=True))
-            tables.append(Table(f"Tips of sections, {way}", tips))
+            tables.append(Table(f"Deflections of the tips of sections, {way}", tips))
     forces = zip(arrays["at.forces.names"], arrays["at.kinds"], _zero_round_off(arrays["at.forces"][n]), strict=True)
     some = tuple(
         (shown_force_name(str(name)), format_quantity(float(f), "N")) for name, kind, f in forces if kind in FORCES

@@ -71,7 +71,7 @@ def case_sentence(asked: Summary) -> str:
 
 def slewing_clause(angles: Array) -> str:
     """Clause on the slewing `angles` in degrees of a chart, of which the smallest load counts."""
-    several = "the least over" if len(angles) > 1 else "at"
+    several = "the least over" if len(angles) > 1 else "those at"
     return f"{several} slewing by {', '.join(f'{angle:.4g}°' for angle in angles)}"
 
 
@@ -169,7 +169,7 @@ def limit_grid(study: FinishedStudy, names: list[str], parts: Parts) -> Grid:
                 *counts,
             )
         )
-    heads = ("limit", "of", "amount", "factor", "governs", "not reached", "passed empty")
+    heads = ("limit", "of", "amount", "factor", "governs", "not reached", "beyond it empty")
     return Grid(prose("limits", slewing=_degrees(parts)), heads, tuple(rows), "blocks")
 
 
@@ -199,7 +199,7 @@ def error_bar_grids(study: FinishedStudy, names: list[str], parts: Parts) -> lis
                 _format_share(shares[0].max()),
             )
         )
-    caption = "Half width of the error bars as a share of the load: the median of all points, of each part by itself."
+    caption = "Half width of the error bars as a share of the load: for each part, the median over all points."
     heads = ["large rotations" if of == "rotation" else "play of pads" if of == "play" else of for of in shown]
     return [Grid(caption, ("limit", "in all", *heads, "largest"), tuple(rows), "blocks")]
 
@@ -243,9 +243,21 @@ def case_grid(study: FinishedStudy) -> Grid:
                 case.standard or "–",
             )
         )
-    heads = ("case", "boom's weight", "machine's weight", "load", "wind", "loads of the scene", "found", "factors from")
+    heads = (
+        "case",
+        "boom's weight",
+        "machine's weight",
+        "load",
+        "wind",
+        "loads of the scene",
+        "result",
+        "source of factors",
+    )
     return Grid(
-        "What acts at once: factors of weights and load, pressure of the wind, and loads.", heads, tuple(rows), "blocks"
+        "What acts together in each load case: factors of weights and load, pressure of the wind, and loads.",
+        heads,
+        tuple(rows),
+        "blocks",
     )
 
 
@@ -291,17 +303,18 @@ def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Itera
         shown=len(columns),
         count=len(duty.lengths),
     )
-    named = {caption: duty.load}
+    tables = [("Allowed load", caption, duty.load)]
     if study.study_file["error_bars"]:
-        named[f"Lower bounds: these loads, less error bars and doubt of interpolation. Not in them: {not_covered}."] = (
-            duty.lower
+        bounds = (
+            f"Lower bounds: these loads minus error bars and the error of interpolation. Not contained: {not_covered}."
         )
+        tables.append(("Lower bounds", bounds, duty.lower))
     parts_of_columns = np.array_split(columns, -(-len(columns) // LENGTHS_BESIDE))
-    for text, values in named.items():
+    for name, text, values in tables:
         for n, part in enumerate(parts_of_columns):
             head = ("radius in m", *(duty.column_names[e].replace(" m", f"{SPACE}m", 1) for e in part))
             rows = [(f"{radius:.5g}", *(cell(r, int(e), values) for e in part)) for r, radius in enumerate(duty.radii)]
-            caption = "The same for longer booms." if n else text
+            caption = f"{name} for longer booms." if n else text
             yield Grid(caption, head, tuple(row for row in rows if any(row[1:])), "small")
 
 

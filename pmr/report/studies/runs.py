@@ -106,7 +106,7 @@ def _key_numbers(done: Sequence[RunRecord], error: str | None) -> Iterator[KeyNu
         if not is_varied(runs_with_figure, name):
             yield KeyNumber(what.cell(worst.figures[name]), what.label, "in all runs")
         elif name in (error, "max_error"):
-            note = f"at best {what.cell(best.figures[name])}, {run_name(best)}"
+            note = f"at least {what.cell(best.figures[name])}, {run_name(best)}"
             yield KeyNumber(what.cell(worst.figures[name]), f"{what.label}, at most", note)
         else:
             yield KeyNumber(what.cell(worst.figures[name]), what.label, run_name(worst))
@@ -138,7 +138,7 @@ def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Itera
     if shown:
         other_parameters = {key_words(key) for key in done[0].parameters if key != over}
         apart = f", a curve for each {' and '.join(sorted(other_parameters))}" if other_parameters else ""
-        caption = f"What was found over the {key_words(over)}{apart}."
+        caption = f"Results of the runs over the {key_words(over)}{apart}."
         for k in range(0, len(shown), MOST_PANELS):  # more panels would not fit on one page
             name, panels = f"{prefix}-varied{k // MOST_PANELS or ''}", shown[k : k + MOST_PANELS]
             drawn.append(drawing(name, value_figure, caption, done, over, panels))
@@ -148,7 +148,7 @@ def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Itera
         caption = f"{label} over the time that one simulation of the reduced model takes."
         drawn.append(drawing(f"{prefix}-seconds", error_over_time_figure, caption, timed, over, error))
     if drawn:
-        yield Block(f"Over the {key_words(over)}", drawn)
+        yield Block(f"Results over the {key_words(over)}", drawn)
 
 
 def _is_visible(runs: Sequence[RunRecord], name: str) -> bool:
@@ -189,7 +189,7 @@ def terminal_grid(runs: Sequence[RunRecord], columns: int, rows: int) -> Grid:
     if len(cells_by_name) < 2:
         cells_by_name |= {quantity_of(name).label: [_format_cell(run, name) for run in runs] for name in _columns(runs)}
     more = f"{len(runs) - rows} more runs and all" if len(runs) > rows else "All"
-    caption = f"{more} figures, with times and places, stand in runs.csv."
+    caption = f"{more} figures, with their times and places, are in runs.csv."
     if len(runs) <= columns - 2:  # the first column is as wide as two others
         lines = [(name, *cells) for name, cells in cells_by_name.items()][:rows]
         return Grid(caption, ("", *map(run_name, runs)), tuple(lines))
@@ -240,7 +240,7 @@ def _grids(runs: Sequence[RunRecord]) -> Iterator[Grid]:
         sentences = [f"In all runs: {alike}."] if alike and place == 0 else []
         sentences += ["Everything else stands in runs.csv."] if is_cut and place == len(parts) - 1 else []
         names = tuple(quantity_of(name).label for name in part)
-        yield Grid(" ".join(["Runs with what was varied and found.", *sentences]), (*_headings(heads), *names), rows)
+        yield Grid(" ".join(["Varied values and results of each run.", *sentences]), (*_headings(heads), *names), rows)
 
 
 def _columns(runs: Sequence[RunRecord]) -> list[str]:

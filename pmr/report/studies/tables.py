@@ -76,7 +76,7 @@ def studies_in(folder: Path, summary: Summary) -> list[FinishedStudy]:
 TIME = "simulate.reduced"  # name of the time in s that one simulation of the reduced model takes
 _PLACES = {"tip": "at the tip", "beam": "along the beam", "pad_force": "of the forces"}
 #: Words for positions on the path, by the parts of values' names that stand for these positions.
-PLACES = {"s_min": "s least", "s_middle": "s midway", "s_max": "s largest"}
+PLACES = {"s_min": "at the least s", "s_middle": "at s midway", "s_max": "at the largest s"}
 _AGAINST = {"full": "", "ancf": " against ANCF"}
 
 
@@ -188,7 +188,7 @@ def quantity_of(name: str) -> ValueLabel:
         "max_error": ValueLabel("largest difference", "m"),
         "coordinates.full": ValueLabel("coordinates, full"),
         "coordinates.reduced": ValueLabel("coordinates, reduced"),
-        "basis.kappa": ValueLabel("left out by the basis, 1 − κ", missing=True),
+        "basis.kappa": ValueLabel("share of the snapshots that the basis leaves out, 1 − κ", missing=True),
         "simulate.reduced": ValueLabel("time, reduced", "s"),
         "simulate.full": ValueLabel("time, full", "s"),
         "simulate.ancf": ValueLabel("time, ANCF", "s"),
@@ -241,7 +241,7 @@ def largest_value_block(runs: Sequence[RunRecord]) -> Block | None:
     rows = [(word, *cells) for word, cells in largest_values(runs).items()]
     if len(rows) < 2:
         return None
-    caption = "Over the whole run, in either direction; times and places are below and in runs.csv."
+    caption = "Largest absolute values of each run; their times and places are in runs.csv."
     return Block("At a glance", grids=(Grid(caption, ("", *map(run_name, runs)), tuple(rows)),))
 
 

@@ -204,8 +204,12 @@ class Study(StudyBase):
         carried = f"it carries {min(float(permitted.min()), self.up_to):.0f} to {most}"
         where = f"at the other {len(permitted)}" if empty else f"at {points} points"
         first, lowered = f"{never}; " if empty else "", np.minimum(loads.least, self.up_to) - loads.lower_bound
-        less = f", less error bars of up to {lowered.max():.3g} kg" if self.error_bars else ""
-        return f"{first}{carried} {where}, by all limits{less}; not covered: {table['not_covered'][0]}"
+        less = (
+            f"; from these loads, error bars of up to {lowered.max():.3g} kg are to be subtracted"
+            if self.error_bars
+            else ""
+        )
+        return f"{first}{carried} {where}, by all limits{less}; not contained: {table['not_covered'][0]}"
 
     @property
     def _in_service(self) -> list[LoadCase]:

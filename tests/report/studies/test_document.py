@@ -101,4 +101,4 @@ def test_a_study_with_a_failed_run_says_so_and_shows_its_table(folder: Path, tmp
     file.write_text(json.dumps(summary | {"figures": {}, "hints": ["up_to = 1 kg is unusual"]}))
     page = render_studies(tmp_path / "broken")
     assert "the bearing broke" in page and "<li>Up_to = 1 kg is unusual.</li>" in page
-    assert f"{len(summary['runs']) - 1} of {len(summary['runs'])} runs are there" in page
+    assert f"{len(summary['runs']) - 1} of {len(summary['runs'])} runs are done" in page

@@ -82,19 +82,19 @@ def test_the_first_sentence_says_whether_walls_and_pads_are_looked_at() -> None:
     ("loads", "start"),
     [
         ([500.0, 900.0], "It carries 500 kg to 900 kg,"),
-        ([500.0, np.nan], "It carries 500 kg to more than 20 000 kg (search ends there),"),
+        ([500.0, np.nan], "It carries 500 kg to more than 20 000 kg (search ends there), depending"),
         (
             [0.0, np.nan],
             "At 1 of 2 points the boom is {}. Elsewhere it carries more than 20 000 kg (search ends there),",
         ),
-        ([0.0, 0.0], "At 2 of 2 points the boom is {}. This is so"),
+        ([0.0, 0.0], "At 2 of 2 points the boom is {}. Looked at are these"),
     ],
 )
 def test_the_first_sentence_has_the_range_of_loads_and_always_the_limits(loads: list[float], start: str) -> None:
     study: Any = SimpleNamespace(study_file={"limits": [], "up_to": 2e4, "cases": [{"name": "rest"}]})
     sentence = headline(study, np.array([loads]), np.array([0.0])).replace("\u00a0", " ").replace("\u202f", " ")
     assert f"not a rated capacity. {start.format(NOT_PERMITTED)}" in sentence
-    assert f"by these limits alone: {STABILITY_WORDS}; at slewing by 0°." in sentence
+    assert f"Looked at are these limits alone: {STABILITY_WORDS}. Loads are those at slewing by 0°." in sentence
 
 
 def test_no_load_is_called_zero_where_a_limit_is_passed_without_a_load() -> None:

@@ -60,7 +60,7 @@ def test_a_terminal_has_a_row_for_each_of_many_runs_and_a_column_for_each_of_a_f
         ("errors.full_vs_ancf.tip", 0.02, "error at the tip, full against ANCF", "2.00\u00a0%"),
         ("frequency_error.2", 0.001, "error of frequency 2", "0.100\u00a0%"),
         ("max_error", 0.000321, "largest difference", "0.321\u00a0mm"),
-        ("basis.kappa", 0.99955, "left out by the basis, 1 − κ", "0.00045"),
+        ("basis.kappa", 0.99955, "share of the snapshots that the basis leaves out, 1 − κ", "0.00045"),
         ("simulate.reduced", 4.5e-4, "time, reduced", "450\u00a0µs"),
         ("some_thing.of.6", 3.14159, "some thing, of, 6", "3.142"),
         ("coordinates.full", 17766, "coordinates, full", "17\u202f766"),
@@ -86,11 +86,11 @@ def test_the_headline_has_the_least_and_the_largest_error() -> None:
     chapter = said(*sweep())
     assert chapter.headline == (
         "The error along the beam is 0.500\u00a0% at least (basis eigenmodes, 20 coordinates) and 2.00\u00a0% at most "
-        "(basis paper, 10 coordinates). 5 of 6 runs are there."
+        "(basis paper, 10 coordinates). 5 of 6 runs are done."
     )
     numbers = {number.label: (number.value, number.note) for number in chapter.key_numbers}
     assert numbers["largest difference, at most"] == (
-        "0.200\u00a0mm", "at best 0.0500\u00a0mm, basis eigenmodes, 20 coordinates",
+        "0.200\u00a0mm", "at least 0.0500\u00a0mm, basis eigenmodes, 20 coordinates",
     )  # fmt: skip
     assert chapter.opening == "6 runs over basis (eigenmodes, paper) and coordinates (10, 12, 20)."
     assert numbers["largest displacement"] == ("47.9\u00a0mm", "in all runs")
@@ -100,7 +100,7 @@ def test_the_headline_has_the_least_and_the_largest_error() -> None:
 def test_figures_are_drawn_over_the_coordinates_and_over_seconds() -> None:
     chapter = said(*sweep())
     over, runs = chapter.blocks
-    assert over.heading == "Over the coordinates" and runs.heading == "Runs"
+    assert over.heading == "Results over the coordinates" and runs.heading == "Runs"
     first, second = over.drawings
     texts = re.findall(r"<text[^>]*>([^<]+)</text>", first.svg)
     assert {"Error along the beam in %", "Error at the tip in %", "Largest difference in µm"} <= set(texts)
@@ -123,7 +123,7 @@ def test_tables_fit_the_page_and_say_what_is_alike_once() -> None:
         "time, reduced",
     )
     assert grid.caption.endswith("In all runs: largest displacement: 47.9\u00a0mm; coordinates, full: 153; "
-                                 "left out by the basis, 1 − κ: 0.00050.")  # fmt: skip
+                                 "share of the snapshots that the basis leaves out, 1 − κ: 0.00050.")  # fmt: skip
     assert grid.rows[0] == ("eigenmodes", "10", "0.500\u00a0%", "1.00\u00a0%", "0.100\u00a0mm", "1.00\u00a0ms")
     many = [run(f"r{k}", {"a": k}, {f"figure.{i}": float(k + i) for i in range(40)}) for k in range(3)]
     grids = said(*many).blocks[-1].grids
@@ -159,7 +159,10 @@ def test_a_few_runs_stand_side_by_side() -> None:
     assert stress.rows == (("top", "25.0", "25.0"),) and " in MPa;" in stress.caption
     assert forces.head == ("", "payload mass 100\u00a0kg", "payload mass 250\u00a0kg")
     assert forces.rows == (("tail left", *["\u22125.00\u00a0…\u00a00"] * 2),)
-    assert frequencies.rows == (("frequency 1, s least", "10.2", "10.2"), ("frequency 1, s largest", "26.5", "26.5"))
+    assert frequencies.rows == (
+        ("frequency 1, at the least s", "10.2", "10.2"),
+        ("frequency 1, at the largest s", "26.5", "26.5"),
+    )
     cycle = "\u00a0\u00a0range of the largest load cycle"
     assert [row[:2] for row in (*stresses.rows, *strains.rows)] == [
         ("weld stress along", "\u22121.00\u00a0…\u00a025.0"), (cycle, "26.0"),
@@ -219,7 +222,7 @@ def test_without_numbers_there_are_tables_alone() -> None:
         run("a", {"case": "a"}, {"max_displacement": 0.1}), run("b", {"case": "b"}, {"max_displacement": 0.2})
     )
     assert [block.heading for block in chapter.blocks] == ["Runs"]
-    assert chapter.headline == "2 of 2 runs are there."
+    assert chapter.headline == "2 of 2 runs are done."
     (number,) = chapter.key_numbers
     assert (number.value, number.label, number.note) == ("200\u00a0mm", "largest displacement", "b")
-    assert said().headline == "0 of 0 runs are there."
+    assert said().headline == "0 of 0 runs are done."
