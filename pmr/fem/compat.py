@@ -199,10 +199,11 @@ class LagrangeRule(NamedTuple):
 
 @lru_cache(maxsize=32)
 def lagrange_rule(cell: str, nodes: int, degree: int, parts: int = 1) -> LagrangeRule:
-    """Quadrature rule on a reference cell of d dimensions, and the k functions of a Lagrange element at its points.
+    """Weights of a quadrature rule, and the k functions of a Lagrange element with their derivatives at its points.
 
-    `nodes` is the polynomial degree of the element, and `degree` the one that the quadrature rule integrates exactly.
-    The rule is repeated in the `parts`^d equal pieces of the cell, for lines, triangles and quadrilaterals.
+    The reference cell has d dimensions; a ``"point"`` has one function, which is 1.  `nodes` is the polynomial degree
+    of the element, and `degree` the one that the rule integrates exactly.  The rule is repeated in the `parts`^d equal
+    pieces of the cell, for lines, triangles and quadrilaterals.
     """
     if cell == "point":
         return LagrangeRule(np.ones(1), np.ones((1, 1)), np.zeros((0, 1, 1)))

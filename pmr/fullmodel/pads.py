@@ -361,7 +361,8 @@ def _check_extent(pad: Pad, places: tuple[float, float], extent: Extent) -> None
 def _free_places(pad: Pad, places: Array, off: Mask) -> str:
     """Text with the ranges in m of a pad's centre in which its face is whole under all of the pad.
 
-    The stations `places` (K,) m that are `off` (K,) the face are in its holes.  The text is empty if there is no range.
+    `places` (K,) are the stations in m, and `off` (K,) marks those under which the face has a hole.  The text is empty
+    if there is no range.
     """
     ends = np.flatnonzero(np.diff(np.concatenate([[True], off, [True]])))
     half = pad.length / 2.0 - 2.0 * _station_spacing(pad)  # from the pad's centre to its last station

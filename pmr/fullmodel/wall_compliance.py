@@ -193,7 +193,10 @@ class HeldModel:
         return np.asarray(self._T @ self._displacements(self.pads(pads, np.zeros(1))))
 
     def compliance(self, loaded_rows: sp.csr_matrix, rows: sp.csr_matrix) -> Array:
-        """Compliance (m, f) in m/N: what `rows` (m, n) measure under a unit force on each of f `loaded_rows` (f, n)."""
+        """Compliance (m, f): what `rows` (m, n) measure, in m or rad, under 1 N or 1 N m on each of f `loaded_rows`.
+
+        `loaded_rows` are (f, n).
+        """
         result = np.empty((rows.shape[0], loaded_rows.shape[0]))
         for start in range(0, loaded_rows.shape[0], BLOCK):
             block = slice(start, start + BLOCK)
@@ -201,10 +204,10 @@ class HeldModel:
         return result
 
     def compliance_along(self, pads: Sequence[Pad], u: Array, fixed_rows: sp.csr_matrix) -> Array:
-        """Compliance (p, k + m, k) in m/N under unit forces on k pads that have slid by each of p distances `u` (p,) m.
+        """Compliance (p, k + m, k) under 1 N on each of k pads that have slid by each of p distances `u` (p,) m.
 
-        The first k entries along the second axis are the displacements under these pads, and the last m the values of
-        the `fixed_rows` (m, n).
+        The first k entries along the second axis are the displacements in m under these pads, and the last m the values
+        in m or rad of the `fixed_rows` (m, n).
         """
         rows, p, k = self.pads(pads, u), np.arange(len(u)), len(pads)
         of_pads, of_fixed = np.split(self.compliance(rows, sp.vstack([rows, fixed_rows], "csr")), [rows.shape[0]])
@@ -262,7 +265,8 @@ AT_AN_END = ("y", "z", "rx")
 def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
     """Walls of a box modelled as a beam: under the pads of the beam and at its ends; collective.
 
-    Their compliance is computed on a shell with the cells of a shell model of the same body.
+    Their compliance is computed on a shell with the cells of a shell model of the same body.  Left out are ends on
+    which nothing acts, ends that a clamp or rigid mass keeps in shape, and ends no softer than the beam's.
 
     Raises an `InputError` if a pad leaves its face, or the box can't be drawn with these cells.
     """

@@ -200,7 +200,7 @@ class PieceMesh:
     def stress(self, pads: Sequence[Pad]) -> RingStress:
         """Return the local stresses of pads, at points near the pads.
 
-        At each point, the stress of a pad is at least the share `STORED` of the pad's largest stress.
+        At each point, the stress of at least one pad is no less than the share `STORED` of this pad's largest stress.
         """
         rows, fits = self._rows, self._fits
         stress = rows.evaluate(self._held.under_pads(pads).T)
@@ -332,8 +332,9 @@ class YieldForce:
 def yield_forces(scene: Scene) -> dict[str, YieldForce]:
     """Return the smallest force of a pad at which the walls that it touches begin to yield, by section with a joint.
 
-    Each pad acts alone: the stress of the whole section, of which bending is the largest part, comes on top.  Left out
-    are joints that touch a section without even walls (`BoomSection.has_even_walls`) or without a yield stress.
+    Pads between a single body and the ground stand under the name of the body.  Each pad acts alone: the stress of the
+    whole section, of which bending is the largest part, comes on top.  Left out are joints that touch a section without
+    even walls (`BoomSection.has_even_walls`) or without a yield stress.
 
     Raises an `InputError` as `SectionPiece` and its method `stresses` do.
     """

@@ -105,10 +105,10 @@ def _in_side(p: Array, sides: Sequence[Side], k: int, depth: float) -> Places:
 
 
 def _in_triangle(p: Array, sides: Sequence[Side], k: int, depth: float) -> Places:
-    """Shares (N,) of points p (N, 2) in m along the vectors to both ends of side k, and whether none is negative.
+    """Two shares (N,) of points p (N, 2) in m along the vectors from the axis to both ends of side k, and a mask (N,).
 
-    Side k is one of `sides`.  Points without a negative share are in the sector between the two vectors.  `depth` is
-    not used.
+    Side k is one of `sides`.  The mask marks points without a negative share, which are in the sector between the two
+    vectors.  `depth` is not used.
     """
     first_share, second_share = np.linalg.solve(np.array([sides[k].start, sides[k].end]).T, p.T)
     return first_share, second_share, (first_share >= -SLACK) & (second_share >= -SLACK)

@@ -258,7 +258,7 @@ def _differentiate(form: SystemForm, excitation: Excitation, chosen: Selection, 
 
 
 def output_sensitivity(reference: LinearMotion, changed: LinearMotion) -> Array:
-    """Change (T, q) of the q outputs of a reference motion at T steps by a change of one parameter.
+    """Difference (T, q) of q outputs at T steps between a changed and a reference motion, not divided by anything.
 
     `changed` is the same motion of a system in which one parameter (a stiffness, Young's modulus, a mass) is changed.
     Raises InputError if the two motions have other steps or outputs.

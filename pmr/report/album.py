@@ -266,7 +266,8 @@ def _bar(start: Array, end: Array, half: float, colour: str) -> Piece:
 def _ring(centre: Array, view: Array, radii: tuple[float, float], colour: str) -> Piece:
     """Return a ring in `colour` around the point `centre` (3,) in m, in front of all else.
 
-    `view` is that of the shot, and `radii` are the inner and the outer radius in m.
+    The rows of `view` (3, 3) are the image's axes to the right, upwards and to the camera; the ring is in the plane of
+    the image.  `radii` are the inner and the outer radius in m.
     """
     turns = np.linspace(0.0, 2.0 * np.pi, 33)[:-1]
     circle = np.cos(turns)[:, None] * view[0] + np.sin(turns)[:, None] * view[1]

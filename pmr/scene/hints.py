@@ -378,9 +378,9 @@ def _pad_effects(scene: Scene, at_rest: bool) -> list[str]:
 
 
 def _missing_masses(scene: Scene) -> list[str]:
-    """List the parts of a boom of boxes that have no mass in the model.
+    """List the parts of a boom of boxes whose mass only a [[masses]] table of the scene could add.
 
-    Parts for which the scene names a mass are left out.
+    The scene's [[masses]] are not looked at.  The list is empty if no section is a box.
     """
     if not any(part.body.box for part in scene.sections):
         return []

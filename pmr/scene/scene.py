@@ -427,9 +427,9 @@ class Scene(SectionTables):
         return self.reach(t) if len(self.sections) > 1 else np.asarray(self.slider.path.value(t))
 
     def without_loads(self) -> Self:
-        """Return the scene with all loads zero, weight from t = 0 and no recovery.
+        """Return the scene with zero loads of sections, full weight at t = 0 and no recovery of stresses.
 
-        The result is equal for scenes with the same modes, which depend on nothing else.
+        Scenes that differ only in these three have the same modes, and the same scene is returned for each of them.
         """
         gravity = self.gravity.with_keys(rise=0.0) if self.gravity else None
         return self.vary_sections(

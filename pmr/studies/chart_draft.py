@@ -159,7 +159,7 @@ class SupportLimit(NamedTuple):
 
 
 def _support_limits(scene: Scene) -> Iterator[SupportLimit]:
-    """Yield a limit of a chart for each support that has an allowed force."""
+    """Yield a limit of a chart for each support that has an allowed force, except supports that hold angles alone."""
     names = force_names(scene)["support"]
     for body, part in scene.bodies.items():
         for support in part.supports:

@@ -141,7 +141,7 @@ class BodySystem(Generic[AnyBody]):
 
     @cached_property
     def _signs(self) -> dict[str, Array]:
-        """Signs (m, k) of each body's k sides at their contacts, zero for other contacts; by the bodies' names.
+        """Matrix (m, k) for each body, by its name: the sign of its side k in the row of the side's contact, else zero.
 
         A product with this matrix is ten times as quick as picking columns.
         """

@@ -196,9 +196,10 @@ def _widen_limits(ax: Axes, panel: Mapping[str, Array], size: float) -> None:
 def history_figure(
     time: Timeline, signals: Mapping[str, Array], label: str, base: str, error: Array | None = None
 ) -> Figure:
-    """Draw signals (T,) over time, and below them their differences to the reference, unless these are all 0.
+    """Draw signals (T,) over time, and below them their differences to the reference of `time`.
 
-    `label` and `base` are the quantity and its unit without prefix.  An estimated `error` (T,) is drawn as a band about
+    The lower panel is left out if all differences are 0 and there is no `error`.  `label` and `base` are the quantity
+    and its unit without prefix.  An estimated `error` (T,) is drawn as a band about
     0 together with the differences.
     """
     panels, differences = [(label, signals)], time.differences(signals)

@@ -174,7 +174,7 @@ ROUND_OFF = 1e-9
 
 
 def governing_pages(study: FinishedStudy, names: list[str], arrays: Parts, prefix: str) -> Iterator[Block]:
-    """Yield a block for each limit of `names` that governs anywhere: about the largest load that it governs.
+    """Yield a block for each limit of `names` that governs anywhere, on the state with the largest load it governs.
 
     `prefix` begins the identifiers of the figures.
     """

@@ -82,9 +82,10 @@ def _opening_sentence(runs: Sequence[RunRecord]) -> str:
 
 
 def _headline(count: int, done: Sequence[RunRecord], error: str | None) -> str:
-    """Sentence on the range of the values called `error`, and on the number of runs without a result.
+    """Sentence on the range of the values called `error`, with the runs at both ends, and on runs without a result.
 
-    `count` is the number of all runs, `done` are the runs with a result.
+    `count` is the number of all runs, `done` are the runs with a result.  The range is left out if `error` is None or
+    fewer than two runs have that value.
     """
     texts = {"label": "", "least": "", "best": "", "largest": "", "worst": ""}
     if error is not None and len(ordered := sorted(runs_with(done, error), key=lambda run: value_of(run, error))) > 1:

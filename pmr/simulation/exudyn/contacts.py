@@ -210,7 +210,7 @@ class Pads:
     def __init__(self, equations: Equations, contacts: Contacts, law: Friction | None) -> None:
         """Prepare the steps of the contacts in `contacts`; `law` is the friction of pads, None without friction.
 
-        `equations` are those of the system.
+        `equations` are those of the system.  Raises InputError if a pad that rubs does not give way.
         """
         system = equations.system
         for pad in () if law is None else law.pads:

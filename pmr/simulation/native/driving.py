@@ -254,10 +254,11 @@ class Drivers:
                 self._rates[k], self._seconds[k], self._counts[k] = rate, second, count
 
     def _read(self, values: Values, numbers: Mapping[str | int, int], key: str, what: str) -> list[Reading]:
-        """Read motions that are given by name, or all in their order; messages name `key` and `what` is allowed.
+        """Read motions `values`, a mapping from names or a sequence of all values in order without rates.
 
         Each result has the motion's number, its value, rate and second rate, and how many of these three were given;
-        missing rates are 0.  `numbers` are the motions' numbers by their names and by their indices.
+        missing rates are 0.  `numbers` are the motions' numbers by their names and by their indices.  Raises
+        InputError, which names `key` and what is allowed (`what`), for other names or values.
         """
         if not _is_mapping(values):
             in_order = _read_in_order(values, numbers, key, what).tolist()

@@ -116,9 +116,9 @@ class SystemForm:
     def refuse_unsupported(self, x: Array, rho_inf: float) -> SimulatorNeeds:
         """Return what the kernel has to support, and raise an InputError if it does not support a part of this.
 
-        The contacts are those of `modal`, the system in modes, with their sides at x (T, sides) in m; the first of the
-        T rows decides which contacts are rigid.  `rho_inf` is the spectral radius.  The errors are those of
-        `pmr.scene.choice.refuse_unsupported`.
+        The contacts of the system in modes (`modal`) have their sides at x (T, sides) in m at T steps; those that are
+        rigid at the first step count as rigid.  `rho_inf` is the spectral radius of the time integration at infinite
+        frequency.
         """
         needs = needs_of(self.modal, self.assembly.contact_rows(x[0], effects=False).rigid, x, rho_inf)
         refuse_unsupported("march", needs)

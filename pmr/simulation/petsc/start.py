@@ -109,9 +109,9 @@ class Terms:
         return forces
 
     def pad_friction(self, rows: PathRows, multipliers: Array, grip: Grip) -> PadFriction:
-        """Friction at the rows' current positions, by contact forces `multipliers` (m,) and friction `grip`.
+        """Friction at the rows' current positions, by contact forces `multipliers` (m,) in N and friction `grip`.
 
-        The friction is zero if no pad rubs.
+        The friction is zero if no pad rubs.  The largest compression at the limits so far is stored.
         """
         if self._friction is None:
             return PadFriction(0.0, np.zeros(0), np.zeros(len(multipliers)))
