@@ -64,8 +64,8 @@ class Matrices(TracedModel):
         """Scale of the lowest circular frequencies in rad/s, the root of Rayleigh's quotient of a bending motion.
 
         The motion is w = x^2 across the axis, with x from the middle of the body.  There are two directions across; the
-        lower of their two quotients counts, but at least 1e-12 of the higher one.  Supports and
-        springs inside K, which may be any number of times stiffer than the body, are left out.
+        lower of their two quotients counts, but at least 1e-12 of the higher one.  Supports and springs inside K, which
+        may be any number of times stiffer than the body, are left out.
         """
         x = self.body_matrices.points - self.body_matrices.points.mean(axis=0)
         bent = []

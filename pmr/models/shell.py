@@ -184,7 +184,10 @@ class Shell(MeshedModel):
         return ufl.as_vector([sigma[i, j] for sigma in stresses for i, j in ((0, 0), (1, 1), (0, 1))])
 
     def stresses(self) -> StressRows:
-        """Plane stress at each triangle's centroid: on the outer face, in the middle (membrane), on the inner face."""
+        """Plane stress at each triangle's centroid: on the outer face, in the middle (membrane), on the inner face.
+
+        All triangles on the outer face come first.  The components are in the axes of `frames`.
+        """
         mesh, half = self.mesh, self.thickness / 2.0
         rows = cell_values(self, self.plane_stresses, rule_points("triangle", 1))
         membrane, bent = rows.entries[:, 0, :3], half[:, None, None] * rows.entries[:, 0, 3:]
@@ -336,8 +339,8 @@ def frames(mesh: NamedMesh) -> Array:
 def _outward(mesh: NamedMesh, places: Array, normals: Array) -> Array:
     """Unit normals (f, 3) at the points `places` (f, 3) in m of a surface: `normals` turned away from the body's axis.
 
-    On a flat plate, or where a normal that points neither away from the axis nor towards it, the normal is turned so
-    that its largest component is positive.
+    On a flat plate, or where a normal points neither away from the axis nor towards it, the normal is turned so that
+    its component of largest magnitude is positive.
     """
     largest = np.take_along_axis(normals, np.abs(normals).argmax(axis=1)[:, None], axis=1)[:, 0]
     flat = bool(np.all(np.abs(normals @ normals[0]) > FLAT))

@@ -383,7 +383,8 @@ def orient_outward(face: str, normal: Array, middle: Array, points: Array) -> Ar
     """The `normal` (3,) of a face, turned to point out of the body of `points` (N, 3).
 
     `middle` (3,) is the face's middle.  If it is in the middle of a flat body, the name of the face decides, by the
-    direction that `FACES` gives for it.  Raises an `InputError` if `FACES` gives no direction, or one along the face.
+    direction that `FACES` gives for it.  Raises an `InputError` if `FACES` gives no direction, or one at 45 degrees or
+    more to the normal and its opposite.
     """
     along = float(normal @ (middle - (points.min(axis=0) + points.max(axis=0)) / 2.0))
     if abs(along) <= BESIDE * np.ptp(points, axis=0).max():

@@ -54,8 +54,8 @@ logger = logging.getLogger(__name__)
 class Basis:
     """Basis of r vectors for a full model with n coordinates, the same for all path coordinates."""
 
-    V: PETSc.Mat  # dense (n, r), orthonormal in `product`; the largest entry of each column is positive
-    sigma: Array  # (k,): all k singular values of the pool, descending
+    V: PETSc.Mat  # dense (n, r), orthonormal in `product`; rigid-body modes before a POD are M-orthonormal in any case
+    sigma: Array  # (k,): all k singular values of the pool, descending; those of rigid-body modes before all others
     product: str  # ``"euclidean"`` or ``"mass"``
 
     @property
@@ -94,6 +94,8 @@ def pod(
     rigid_count: int = 0,
 ) -> Basis:
     """Basis by proper orthogonal decomposition of a pool of snapshots, truncated to `size` vectors; collective.
+
+    The entry of largest magnitude of each vector is positive.
 
     Parameters
     ----------
@@ -152,7 +154,9 @@ def with_rigid_modes(
     """Basis of `size` vectors: rigid-body modes, then the POD of the `snapshots` without these modes; collective.
 
     A residual flexibility can't replace a rigid-body motion, so the basis has to contain all rigid-body modes exactly;
-    a POD basis of modes with the slider held contains them to a few digits only.
+    a POD basis of modes with the slider held contains them to a few digits only.  The rigid-body modes are M-orthonormal
+    and M-orthogonal to the snapshots of the POD, also if `product` is Euclidean.  Without rigid-body modes the result is
+    that of `pod`.
 
     Parameters
     ----------

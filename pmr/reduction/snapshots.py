@@ -52,8 +52,8 @@ class Snapshots:
 def node_set(nodes: int, snapshots: int) -> Indices:
     """Numbers (snapshots,) of the nodes at which the paper (module docstring) holds the slider, counted from 1.
 
-    Node 1 is never among them.  For one snapshot the node is floor(nodes / 2); for more, the nodes are floor(2 + (nodes
-    - 2) k / (snapshots - 1)) with k = 0 ... snapshots - 1.
+    For one snapshot the node is floor(nodes / 2).  For more, the nodes are floor(2 + (nodes - 2) k / (snapshots - 1))
+    with k = 0 ... snapshots - 1, so that node 1 is not among them.
     """
     if snapshots == 1:
         return np.array([nodes // 2])
