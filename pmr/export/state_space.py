@@ -50,7 +50,7 @@ class StateSpace:
     """Matrices A(s), B(s), C(s), D(s) at S grid points of P paths, for 2 r states, i inputs and q outputs."""
 
     paths: tuple[str, ...]
-    s: Array  # (S, P) m: coordinates on each path
+    s: Array  # (S, P): coordinate on each path in m, of the luffing angle in rad
     # (S, 2 r, 2 r), (S, 2 r, i), (S, q, 2 r) and (S, q, i)
     A: Array
     B: Array
@@ -64,7 +64,7 @@ class StateSpace:
 
     @property
     def grid(self) -> Array:
-        """Path coordinates in m in the form of files: (S,) for one path or none, (S, P) for several."""
+        """Path coordinates `s` in the form of files: (S,) for one path or none, (S, P) for several."""
         return self.s if len(self.paths) > 1 else self.s.sum(axis=1)
 
     def place(self, k: int) -> str:
@@ -82,10 +82,11 @@ class StateSpace:
 
 
 def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> StateSpace:
-    """State space of reduced bodies with their paths held at S grid points; `s` has (S,) in m, or a number, by path.
+    """State space of reduced bodies with their paths held at S grid points; `s` has (S,), or a number, by path.
 
-    `source` is the file that errors name.  Raises InputError if contacts only push, or rigid ones depend on s; raises
-    SimulationError if contact forces at one of the points are not determined.
+    Coordinates `s` are in m, those of a luffing angle in rad.  `source` is the file that errors name.  Raises
+    InputError if contacts only push, or rigid ones depend on s; raises SimulationError if contact forces at one of the
+    points are not determined.
     """
     if pushing := [contact.name for contact in system.contacts if contact.clearance is not None]:
         raise InputError(source, "rows", None, f"rows that hold both ways are allowed: {', '.join(pushing)} only push")
@@ -241,12 +242,13 @@ def section_alone(npz_path: Path, name: str) -> System:
 
 
 def path_positions(system: System, text: str | None) -> Mapping[str, Array]:
-    """Coordinates (S,) in m of each path, by its name: those in `text`, or a grid of `PLACES` points on the path.
+    """Coordinates (S,) of each path, by its name: those in `text`, or a grid of `PLACES` points on the path.
 
-    `text` is ``1.5,2,4`` for one path, and ``mid=2,fly=3; mid=2.5,fly=3`` for several paths; None selects the grid,
-    which is a single point if nothing travels.  Places on one path are returned in ascending order, each once.
-    Places beyond an end by at most `BEYOND_ENDS` of the path's length are taken at the end.  Raises InputError for any
-    other text, and for coordinates farther off the paths.
+    Coordinates are in m, those of a luffing angle in rad.  `text` is ``1.5,2,4`` for one path, and ``mid=2,fly=3;
+    mid=2.5,fly=3`` for several paths; None selects the grid, which is a single point if nothing travels.  Places in the
+    first form are returned in ascending order, each once, others in the order of `text`.  Places beyond an end by at
+    most `BEYOND_ENDS` of the path's length are taken at the end.  Raises InputError for any other text, and for
+    coordinates farther off the paths.
     """
     ranges = system.ranges
     if text is None:

@@ -63,8 +63,9 @@ class MeasuredFrequencies:
 class Identification:
     """Fitted parameters with standard errors, and relative errors of the frequencies at fitted and held-out places.
 
-    Places that are held out are not used for the fit, but to judge it.  The columns of m frequencies are followed by
-    those of d damping ratios, if some were measured.
+    A relative error is the computed over the measured value, less 1; NaN where nothing was measured.  Places that are
+    held out are not used for the fit, but to judge it.  The columns of m frequencies are followed by those of d damping
+    ratios, if some were measured.
     """
 
     names: tuple[str, ...]  # of the p parameters

@@ -51,7 +51,7 @@ _UNITS = {VELOCITY: "m/s", ACCELERATION: "m/s^2", SPECIFIC_FORCE: "m/s^2"}
 class LinearMotion:
     """Linear model of q outputs at T steps around a reference motion, for n states and i loads (`linearize`)."""
 
-    t: Array  # (T,) s
+    t: Array  # (T,) s: ends of the steps, the first of them one step after the start of the motion
     outputs: tuple[str, ...]  # (q,)
     units: tuple[str, ...]  # (q,)
     kinds: tuple[str, ...]  # (q,): kinds of outputs (`pmr.results.response.KINDS`), empty for a rate

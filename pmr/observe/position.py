@@ -177,7 +177,7 @@ class PositionSettings:
     turn: float = 0.01  # chance in a step that a speed changes to a neighbour
     start: float = 0.02  # the same at rest in motion, as `activity` tells; times `quiet` where nothing moves
     quiet: float = 0.02
-    spread: float = 0.03  # chance in a step to be a place further than the speed says
+    spread: float = 0.03  # chance in a step to be a place further than the speed says; a tenth of it at rest
     temper: float = 0.6  # exponent of likelihoods: errors of models are correlated in time
     attack: float = 0.39  # shares by which the level of innovations follows, up and down
     decay: float = 0.07

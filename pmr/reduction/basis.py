@@ -154,9 +154,9 @@ def with_rigid_modes(
     """Basis of `size` vectors: rigid-body modes, then the POD of the `snapshots` without these modes; collective.
 
     A residual flexibility can't replace a rigid-body motion, so the basis has to contain all rigid-body modes exactly;
-    a POD basis of modes with the slider held contains them to a few digits only.  The rigid-body modes are M-orthonormal
-    and M-orthogonal to the snapshots of the POD, also if `product` is Euclidean.  Without rigid-body modes the result is
-    that of `pod`.
+    a POD basis of modes with the slider held contains them to a few digits only.  The rigid-body modes are
+    M-orthonormal, and M-orthogonal to the other vectors, also if `product` is Euclidean.  Without rigid-body modes the
+    result is that of `pod`.
 
     Parameters
     ----------

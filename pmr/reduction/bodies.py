@@ -64,8 +64,8 @@ INDEPENDENT = 1e-9
 def with_ports(body: FreeBody, modes: Basis) -> Basis:
     """Return the basis of free modes, followed by the attachment modes of the model's ports; collective.
 
-    The attachment modes are M-orthonormal, with ascending frequencies.  `Basis.sigma` has the value 1 for each of them.  Ports that supports hold,
-    or that depend on other ports, add no mode.
+    The attachment modes are M-orthonormal, with ascending frequencies.  `Basis.sigma` has the value 1 for each of them.
+    Ports that supports hold, or that depend on other ports, add no mode.
     """
     model = body.model
     V = np.array(modes.V.getDenseArray())

@@ -71,7 +71,10 @@ class UnitObserver:
         return tuple(name for name in self.units if name not in self.outputs)
 
     def arrays(self, drivers: Drivers) -> dict[str, NDArray[np.int32] | Array]:
-        """Arrays of the observer of a system with these `drivers`, for resources/system.pmr, by name."""
+        """Arrays of the observer of a system with these `drivers`, for resources/system.pmr, by name.
+
+        Arrays without entries are left out.
+        """
         numbers, data = drivers.system.input_names, self.data
         sizes = [*(data.sizes[name] for name in SIZES), data.sizes["acceleration"], len(self.unknowns)]
         arrays: dict[str, NDArray[np.int32] | Array] = {

@@ -186,7 +186,7 @@ class Reference:
     static: bool  #: Whether it starts in equilibrium
     t: Array  #: (S,) array, s
     outputs: Array  #: (S, o + m) array: outputs of the bodies, and contact forces
-    nominal: Array  #: (2 r,) array: largest modal coordinates, then their largest rates
+    nominal: Array  #: (2 r,) array: largest modal coordinates, then their largest rates; none is 0
 
     @property
     def start_values(self) -> Array:
@@ -245,7 +245,7 @@ def reference(drivers: Drivers, scene: StoredScene) -> Reference:
 
 
 def first_loads(drivers: Drivers, scene: StoredScene) -> Array:
-    """Loads (i,) in N or N m of the inputs of `drivers` at the start, with the full weight."""
+    """Loads (i,) of the inputs of `drivers` at the start, with the full weight, in the units `Drivers.load_units`."""
     if drivers.frame is None:
         at = dict.fromkeys(drivers.loads, 0.0) | dict(
             zip(drivers.system.load_names, scene.first_loads.tolist(), strict=True)
