@@ -107,7 +107,7 @@ def _key_numbers(done: Sequence[RunRecord], error: str | None) -> Iterator[KeyNu
         if not is_varied(runs_with_figure, name):
             yield KeyNumber(what.cell(worst.figures[name]), what.label, "in all runs")
         elif name in (error, "max_error"):
-            note = f"at least {what.cell(best.figures[name])}, {run_name(best)}"
+            note = f"smallest {what.cell(best.figures[name])}, {run_name(best)}"
             yield KeyNumber(what.cell(worst.figures[name]), f"{what.label}, at most", note)
         else:
             yield KeyNumber(what.cell(worst.figures[name]), what.label, run_name(worst))

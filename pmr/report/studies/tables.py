@@ -76,7 +76,7 @@ def studies_in(folder: Path, summary: Summary) -> list[FinishedStudy]:
 TIME = "simulate.reduced"  # name of the time in s that one simulation of the reduced model takes
 _PLACES = {"tip": "at the tip", "beam": "along the beam", "pad_force": "of the forces"}
 #: Words for positions on the path, by the parts of values' names that stand for these positions.
-PLACES = {"s_min": "at the least s", "s_middle": "at s midway", "s_max": "at the largest s"}
+PLACES = {"s_min": "least s", "s_middle": "middle s", "s_max": "largest s"}
 _AGAINST = {"full": "", "ancf": " against ANCF"}
 
 
