@@ -377,7 +377,7 @@ def _history_drawing(result: RunResult, anchor: str, name: str, unit: str) -> Dr
         """Measurement (T,) of a response; NaN if the response does not have it."""
         return response.other(name) if name in response.other_names else np.full(len(response.t), np.nan)
 
-    label = " ".join(name.split(" ")[-2:]).capitalize()
+    label = " ".join(name.split(" ")[-2 : None if unit == "rad" else -1]).capitalize()  # a component would not fit
     return histories.drawn_history(anchor, result, values, name[:1].upper() + name[1:], label, unit)
 
 

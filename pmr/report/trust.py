@@ -68,7 +68,7 @@ def trust_table(result: RunResult) -> Table:
         "model": model.get("not_covered") or walls,
         "mesh": budget.get("mesh_not_covered") or (),
         "time step": step.get("not_covered") or (),
-        "reduction": estimate.get("not_covered") or (),
+        "reduction": [of for of in estimate.get("not_covered") or () if of.partition(",")[0] not in parts["reduction"]],
     }
     largest = {name: most for name, errors in parts.items() if (most := max(errors.values(), default=0.0))}
     decades = max(ceil(log10(max(largest.values(), default=1.0) / LEAST) - 1e-9), 5)

@@ -288,7 +288,7 @@ def left_out_of_chart(scene: Scene, limits: Sequence[Limit]) -> dict[str, str]:
     rows["motion"] = "inertia and swings by hoisting, luffing, slewing and telescoping"
     if "field" not in {limit.of for limit in limits}:
         rows["places without a limit"] = (
-            "walls away from probes and pads, as beside the feet and lugs of cylinders, and cylinders themselves"
+            "walls away from probes and pads, as beside the feet and lugs of cylinders; tubes and rods of cylinders"
         )
     return rows | left_out(scene, at_rest=True)
 

@@ -573,6 +573,18 @@ def test_figures_without_an_error_are_named_part_by_part(make_space: MakeSpace) 
     assert f"natural frequencies 0.300{SPACE}%" in said["reduction"]
 
 
+@pytest.mark.parametrize("compared", [True, False])
+def test_forces_that_are_compared_with_the_full_model_are_not_missing_in_the_error_of_the_reduction(
+    make_space: MakeSpace, compared: bool
+) -> None:
+    reasons = ["stresses away from probes", "pad forces, because the motion depends on the exact time of impacts"]
+    errors = {"errors": {"reduced_vs_full": {"beam": 1e-4, "pad_force": 2e-4}}} if compared else {"errors": {}}
+    estimate = {"beam": 1e-4, "pad_force": None, "not_covered": reasons}
+    rows = dict(trust(make_space, estimate=estimate, **errors).rows)
+    assert ("pad forces" in rows["reduction"]) is compared
+    assert rows["not in the error of the reduction"] == "; ".join(reasons[:1] if compared else reasons)
+
+
 PARTS = {
     "reduction": {"beam": 0.006, "tip": 0.002},
     "step": {"beam": 0.004, "tip": 0.001},

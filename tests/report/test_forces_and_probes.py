@@ -60,6 +60,16 @@ def test_probes_have_extremes_and_load_cycles(probed: RunResult) -> None:
     assert len(block.drawings) == 3  # of each measure the component that is largest
 
 
+def test_axes_of_a_probe_name_the_measure_without_its_component(probed: RunResult) -> None:
+    """With the component, which the caption names, the label would touch the label of the panel below."""
+    block = sections.probe_block(probed, "case-1")
+    assert block is not None
+    for drawing, measure in zip(block.drawings, ("stress along", "strain along", "displacement z"), strict=True):
+        label = f"{measure.split(' ')[0].capitalize()} "
+        assert f"weld {measure}" in drawing.caption.lower()
+        assert label in drawing.svg and f"{measure.capitalize()} in" not in drawing.svg
+
+
 def test_forces_have_extremes_with_time_and_place(probed: RunResult) -> None:
     (grid,) = contact_block(probed, "case-1").grids
     assert grid.head == ("", "least", "largest") and grid.caption.endswith("the path coordinate s then.")

@@ -300,7 +300,7 @@ def _midpoints(values: Array, axis: int) -> Array:
 
 
 #: Largest displacement in the drawing as a share of the reach; largest height of the picture over the width of a page.
-BENT, SIDE_TALLEST = 0.06, 0.3
+BENT, SIDE_TALLEST = 0.06, 0.22
 
 
 @dataclass(frozen=True)

@@ -258,12 +258,12 @@ def _use_tables(names: list[str], n: int, arrays: Mapping[str, Array], sections:
         if (direction == d).any():
             deflections = [float(bent[(of == k) & (direction == d)][-1]) for k in range(len(sections))]
             tips = tuple((name, format_quantity(value, "m")) for name, value in zip(sections, deflections, strict=True))
-            tables.append(Table(f"Deflections of the tips of sections, {way}", tips))
-    forces = zip(arrays["at.forces.names"], arrays["at.kinds"], _zero_round_off(arrays["at.forces"][n]), strict=True)
-    some = tuple(
-        (shown_force_name(str(name)), format_quantity(float(f), "N")) for name, kind, f in forces if kind in FORCES
-    )
-    return [*tables, Table("Forces, positive where they push", some)] if some else tables
+            tables += [Table(f"Deflections of the tips of sections, {way}", tips)] if any(deflections) else []
+    columns = zip(arrays["at.forces.names"], arrays["at.kinds"], _zero_round_off(arrays["at.forces"][n]), strict=True)
+    forces = {shown_force_name(str(name)): float(force) for name, kind, force in columns if kind in FORCES}
+    rows = [(name, format_quantity(force, "N")) for name, force in forces.items() if force]
+    rows += [("all others", format_quantity(0.0, "N"))] if 0 < len(rows) < len(forces) else []
+    return [*tables, Table("Forces, positive where they push", tuple(rows))] if rows else tables
 
 
 def _zero_round_off(values: Array) -> Array:

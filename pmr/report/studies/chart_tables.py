@@ -138,10 +138,10 @@ def terminal_grid(results: StudyResults, rows: int) -> Grid:
 
 
 def _load_cell(load: float) -> str:
-    """Format a load in kg for the terminal; `NO_LOAD` for 0, and words where no limit is reached."""
+    """Format a load in kg, rounded down, for the terminal; `NO_LOAD` for 0, and words where no limit is reached."""
     if np.isinf(load):
         return "no limit reached"
-    return NO_LOAD if load == 0.0 else f"{load:.0f}"
+    return NO_LOAD if load == 0.0 else f"{np.floor(load):.0f}"
 
 
 #: Most boom lengths in the tables of loads, and most of them side by side: more are cut off on paper.

@@ -194,14 +194,14 @@ class Study(StudyBase):
             alone = f"; only {STABILITY_WORDS} was evaluated; [[limits]] of the study adds others"
             hint = "" if self.limits else alone
             return f"no limit is reached up to {self.up_to:.10g} kg at any of {points} points{hint}"
-        most = f"{loads.least.max():.0f} kg"
+        most = f"{np.floor(loads.least.max()):.0f} kg"
         if np.isinf(loads.least).any():
             most = f"more than {self.up_to:.10g} kg, where the search ends,"
         empty, permitted = int((loads.least == 0.0).sum()), loads.least[loads.least > 0.0]
         never = f"not permitted, even empty, at {empty} of {points} points"
         if not len(permitted):
             return never
-        carried = f"it carries {min(float(permitted.min()), self.up_to):.0f} to {most}"
+        carried = f"it carries {np.floor(min(permitted.min(), self.up_to)):.0f} to {most}"
         where = f"at the other {len(permitted)}" if empty else f"at {points} points"
         first, lowered = f"{never}; " if empty else "", np.minimum(loads.least, self.up_to) - loads.lower_bound
         less = (

@@ -19,8 +19,9 @@ from pmr.report.figures.load_chart import (
     label_ends,
     load_chart,
 )
-from pmr.report.studies.chart import _key_numbers, build_chapter, duty_caption
+from pmr.report.studies.chart import _key_numbers, _use_tables, build_chapter, duty_caption
 from pmr.report.studies.chart_tables import (
+    _load_cell,
     case_sentence,
     duty_grids,
     format_load,
@@ -181,6 +182,28 @@ def test_colours_end_where_the_machine_does(reaches: int, angles: int) -> None:
     assert far.min() <= reach[0] * (1.0 + 1e-12)
     turned = np.arctan2(corners[:, 1], corners[:, 0])[far > (1.0 - 1e-9) * reach[-1]]
     assert len(np.unique(turned.round(9))) == (angles + 1 if angles > 1 else 2)  # on the arc, between the places too
+
+
+def test_pads_without_force_and_directions_without_deflection_fill_no_rows() -> None:
+    """A page of a limit has one row for all pads without force, and has no table of deflections that are all 0."""
+    arrays = {
+        "at.used": np.array([[1.0]]),
+        "at.stress": np.zeros((1, 0)),
+        "at.direction.names": np.array(["z", "y"]),
+        "at.bent.section": np.array([0, 0]),
+        "at.bent": np.array([[-0.05, 1e-15]]),
+        "at.forces.names": np.array(["tail top", "tail left", "tail right"]),
+        "at.kinds": np.array(["pad", "pad", "pad"]),
+        "at.forces": np.array([[5800.0, 0.0, 1e-9]]),
+    }
+    _, deflections, forces = _use_tables(["pads"], 0, arrays, ("boom",))
+    assert deflections.title.endswith("positive upwards")
+    assert forces.rows == (("tail top", "5.80\u00a0kN"), ("all others", "0\u00a0N"))
+
+
+@pytest.mark.parametrize("load, text", [(7417.7, "7417"), (0.0, "—"), (np.inf, "no limit reached")])
+def test_a_load_on_the_terminal_is_rounded_down(load: float, text: str) -> None:
+    assert _load_cell(load) == text
 
 
 @pytest.mark.parametrize("luffing", [1.2, 1.45])

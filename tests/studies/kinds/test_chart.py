@@ -267,7 +267,7 @@ def test_who_waits_is_told_what_it_carries(small: StudyResults, folder: Path, mo
     carried, bars, missing = re.split(words, line)
     empty = len(known) - len(permitted)
     assert carried == (
-        f"not permitted, even empty, at {empty} of 12 points; it carries {min(permitted):.0f} to {max(known):.0f} kg "
+        f"not permitted, even empty, at {empty} of 12 points; it carries {int(min(permitted))} to {int(max(known))} kg "
         f"at the other {12 - empty}, by all limits"
     )
     assert float(bars) > 0.0
