@@ -237,7 +237,8 @@ def _computed_motion(scene: Scene) -> str | None:
 def _push_clause(rings: str, computed: str | None, sideways: bool = False) -> str:
     """Clause that says which key of `rings` to change if pads can only push.
 
-    `computed` is the result of `_computed_motion`; `sideways` says that only pads at the left and at the right pull.
+    `computed` names the motion that is computed, None if all motion is prescribed (`_computed_motion`); `sideways` says
+    that only pads at the left and at the right pull.
     """
     if computed is None:
         return f"; if they can only push, set unilateral = true in {rings}"

@@ -101,7 +101,8 @@ class RoundOffBounds:
         """Bounds of the round-off of a system's outputs under the excitation's loads (`pmr.compare.motion.round_off`).
 
         For several bodies, the bound of forces is `RELATIVE_FLOOR` times the largest of the contact forces `forces` (T,
-        m) in N, or 0 if these are None.  For a single body it is `pmr.compare.motion.force_round_off`.
+        m) in N of m contacts at T steps, or 0 if these are None.  For a single body it is
+        `pmr.compare.motion.force_round_off`.
         """
         f, end, least = excitation.forces(system.input_names), excitation.stepping.end, 0.0
         if ALONE in system.bodies:

@@ -226,7 +226,7 @@ def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBo
 
     `kinds` are the kinds of cells that are allowed.  `write` writes the drawn boom to a file of gmsh, which is then
     read.  Raises an InputError about a file that can't be read or whose mesh is not where the boom is, or about the key
-    of the scene that keeps the box from being drawn.  If `write` is None, the mesh has to have a file.
+    of the scene that keeps the box from being drawn.
     """
     if member.part.mesh.file is not None:
         groups = member.part.mesh.groups

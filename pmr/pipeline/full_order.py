@@ -153,8 +153,9 @@ class FullOrder:
     ) -> FullMotion:
         """Simulate the full system; return its response, and this rank's rows of the states at `steps`, by body.
 
-        `checkpoint` and `stepping` are those of `references`.  Raises SimulationError on every rank if the response
-        can't be trusted.
+        If contacts only push, `stepping` holds the parts into which steps are divided; None stands for the scene's
+        steps.  If `checkpoint` is not None, a simulation that was interrupted continues.  Raises SimulationError on
+        every rank if the response can't be trusted.
         """
         system, comm, excitation = self.system, self.system.comm, Excitation.from_scene(self.scene)
         excitation = excitation.with_stepping(stepping or excitation.stepping)

@@ -356,7 +356,7 @@ def _diagonalise(model: FullModel, W: Array) -> Array:
     """Combinations U of the columns W, and K U over the diagonal of U^T K U, as one array (2, n_local, k); collective.
 
     The combinations satisfy U^T M U = I, and U^T K U is diagonal.  For a column that is an eigenvector up to round-off,
-    the second result is M U, which is more accurate.  Collective.
+    the second result is M U, which is more accurate.
     """
     if W.shape[1] == 0:
         return np.array([W, W])

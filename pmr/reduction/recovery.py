@@ -307,7 +307,7 @@ def in_blocks(q: Array) -> Iterator[Array]:
 
 @dataclass(frozen=True)
 class RecoveredBody:
-    """Fields and stresses of a body by the model that they are of: ``reduced`` and, if its states are known, ``full``.
+    """Stresses of a body by model: ``reduced``, with fields, and ``full``, without fields, if its states are known.
 
     For a beam, the objects that computed its section forces and full coordinates are stored too.
     """
@@ -362,11 +362,12 @@ def recover(
     reduced: Mapping[str, BodyStates],
     full: Mapping[str, BodyStates],
 ) -> dict[str, RecoveredBody]:
-    """Fields and stresses of the reduced and the full models of a scene's bodies `built`, by name; collective.
+    """Stresses of reduced and full models of a scene's bodies `built`, and fields of reduced ones, by name; collective.
 
     `reduced` are the states of the reduced bodies at the `Scene.recovered_steps`, the same on every rank.  Pictures are
     recorded at some of these steps, evenly spread; their number is that of frames in the scene's recovery.  `full` are
-    this rank's parts of the states of the full models; bodies whose states are not known are missing.
+    this rank's parts of the states of the full models, of which no pictures are recorded; bodies whose states are not
+    known are missing.
     """
     settings, recovered = scene.recovery, dict[str, RecoveredBody]()
     assert settings is not None

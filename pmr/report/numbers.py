@@ -200,7 +200,7 @@ def share_captured(kappa: float, count: int) -> str:
 def times_the_true_error(estimate: float, true: float | None) -> str:
     """Words for the ratio of an estimate to the true error.
 
-    The text is empty if the true error is unknown, or if it is at most 1e-6, which is mostly round-off.
+    The text is empty if the true error is None, which means unknown, or at most 1e-6, which is mostly round-off.
     """
     return f"{significant(estimate / true, 3)} times the true error" if true and true > 1e-6 else ""
 

@@ -117,7 +117,11 @@ def _estimate_caption(name: str, figures: Summary) -> str:
 
 
 def _sensor_grid(figures: Summary, innovations: Mapping[str, Array]) -> Grid:
-    """Table of the sensors: values, share of innovations within the lines, p-value, and first alarm."""
+    """Table of the sensors: values, share of innovations within the lines, p-value, and first alarm.
+
+    `innovations` (T,) are those of each sensor over their standard deviations, by the sensor's name; NaN where nothing
+    was measured.  `figures` are the contents of ``observe.json``.
+    """
     rows = []
     for name, of in innovations.items():
         inside, p, alarm = np.abs(of[np.isfinite(of)]), figures["whiteness"][name], figures["first_alarm"].get(name)

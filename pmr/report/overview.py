@@ -171,8 +171,8 @@ def _place_words(on: str | float) -> str:
 def _format_load(values: Array, unit: str) -> str:
     """Format a load as ``up to`` the value farthest from zero.
 
-    A load that changes sign is formatted as its least to its largest value.  `unit` is the unit of `values`, without a
-    prefix.
+    A load that changes sign is formatted as its least to its largest value.  `unit` is the unit of `values` (T,),
+    without a prefix.
     """
     low, high = float(values.min(initial=0.0)), float(values.max(initial=0.0))
     if low < 0.0 < high:

@@ -221,7 +221,8 @@ class StopMotion:
         def most(outputs: Array, forces: Array) -> float:
             """Return the largest share of the limit when the boom stops in either direction.
 
-            `outputs` and `forces` are those per unit of deceleration.
+            `outputs` (T, o) and `forces` (T, m), at T times during and after the stop, are those per unit of
+            deceleration.
             """
             of, by = (state.outputs, state.forces), (rate * outputs, rate * forces)
             extremes = [np.vstack([values + more, values - more]) for values, more in zip(of, by, strict=True)]

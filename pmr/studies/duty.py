@@ -91,7 +91,8 @@ class LeastLoads(NamedTuple):
     def from_rows(cls, rows: Sequence[Mapping[str, Array]], turns: int) -> LeastLoads:
         """Return the smallest loads from the arrays of all rows of a chart, whose points have `turns` slewing angles.
 
-        The arrays, with p points as their first axis, are those of `pmr.studies.charting.allow_row`.
+        The arrays of a row, by name, have the points of the row as their first axis, all slewing angles of a luffing
+        angle in succession (`pmr.studies.charting.allow_row`).
         """
         load, error, place = (
             np.array([row[name].reshape(-1, turns, row[name].shape[1]) for row in rows])

@@ -112,8 +112,9 @@ def make_sheet(
 ) -> Sheet:
     """Make an empty figure of `width` x `height` inches, and its axes (rows, columns).
 
-    `margins` (``left``, ``right``, ``top``, ``bottom``) are in inches.  So the axes of different figures line up, and
-    no text has to be measured.  `grid` holds further keywords of `Figure.subplots`.
+    `margins` (``left``, ``right``, ``top``, ``bottom``) are in inches; those that are not in `margins`, or all if None
+    is passed, have defaults.  So the axes of different figures line up, and no text has to be measured.  `grid` holds
+    further keywords of `Figure.subplots`.
     """
     inches = {"left": 0.6, "right": 0.16, "top": 0.28, "bottom": 0.38, **(margins or {})}
     figure = Figure(figsize=(width, height))

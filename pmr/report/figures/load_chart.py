@@ -241,7 +241,8 @@ def label_ends(ax: Axes, ends: Sequence[tuple[str, float, float]]) -> None:
 def _contour_loads(load: Array) -> list[float]:
     """Loads in kg for which curves are drawn: at most `CURVES` round numbers; empty if all loads are equal.
 
-    If no round number lies between the least and the largest load, three loads at equal distances are returned.
+    `load` (any shape) has the loads in kg; NaN and loads of 0 do not count.  If no round number lies between the least
+    and the largest load, three loads at equal distances are returned.
     """
     finite = load[np.isfinite(load) & (load > 0.0)]
     if not len(finite) or finite.max() <= finite.min():

@@ -132,8 +132,8 @@ def _cell_text(study: FinishedStudy, table: LeastLoads, chart: LoadChart, error:
 def _key_numbers(study: FinishedStudy, chart: LoadChart, error: Array, parts: Parts) -> list[KeyNumber]:
     """Key numbers: number of points, the largest load of a `chart`, and the load at its largest radius.
 
-    If an `error` bar is finite, two more follow: the largest error bar, with the errors that it contains, and the
-    number of points at which another limit may govern within the error bars.
+    If an `error` bar, in kg at each point of the chart, is finite, two more follow: the largest error bar, with the
+    errors that it contains, and the number of points at which another limit may govern within the error bars.
     """
     count, most, radius = len(study.study_file["limits"]) + 1, float(np.nanmax(chart.load)), chart.place[..., 0]
     turns = len(parts[0]["at.slewing"])
@@ -190,7 +190,7 @@ def _governing_page(
 ) -> Block:
     """Build the block about the largest load that limit number `n` of `names` governs.
 
-    It occurs in run number `row`, and `arrays` are those of this run.  `anchor` is the identifier of the figure.
+    The load occurs in run number `row`, and `arrays` are those of this run.  `anchor` is the identifier of the figure.
     """
     k = int(arrays["at.place"][n])
     load, error = float(arrays["load"][k, n]), float(arrays["error"][k, n])
@@ -229,9 +229,9 @@ def _governing_page(
 def _stops(study: FinishedStudy, stops: Array) -> list[Summary]:
     """Entries of the study's stops with results at one point: swing of the tip after the stop, and use of the limit.
 
-    Each row of `stops` has five numbers.  The first is the swing of the tip as a multiple of the displacement by a
-    steady deceleration; it is NaN if not known.  The next three are the use of the limit at rest, under the steady
-    deceleration, and at most.  The last is the speed in rad/s.
+    `stops` (stops, 5) has a row of five numbers for each stop.  The first is the swing of the tip as a multiple of the
+    displacement by a steady deceleration; it is NaN if not known.  The next three are the use of the limit at rest,
+    under the steady deceleration, and at most.  The last is the speed in rad/s.
     """
     return [
         stop | {"factor": factor, "rest": at_rest, "steady": steady, "most": most, "speed": np.rad2deg(speed)}

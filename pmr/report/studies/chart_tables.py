@@ -70,7 +70,7 @@ def case_sentence(asked: Summary) -> str:
 
 
 def slewing_clause(angles: Array) -> str:
-    """Clause on the slewing `angles` in degrees of a chart, of which the smallest load counts."""
+    """Clause on the slewing `angles` (k,) in degrees of a chart, of which the one with the smallest load counts."""
     several = "the least over" if len(angles) > 1 else "those at"
     return f"{several} slewing by {', '.join(f'{angle:.4g}°' for angle in angles)}"
 
@@ -279,10 +279,10 @@ def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Itera
     columns, step = spread_indices(len(duty.lengths), MOST_LENGTHS), load_step(float(np.nanmax(duty.load, initial=0.0)))
 
     def cell(r: int, e: int, values: Array) -> str:
-        """Entry of `values`, in kg, at radius number `r` and boom length number `e`, with the letter of its limit.
+        """Entry of `values` (radii, lengths) in kg at radius number `r` and length number `e`, and its limit's letter.
 
-        Empty where the entry is NaN, ``>`` and the largest load that was tried where no limit is reached, and `NO_LOAD`
-        where nothing remains of the entry after rounding down.
+        The text is empty where the entry is NaN, ``>`` and the largest load that was tried where no limit is reached,
+        and `NO_LOAD` where nothing remains of the entry after rounding down.
         """
         if np.isnan(values[r, e]):
             return ""

@@ -98,7 +98,10 @@ def _headline(count: int, done: Sequence[RunRecord], error: str | None) -> str:
 
 
 def _key_numbers(done: Sequence[RunRecord], error: str | None) -> Iterator[KeyNumber]:
-    """Yield the largest error, difference, displacement and force of all runs `done`, and the fastest simulation."""
+    """Yield the largest error, difference, displacement and force of all runs `done`, and the fastest simulation.
+
+    `error` is the name of the error's value, None for a study without one; values that no run has are left out.
+    """
     for name in (error, "max_error", "max_displacement", "largest_force"):
         if name is None or not (runs_with_figure := runs_with(done, name)):
             continue

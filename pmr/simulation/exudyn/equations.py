@@ -281,7 +281,7 @@ class Inputs(ABC):
         number, stored = -1, np.empty(0)
 
         def value(t: float) -> Array:
-            """Value at the time t in s; it is computed once for each step."""
+            """First entry of the result of `evaluate` at the time t in s; it is computed once for each step."""
             nonlocal number, stored
             if (k := self.number(t)) != number:
                 number, stored = k, evaluate(self.positions(t))[0]

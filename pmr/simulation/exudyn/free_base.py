@@ -370,7 +370,7 @@ def with_base(mbs: exu.MainSystem, items: SystemItems, base: Base, inputs: Input
     evaluated_at, evaluated = None, AddedEquations(*(np.empty(0),) * 3)
 
     def evaluate(t: float, q: Array, q_t: Array) -> AddedEquations:
-        """Mass, force and stiffness at t s, computed once for the same coordinates q and rates q_t."""
+        """Mass, force and stiffness at t s, computed once for the same coordinates q (n,) and rates q_t (n,)."""
         nonlocal evaluated_at, evaluated
         x, rate = np.array(q), np.array(q_t)
         arguments = (t, x.tobytes(), rate.tobytes())
@@ -408,7 +408,7 @@ def _with_rows(mbs: exu.MainSystem, items: SystemItems, base: Base, extending: E
         return extending.gap(at.s, at.boom)
 
     def gap_derivative(t: float, z: Array) -> Array:
-        """Derivatives of the gaps of the m contacts by all coordinates z of the marker, one row for each contact."""
+        """Derivatives (m, c) of the gaps of the m contacts by all c coordinates z (c,) of the marker, at t s."""
         at = base.split(t, np.array(z))
         derivative = extending.gap_derivative(at.s, at.boom)
         return np.hstack([np.zeros((len(derivative), k)), derivative[:, :n], derivative[:, n:] @ base.paths.along])
