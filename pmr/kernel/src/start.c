@@ -87,7 +87,7 @@ static double modal_flexibility(const pmr_state *st, int k)
     double stiffest = 0.0, flexibility = 0.0;
     int n;
     for (n = 0; n < y->modes; n++) stiffest = larger(stiffest, y->omega2[n]);
-    for (n = 0; n < y->modes; n++)
+    for (n = y->row_modes[2 * k]; n < y->row_modes[2 * k + 1]; n++)
         if (y->omega2[n] > RIGID_MOTION * stiffest) flexibility += row[n] * row[n] / y->omega2[n];
     return flexibility;
 }
