@@ -11,7 +11,7 @@ import pmr
 from pmr import System
 from pmr.files.arrays import Array
 from pmr.kernel.kernel import Kernel
-from pmr.kernel.state import Settings, State
+from pmr.kernel.state import BoundStep, Settings, State
 from pmr.scene.mechanism import CYLINDER
 from pmr.simulation.modal import modal_form
 from pmr.simulation.moving import MovingFrame
@@ -147,6 +147,17 @@ def test_values_change_along_a_seed_as_differences_say(moved: Moved) -> None:
 
 
 @pytest.mark.slow
+def test_outputs_of_outriggers_are_the_same_alone_and_among_all_others(moved: Moved) -> None:
+    """Alone, they are found without displacements of the bodies if no force on the ground depends on these."""
+    first = moved.kernel.outputs + moved.kernel.forces
+    alone = BoundStep(moved.state, [first + k for k in range(moved.kernel.ground)])
+    moved.motions[0] += STEP * moved.rng.uniform(0.0, 0.1, len(moved.frame.drivers))
+    moved.state.step_in_frame(moved.motions)
+    assert alone.observe() == 0
+    np.testing.assert_array_equal(alone.values, moved.state.ground)
+    assert np.ptp(alone.values) > 1e4
+
+
 def test_the_cylinder_carries_the_weight() -> None:
     """Beside the triangle of pivot, foot and lug: the arm is its height over the cylinder."""
     system = pmr.reduce(raised({"kind": "smooth_ramp", "times": [0.0, 2.0], "values": [0.3, 0.9]})).system
