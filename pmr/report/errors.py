@@ -166,7 +166,7 @@ def _length_rows(result: RunResult) -> Iterator[Row]:
     published = result.scene.published
     for name, comparison, is_error in (
         ("max_displacement", "largest transverse displacement", False),
-        ("max_error", "largest difference between reduced and full", True),
+        ("max_error", "largest difference to the full model", True),
     ):
         if (value := result.summary.get(name)) is None:
             continue

@@ -156,7 +156,7 @@ def test_page_says_figures_inputs_and_provenance(page: Page) -> None:
         ("full against ANCF, tip", ["0.0740\u00a0%", "0.07\u00a0%", "+5.7\u00a0%", "within", "= same when rounded"]),
         ("largest transverse displacement", ["50.00\u00a0mm", "50\u00a0mm", "+0\u00a0%", "within",
          "≈ within 5\u00a0%"]),
-        ("largest difference between reduced and full",
+        ("largest difference to the full model",
          ["1.200\u00a0mm", "1\u00a0mm", "+20\u00a0%", "worse", "▼ worse"]),
     ],
 )  # fmt: skip

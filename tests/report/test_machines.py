@@ -55,7 +55,7 @@ def test_what_hangs_on_the_hoist_stands_on_the_first_page() -> None:
     height = result.responses["reduced"].other("hook height")[[0, -1]]
     assert rope.side[:, 1, 1] == pytest.approx(height - 2.0, abs=1e-9)  # the pivot is 2 m above the ground
     assert rope.side[0, 0, 1] - rope.side[0, 1, 1] == pytest.approx(6.0, abs=1e-2)  # hangs under its head
-    assert "square: the payload on its rope" in space.view_caption(result, "from the side")
+    assert "the square is the payload on its rope" in space.view_caption(result, "from the side")
     assert carries["lowest natural frequency"].endswith(", without the payload of the hoist")
     swings = {way: result.summary["hoist"][f"swing_{way}"] for way in ("along", "across")}
     ends = [(of[end], way, end) for way, of in swings.items() for end in ("min", "max")]
@@ -103,7 +103,9 @@ def test_a_machine_on_outriggers_says_on_what_it_stands() -> None:
     use = carries["largest use of the support polygon"]
     corners = [f", {of.name}, at " for of in result.scene.frame.ground.outriggers]
     assert any(corner in carries["largest force of an outrigger"] for corner in corners)
-    assert use.startswith(f"{100.0 * result.summary['ground']['use']['max']:.1f}{SPACE}% (100{SPACE}%: it tips), at ")
+    assert use.startswith(
+        f"{100.0 * result.summary['ground']['use']['max']:.1f}{SPACE}% (the machine tips at 100{SPACE}%), at "
+    )
     asked = rows(result, "What was asked")
     masses = f"4 outriggers, with machine masses of 7500{SPACE}kg"
     assert asked["stands on"] == f"{masses}, on ground that rises by 0.5° along X and 1° along Y"
