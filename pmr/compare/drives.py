@@ -207,7 +207,7 @@ def _cylinder_part(
 def luffing_warnings(scene: Scene, angles: Array) -> list[str]:
     """Warnings about the luffing cylinder at the prescribed luffing `angles` (T,) in rad.
 
-    They are those of `turning_warnings`, and one if the angles need lengths of the cylinder beyond its stroke.
+    The warnings are those of `turning_warnings`, and one if the angles need lengths of the cylinder beyond its stroke.
     """
     warnings = turning_warnings(scene, angles)
     cylinder = scene.frame.cylinder if scene.frame is not None else None

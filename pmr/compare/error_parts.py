@@ -76,7 +76,7 @@ class ReductionError:
 def needs_other_model(scene: Scene, reduced: ReducedModel) -> bool:
     """Whether the scene asks for an estimate of the error that needs another model of the body than `reduced`.
 
-    This is so if the error of `reduced` itself can't be estimated; the other model is that of
+    The estimate needs another model if the error of `reduced` itself can't be estimated; the other model is that of
     `estimate_by_other_model`.
     """
     return scene.reduction.estimate and reason_without_estimate({ALONE: reduced}) is not None

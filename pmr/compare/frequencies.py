@@ -216,7 +216,7 @@ class WayPoints:
 def result_paths(scene: Scene, excitation: Excitation) -> Paths:
     """Paths that a result shows, with coordinates and rates at all steps.
 
-    They are those of sections or of a single body, without the angle of a luffing cylinder.
+    The paths are those of sections or of a single body, without the angle of a luffing cylinder.
     """
     count = len(scene.paths)
     return Paths(tuple(scene.paths), excitation.s[:, :count], excitation.rates[:, :count])

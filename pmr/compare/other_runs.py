@@ -275,7 +275,7 @@ def simulate_varied_play(scene: Scene, system: System, excitation: Excitation) -
 def largest_sizes(scene: Scene, response: Response) -> dict[tuple[str, str], float]:
     """Return the largest sizes of tip displacements, forces, stress at probes, and the use of the support polygon.
 
-    They are named by the key of their quantity and by a direction or a part; the largest of all pads has no part.
+    Sizes are named by the key of their quantity and by a direction or a part; the largest of all pads has no part.
     Histories that are round-off are left out.
     """
     sizes = dict[tuple[str, str], float]()

@@ -231,8 +231,8 @@ class Trials:
     def is_resolved(self, sizes: Sizes, steps: int) -> bool:
         """Whether a run with this number of steps is accurate enough in time to tell the error of a reduction.
 
-        This is the case if the error of the step is settled, and at most `RESOLVED` in every kind of output.  `sizes`
-        are those of the models.  Only to be called after `step_errors` for the same sizes and steps.
+        The run is accurate enough if the error of the step is settled, and at most `RESOLVED` in every kind of output.
+        `sizes` are those of the models.  Only to be called after `step_errors` for the same sizes and steps.
         """
         run_error = self._step_errors[sizes, steps]
         return run_error is not None and run_error.settled and max(self.step_errors(sizes, steps).values()) <= RESOLVED

@@ -111,7 +111,7 @@ def script_data(system: System, source: str) -> Arrays:
 def _tip_values(system: System, source: str) -> Arrays:
     """Values about the last displacement, which the script prints: ``tip``, ``tip_of`` and ``tip_position``.
 
-    They are the displacement's number among the outputs, words for its body, and its position in m.  Raises InputError,
+    The values are its number among the outputs, words for its body, and its position in m.  Raises InputError,
     which names the file `source`, if there is no displacement.
     """
     of = [

@@ -257,7 +257,7 @@ def ample(A: PETSc.Mat) -> int:
 def free_memory(comm: MPI.Comm) -> int:
     """Memory in MB that a factor may take on each rank; collective.
 
-    The result is the same on all ranks.  It is 0, for no limit, if no machine says how much memory is free.
+    The result is the same on all ranks.  The memory is 0, for no limit, if no machine says how much memory is free.
     """
     node = comm.Split_type(MPI.COMM_TYPE_SHARED)
     available = available_memory()

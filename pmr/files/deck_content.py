@@ -164,7 +164,7 @@ class Numbers:
     def of_kind(self, of_nodes: bool) -> Mapping[int, int]:
         """Return the numbers in the whole deck by the numbers in the instance.
 
-        They are those of nodes if `of_nodes`, else those of elements.
+        The numbers are those of nodes if `of_nodes`, else those of elements.
         """
         return self.nodes if of_nodes else self.elements
 

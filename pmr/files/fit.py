@@ -149,7 +149,8 @@ def _least_eigenvalue(A: sp.csr_matrix, sizes: Array) -> float:
 def _unknown_motions(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     """Yield a reason about ``direction`` if the coordinates cannot tell the six rigid motions from each other.
 
-    This is so if a rigid motion moves no coordinate, or moves them only as other rigid motions do.
+    The coordinates cannot tell the motions if a rigid motion moves no coordinate, or moves them only as other rigid
+    motions do.
     """
     R = rigid_motions((body.points - body.points.mean(axis=0))[body.node], body.direction)
     R /= np.maximum(np.linalg.norm(R, axis=0), 1e-9 * np.linalg.norm(R))

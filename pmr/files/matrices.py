@@ -122,8 +122,8 @@ class GivenMatrices:
     def rigid_motions(self) -> Array:
         """Coordinates (n, 6) under the six rigid motions of the nodes.
 
-        They are unit translations along x, y, z, and unit rotations about axes through the origin along x, y, z.  Modal
-        amplitudes are zero.
+        The motions are unit translations along x, y, z, and unit rotations about axes through the origin along x, y, z.
+        Modal amplitudes are zero.
         """
         return np.where(self.modal[:, None], 0.0, rigid_motions(self.points[self.node], self.direction))
 

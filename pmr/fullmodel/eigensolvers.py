@@ -57,8 +57,8 @@ class DependentRowsError(InputError):
 class Elimination:
     """Solution of C q = 0 for c pivot coordinates; the other coordinates are free.
 
-    It is ``q[pivots] = -factors @ q[coupled]``.  `size` is the number n of coordinates q.  `pivots` (c,) and `coupled`
-    (k,) are numbers of coordinates, `factors` is (c, k).  The matrix T (n, n - c) gives q = T z from the free
+    The solution is ``q[pivots] = -factors @ q[coupled]``.  `size` is the number n of coordinates q.  `pivots` (c,) and
+    `coupled` (k,) are numbers of coordinates, `factors` is (c, k).  The matrix T (n, n - c) gives q = T z from the free
     coordinates z.
     """
 
@@ -229,7 +229,7 @@ class SlepcEigenSolver:
     def _solve(self, M: PETSc.Mat, K: PETSc.Mat, count: int, deflation: list[PETSc.Vec]) -> SolvedModes:
         """Eigenvalues omega^2 and modes of the `count` lowest modes of (K, M); collective.
 
-        They are the lowest of all modes that are M-orthogonal to the vectors `deflation`.
+        The modes are the lowest of all modes that are M-orthogonal to the vectors `deflation`.
         """
         eps = lowest_mode_solver(K, M, self._sigma, count)
         pc = eps.getST().getKSP().getPC()
@@ -306,7 +306,7 @@ def lowest_frequencies(model: FullModel, s: Array, count: int, solver: str) -> A
 def _inertia(M: PETSc.Mat, K: PETSc.Mat, below: float) -> int:
     """Number of eigenvalues omega^2 of (K, M) that are less than `below` in (rad/s)^2; collective.
 
-    It is the number of negative pivots of K - `below` M (Parlett 1998, section 3.3).
+    The result is the number of negative pivots of K - `below` M (Parlett 1998, section 3.3).
     """
     shifted = K.copy()
     shifted.axpy(-below, M, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)

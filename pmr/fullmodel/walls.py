@@ -69,10 +69,9 @@ class Sliding:
 class Walls:
     """Walls of a body that give way: under fixed pads and at ends, then under sliding pads.
 
-    The body has coordinates y for its walls.  They are the last coordinates of the body, in this order, each with the
-    strain energy k_0 y^2 / 2.  The dents of m fixed pads and ends are S_f y_f, with S_f S_f^T = k_0 C_ff and their
-    compliance C_ff.  The dents of k sliding pads are A y_f + S_m y_m, with A S_f^T = k_0 C_mf and S_m^2 = k_0 C_mm - A
-    A^T.
+    The coordinates y of the walls are the last ones of the body, in this order, each with the strain energy k_0 y^2 /
+    2.  The dents of m fixed pads and ends are S_f y_f, with S_f S_f^T = k_0 C_ff and their compliance C_ff.  The dents
+    of k sliding pads are A y_f + S_m y_m, with A S_f^T = k_0 C_mf and S_m^2 = k_0 C_mm - A A^T.
     """
 
     standing: Standing = Standing()

@@ -238,9 +238,9 @@ def _body_arrays(rows: Arrangement, split: Outputs) -> Arrays:
 def _contact_arrays(system: System, rows: Arrangement, split: Outputs) -> Arrays:
     """Constant arrays of the contacts by their names in the kernel's block.
 
-    They hold the constant parts of the rows, the clearances, which contacts only push, the range of modes that each row
-    touches, the ends of the paths' ranges, and the slopes of the compliance by paths that lengthen ropes.  `split` says
-    which outputs are reactions of supports.
+    The arrays hold the constant parts of the rows, the clearances, which contacts only push, the range of modes that
+    each row touches, the ends of the paths' ranges, and the slopes of the compliance by paths that lengthen ropes.
+    `split` says which outputs are reactions of supports.
     """
     m, moments = len(system.contacts), len(rows.F) - len(system.contacts)
     clearance = np.pad(system.clearance, (0, moments), constant_values=np.nan)

@@ -110,8 +110,8 @@ def supports_of(system: System, name: str, form: Modal, output: bool = True) -> 
 def with_reactions(system: System, name: str, form: Modal, modal: ReducedModel, supports: Supports) -> ReducedModel:
     """Return `modal`, the body `name` in its modes, with the reactions of its `supports` as further outputs.
 
-    They come after the body's own outputs.  `form` says which rows of the original body `modal` has.  `modal` is
-    returned unchanged if `supports` has no reactions or if the body is a full model.
+    The reactions come after the body's own outputs.  `form` says which rows of the original body `modal` has.  `modal`
+    is returned unchanged if `supports` has no reactions or if the body is a full model.
     """
     body = system.bodies[name]
     if not supports.names or not isinstance(body, ReducedModel):
@@ -310,7 +310,7 @@ AXES = ("base.x", "base.y", "base.z")
 class ComputedData:
     """Data of a luffing angle or extension that is free, so that its motion is computed.
 
-    They are arrays of the kernel's block, units of the outputs by name, and `moved`: the allowed range, lowest and
+    The data are arrays of the kernel's block, units of the outputs by name, and `moved`: the allowed range, lowest and
     highest value, of each moved path.
     """
 
@@ -395,7 +395,7 @@ DIRECTIONS = dict.fromkeys(("x", "y", "z"), "N") | dict.fromkeys(("rx", "ry", "r
 def ground_outputs(scene: Scene) -> dict[str, str]:
     """Units of those outputs that are quantities on a scene's ground, by the quantity's name.
 
-    They are, in the order of the outputs, force and moment on the ground, forces of outriggers, margins against
+    The outputs are, in their order, force and moment on the ground, forces of outriggers, margins against
     tipping, and the use of the support polygon.  The result is empty if the scene has no ground.
     """
     ground = None if scene.frame is None else scene.frame.ground

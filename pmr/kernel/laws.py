@@ -76,7 +76,7 @@ def solve_contact(A: Array, b: Array, pushes: Mask, closed: Mask) -> ContactForc
 class ContactSearch:
     """Search for the contacts that are closed, as in `solve_contact`.
 
-    It is for callers that compute the contact forces themselves.
+    The search is for callers that compute the contact forces themselves.
     """
 
     def __init__(self) -> None:

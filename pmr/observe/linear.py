@@ -233,7 +233,7 @@ def linearize(
 def gravity_of(scene: Scene, chosen: Selection) -> Array:
     """Acceleration (q,) in m/s^2 that each of the q chosen outputs shows at rest, as gravity acts on an accelerometer.
 
-    It is zero for outputs that are no specific force.
+    The acceleration is zero for outputs that are no specific force.
     """
     felt = np.zeros(len(chosen.names))
     for k, (name, axis) in enumerate(zip(chosen.names, chosen.axes, strict=True)):

@@ -329,8 +329,8 @@ def stress_at_pads(
 def _peak_entry(part: BoomSection, peak: WallPeak, t: float) -> dict[str, Any]:
     """Return the entry ``wall_stress`` for `peak`, the largest stress of a section, at the time t in s.
 
-    It has ``value`` and ``error`` in Pa, ``t``, ``position`` in m, ``section``, the wall as ``region``, and, if the
-    material has a yield stress, ``yield`` in Pa.
+    The entry has ``value`` and ``error`` in Pa, ``t``, ``position`` in m, ``section``, the wall as ``region``, and, if
+    the material has a yield stress, ``yield`` in Pa.
     """
     box, material = part.body.box, part.body.material
     assert box is not None

@@ -227,8 +227,8 @@ class _Views:
     def _caption(self, moment: Moment, is_first: bool) -> str:
         """Return the caption of a view.
 
-        It states the extension beyond the mouth (or the reach), the time and the largest stress.  The first view's
-        caption also states what holds for all views, such as the scale of displacements.
+        The caption states the extension beyond the mouth (or the reach), the time and the largest stress.  The first
+        view's caption also states what holds for all views, such as the scale of displacements.
         """
         stress = ""
         if self.bodies.cell_stresses:

@@ -180,8 +180,8 @@ def _length_rows(result: RunResult) -> Iterator[Row]:
 def _decimals(printed: Mapping[str, Mapping[str, float]]) -> int:
     """Number of decimals with which a publication states its errors in per cent.
 
-    It is the largest number that an error in `printed` needs, and 0 if there are no errors.  `printed` has the errors
-    as fractions, 0.01 for 1 per cent, by pair of models and then by quantity.
+    The result is the largest number that an error in `printed` needs, and 0 if there are no errors.  `printed` has the
+    errors as fractions, 0.01 for 1 per cent, by pair of models and then by quantity.
     """
     return max((max(decimals_of(value) - 2, 0) for pair in printed.values() for value in pair.values()), default=0)
 

@@ -118,7 +118,8 @@ def input_block(result: RunResult, prefix: str) -> Block | None:
 def motion_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block with the animation of the motion, and pictures if the run has fields.
 
-    It is None if the run has neither fields nor outputs along an axis.  `prefix` begins the identifiers of the figures.
+    The block is None if the run has neither fields nor outputs along an axis.  `prefix` begins the identifiers of the
+    figures.
     """
     bodies, scale = MovingBodies(result), list[Drawing]()
     if not bodies.fields:
@@ -247,7 +248,7 @@ def _weight_sentence(result: RunResult) -> str:
 def stress_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block with the largest stress of each body over time, and tables of its times and places.
 
-    It is None if the run has no stresses.  `prefix` begins the identifiers of the figures.
+    The block is None if the run has no stresses.  `prefix` begins the identifiers of the figures.
     """
     drawings, parts = [], {part["name"]: part for part in result.summary.get("sections", ())}
     for number, (name, body) in enumerate(result.bodies.items()):
@@ -267,7 +268,7 @@ def stress_block(result: RunResult, prefix: str) -> Block | None:
 def section_force_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block on forces and moments of beams' cross-sections: envelopes over time and a table of extremes.
 
-    It is None if no beam has such forces.  `prefix` begins the identifiers of the figures.
+    The block is None if no beam has such forces.  `prefix` begins the identifiers of the figures.
     """
     largest = dict[str, float]()
     for part in summaries_by_section(result.summary).values():
@@ -320,7 +321,7 @@ UNSEEN = 1e-5
 def probe_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block on probes: histories, extremes, load cycles of stresses and strains, and damage.
 
-    It is None if the scene has no probes.  `prefix` begins the identifiers of the figures.
+    The block is None if the scene has no probes.  `prefix` begins the identifiers of the figures.
     """
     probes = {probe["name"]: probe for probe in result.summary.get("probes", ())}
     response = result.responses["reduced"]

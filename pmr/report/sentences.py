@@ -275,8 +275,8 @@ def extreme_clause(result: RunResult, extreme: Extreme) -> str:
 def angles_clause(result: RunResult, t: float) -> str:
     """Clause at the end of a sentence: luffing and slewing angle in degrees of a boom in a frame at `t` in s.
 
-    It begins with a comma (", raised 30°, slewed 10°").  An angle that the frame does not set is left out; without a
-    frame the clause is empty.
+    The clause begins with a comma (", raised 30°, slewed 10°").  An angle that the frame does not set is left out;
+    without a frame the clause is empty.
     """
     frame = result.frame
     if frame is None:

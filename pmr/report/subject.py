@@ -240,8 +240,8 @@ def changing_angles(result: RunResult) -> dict[str, SignalBase]:
 def drive_of(rope: Mapping[str, object]) -> str:
     """Return ``rope`` or ``cylinder``: the part that carries the force of an entry of ``ropes`` in summary.json.
 
-    It is a rope if the entry's section follows another section, or if the entry has a length.  A section with a length
-    that follows no other one may hang on the rope of a winch.
+    The part is a rope if the entry's section follows another section, or if the entry has a length.  A section with a
+    length that follows no other one may hang on the rope of a winch.
     """
     return "rope" if rope["follows"] or "length" in rope else "cylinder"
 

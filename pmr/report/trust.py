@@ -190,7 +190,7 @@ class SummedErrors:
     def lacking_clause(self, *labels: str) -> str:
         """Clause that names the sources that are not in the sum of one of several quantities.
 
-        It is empty if no source is missing.
+        The clause is empty if no source is missing.
         """
         names = dict.fromkeys(name for label in labels for name in self.lacking[label])
         return f", without the error of the {' and '.join(names)}" if names else ""

@@ -233,8 +233,8 @@ class NodalBody:
     omega : (m,) array, rad/s
         Angular frequencies of the modes: modes^T K modes = diag(omega^2).
     damping : (m, m) array, 1/s
-        modes^T D modes with the damping matrix D (3 N, 3 N) of the body.  It is not diagonal, as flexible moving pads
-        have no damping.
+        modes^T D modes with the damping matrix D (3 N, 3 N) of the body.  The product is not diagonal, as flexible
+        moving pads have no damping.
     frames : Places
     """
 

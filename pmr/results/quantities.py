@@ -240,7 +240,7 @@ def _force_measure(kind: str) -> Callable[[Columns, Callable[[str], bool]], Meas
 def pad_pressure_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
     """Return a function from the values (T, c) of all c columns to the largest share (T,) of a pad's allowed pressure.
 
-    It is None if no pad for whose name `looks_at` is true has an allowed pressure.
+    The result is None if no pad for whose name `looks_at` is true has an allowed pressure.
     """
     chosen = [k for k in columns.numbers_of_kind("pad") if looks_at(columns.names[k])]
     allowed = columns.pad_forces[chosen]

@@ -198,7 +198,7 @@ def unused_body_keys(member: Member) -> Iterator[UnusedKey]:
 def _unused_joint_keys(scene: Scene, number: int) -> Iterator[UnusedKey]:
     """Yield keys without effect in the joint of section `number`.
 
-    They are ratio and offset without a section to follow, keys of friction that others of the ring make void, and
+    The keys are ratio and offset without a section to follow, keys of friction that others of the ring make void, and
     cylinder and rope of a model without displacements along the boom.
     """
     joint, name = scene.joint(number), scene.names[number]
@@ -214,7 +214,7 @@ def _unused_joint_keys(scene: Scene, number: int) -> Iterator[UnusedKey]:
 def _unused_simulation_keys(scene: Scene) -> Iterator[UnusedKey]:
     """Yield keys without effect in the tables of comparison and simulation.
 
-    They are the elements of an ANCF cable without this reference, settings of Newton's method without Exudyn, and a
+    The keys are the elements of an ANCF cable without this reference, settings of Newton's method without Exudyn, and a
     play of pads where no pad only pushes or the pads have a clearance already.
     """
     if "ancf" not in scene.compare.against:

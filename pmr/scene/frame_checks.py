@@ -50,8 +50,8 @@ def check_machine(scene: Scene, frame: Frame, machine: Machine) -> None:
 def _check_computed(scene: Scene, frame: Frame, computed: str) -> None:
     """Refuse settings that do not go with a computed motion.
 
-    They are an automatic choice of second order, planar models, and pads that only push or rub.  `computed` is the
-    motion's key with its value, for the message.
+    The settings are an automatic choice of second order, planar models, and pads that only push or rub.  `computed` is
+    the motion's key with its value, for the message.
     """
     refuse(frame.second_order == "auto", "frame.second_order", "auto", f"true or false is allowed beside {computed}")
     for member in members(scene):
@@ -69,7 +69,7 @@ def _check_computed(scene: Scene, frame: Frame, computed: str) -> None:
 def _check_ground(scene: Scene) -> None:
     """Refuse a ground without gravity, and one under a base section whose forces at the pivot are not known.
 
-    They are not known with supports of "all" points, and with a model that has no motion along the boom.
+    The forces are not known with supports of "all" points, and with a model that has no motion along the boom.
     """
     if scene.gravity is None:
         raise scene_error("gravity", None, "a table is needed with frame.ground, as the weight presses on the ground")

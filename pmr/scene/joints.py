@@ -151,7 +151,7 @@ class Rope(SceneTable):
 def _extension_tag(data: object) -> str:
     """Return ``free`` for an extension of this kind, else `OVER_TIME`; pydantic chooses the extension's type by it.
 
-    `OVER_TIME` stands for a signal.  It is no key of a scene, so that messages leave it out.
+    `OVER_TIME` stands for a signal.  The tag `OVER_TIME` is no key of a scene, so that messages leave it out.
     """
     kind = data.get("kind") if isinstance(data, dict) else getattr(data, "kind", None)
     return "free" if kind == "free" else OVER_TIME

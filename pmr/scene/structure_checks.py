@@ -284,7 +284,7 @@ def _check_frames(box: Box) -> None:
 def _check_flexible_walls(member: Member) -> None:
     """Refuse walls that give way on a body without a box, and on a beam without pads on faces.
 
-    They are refused, too, on a beam of a model for which their compliance is not computed.
+    Such walls are refused, too, on a beam of a model for which their compliance is not computed.
     """
     box, key = member.part.body.box, "body.walls"
     refuse(box is None, key, "give", "'rigid' is allowed, as without body.box the thickness of the walls is not known")

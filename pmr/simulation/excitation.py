@@ -252,8 +252,8 @@ def side_velocities(system: BodySystem[Body], excitation: Excitation) -> Array:
 def hoist_signals(scene: Scene) -> dict[str, SignalBase]:
     """Signals that drive the hoist of a scene, by the names of `pmr.system.terms`; empty without a hoist.
 
-    They are the length of the rope or the speed of its winch, the wind on the payload, and in a frame the quantities of
-    the frame's motion that accelerate the payload.
+    The signals are the length of the rope or the speed of its winch, the wind on the payload, and in a frame the
+    quantities of the frame's motion that accelerate the payload.
     """
     if scene.hoist is None:
         return {}

@@ -292,7 +292,7 @@ class WindOnSection(FrameSignal):
 
     .. math:: w(x) = c\, d\, q(Z(x))\, e\, |e|, \qquad q = q_r(t) \bigl(\max(Z, Z_{least}) / Z_r\bigr)^{2 p}
 
-    on the part of the section that is outside of the section around it, and 0 elsewhere.  It is replaced by its
+    on the part of the section that is outside of the section around it, and 0 elsewhere.  The wind is replaced by its
     projection on Legendre polynomials of the length L,
 
     .. math:: w \approx \sum_j w_j P_j(2 x / L - 1), \qquad w_j = \frac{2 j + 1}{L} \int w\, P_j(2 x / L - 1)\, dx

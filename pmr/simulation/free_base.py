@@ -110,8 +110,8 @@ class FrameMotion:
 class Shortening:
     """Part f q^T G q / 2 of a section's first moment along x that is quadratic in q: the boom is shorter as it bends.
 
-    It belongs to the moment over 1 (`over` = 0) or over x (`over` = 1).  The factor f is 1 without a `cylinder`; with
-    the number of a cylinder's extension as `cylinder`, f is -1 over the length of this extension.
+    The part belongs to the moment over 1 (`over` = 0) or over x (`over` = 1).  The factor f is 1 without a `cylinder`;
+    with the number of a cylinder's extension as `cylinder`, f is -1 over the length of this extension.
     """
 
     section: int

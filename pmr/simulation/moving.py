@@ -343,7 +343,7 @@ def _products(
 def _scene_loads(scene: Scene) -> dict[str, SignalBase]:
     """Signals by name of all that a scene prescribes as loads, in the axes in which it states them.
 
-    They are loads of sections, rope and wind of a hoist, what drives cylinders, and gravity.
+    The signals are loads of sections, rope and wind of a hoist, what drives cylinders, and gravity.
     """
     signals = dict[str, SignalBase]()
     for name, member in zip(scene.names, members(scene), strict=True):

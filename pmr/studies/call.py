@@ -181,8 +181,8 @@ def _rename_runs(name: str, results: StudyResults) -> list[RunRecord]:
 def _study_summary(study: StudyBase, results: StudyResults) -> dict[str, Any]:
     """Return the entries of a study in summary.json.
 
-    They are ``asked`` (the study's own keys), ``figures`` (numbers about all runs; empty unless all runs are done),
-    ``source``, ``published``, ``remarks`` and ``hints``.
+    The entries are ``asked`` (the study's own keys), ``figures`` (numbers about all runs; empty unless all runs are
+    done), ``source``, ``published``, ``remarks`` and ``hints``.
     """
     base = set(StudyBase.model_fields)
     keys = {name: value for name, value in study.model_dump(mode="json").items() if name not in base | FILES}

@@ -123,9 +123,9 @@ class Chart:
         `part` says which of them: ``"mesh"``, ``"model"`` or ``"play"``.  `loads` (c, l) in kg are those that the
         reduced model allows at the k-th posture, for c cases and l columns: the limits, then stability.  For each
         column, the smallest load of all cases is compared with that of the model ``models.comparisons[part]``.  The
-        error is the magnitude of the difference, times ``share`` of that model.  It is NaN for limits that this model
-        can't evaluate, and for all columns if there is no such model, or if its pads have play that no load takes up.
-        An InputError of a limit's function is raised with the name of this model in its message.
+        error is the magnitude of the difference, times ``share`` of that model.  The result is NaN for limits that this
+        model can't evaluate, and for all columns if there is no such model, or if its pads have play that no load takes
+        up.  An InputError of a limit's function is raised with the name of this model in its message.
         """
         errors = np.full(loads.shape[1], np.nan)
         if (other := models.comparisons.get(part)) is not None:

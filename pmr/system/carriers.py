@@ -328,7 +328,7 @@ def pack_model(model: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
 def unpack_model(data: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str, NDArray[Any]]:
     """Arrays (any shape) of a model in full, by the field's name, from those of a file that begin with `prefix`.
 
-    `data` are all arrays of the file; earlier versions stored them in full.  They are as
+    `data` are all arrays of the file; earlier versions stored them in full.  The arrays are as
     `pmr.files.npz.record_from_arrays` reads them, and its errors are raised.  A ValueError is raised if tables are
     missing and carriers are not sound, or if a triangle has a wrong number of entries.
     """

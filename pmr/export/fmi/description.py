@@ -277,7 +277,8 @@ class CubicSignal(SignalBase):
     def _pieces(self, t: ArrayLike) -> Array:
         """Parts of the cubics at times t (...) in s, as one array (5, ...).
 
-        They are the time in s since the current step began, then the value at its beginning and the three rates there.
+        The parts are the time in s since the current step began, then the value at its beginning and the three rates
+        there.
         """
         at, rates = np.asarray(t, float), np.array(self.rates)
         number = np.clip(np.floor(at / self.step + 1e-9).astype(int), 0, rates.shape[1] - 1)

@@ -323,7 +323,7 @@ _NUMBER = re.compile(r"-?\d+\.\d+")
 def svg(figure: Figure, name: str, description: str) -> str:
     """Turn a figure into an ``<svg>`` element whose identifiers are unique in the page; changes texts of the figure.
 
-    Text remains text, so that it can be searched.  It is in the font `FONT`, which the page embeds, so that it looks
+    Text remains text, so that it can be searched.  Text is in the font `FONT`, which the page embeds, so that it looks
     the same in every browser and in the PDF.  To keep pages with dozens of figures small, styles become attributes, and
     coordinates are rounded to two decimals of a point.
 

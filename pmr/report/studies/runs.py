@@ -67,7 +67,7 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
 def _opening_sentence(runs: Sequence[RunRecord]) -> str:
     """Sentence on the number of runs and on the varied parameters; parameters with few values are listed with these.
 
-    It is empty if no parameter varies.
+    The text is empty if no parameter varies.
     """
     parts = []
     for key in dict.fromkeys(key for run in runs for key in run.parameters):
@@ -167,7 +167,8 @@ def _is_visible(runs: Sequence[RunRecord], name: str) -> bool:
 def varied_parameter(done: Sequence[RunRecord]) -> str | None:
     """Parameter over which values of the runs `done` are drawn: the number of coordinates if it varies.
 
-    Otherwise it is the parameter with the most values.  It is None if no parameter has several numbers as values.
+    Otherwise it is the parameter with the most values.  The result is None if no parameter has several numbers as
+    values.
     """
     counts = {
         key: len({number_of(run.parameters[key]) for run in done})

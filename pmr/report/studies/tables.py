@@ -124,7 +124,7 @@ def value_words(value: Scalar) -> str:
 def unit_of(key: str) -> str:
     """Unit of a scene's key, as the scene declares it; empty for a pure number, a text or an unknown key.
 
-    The key is dotted.  It begins with ``section.`` or ``sections[1].``, or is that of a scene file of one body.
+    The dotted key begins with ``section.`` or ``sections[1].``, or is that of a scene file of one body.
     """
     section: type[BaseModel] = BoomSection if re.match(r"sections?\b", key) else BodyFile
     *path, last = key.split(".")

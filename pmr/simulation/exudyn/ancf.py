@@ -207,8 +207,8 @@ def energy(cable: Cable, motion: CableMotion) -> Energy:
     .. math::
         \tfrac12 \rho A \int |\dot r|^2 dx, \qquad \tfrac12 EI \int K^2 dx, \qquad - \sum_i F_i\, y_i
 
-    They are kinetic energy, bending energy and potential of the forces F_i at displacements y_i.  The material points
-    should span the cable.  The energy of axial strain is left out, as in Weyrer et al. (equation for H^ANCF).
+    The energies are kinetic energy, bending energy and potential of the forces F_i at displacements y_i.  The material
+    points should span the cable.  The energy of axial strain is left out, as in Weyrer et al. (equation for H^ANCF).
     """
     speed = np.sum(motion.velocity**2, axis=2)
     return Energy(

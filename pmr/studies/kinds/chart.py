@@ -186,7 +186,7 @@ class Study(StudyBase):
     def summary_line(self, results: StudyResults) -> str:
         """Return a line with the least and the largest load in kg that all limits allow at the points.
 
-        It also says at how many points the boom is not permitted even empty, and what the limits do not cover.
+        The line also says at how many points the boom is not permitted even empty, and what the limits do not cover.
         """
         points, table = len(self._chart_points), self.table(results)
         loads = self.loads(table)
