@@ -235,8 +235,10 @@ def quantities_not_covered(
 
 
 def unsettled_force_clauses(kinds: Sequence[str]) -> list[str]:
-    """List a clause for each kind of forces in `kinds`, whose values still change as the step gets smaller."""
-    return [f"{QUANTITIES[kind].label}, as even smaller steps still change them" for kind in kinds]
+    """List a clause for each kind in `kinds`, whose forces or values still change as the step gets smaller."""
+    return [
+        f"{QUANTITIES[kind].label} beyond the stated error, as even smaller steps still change them" for kind in kinds
+    ]
 
 
 def reduction_warnings(summary: Summary) -> list[str]:

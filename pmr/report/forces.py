@@ -12,7 +12,7 @@ from pmr.report.blocks import Block, Drawing, Grid
 from pmr.report.columns import Force, forces_of
 from pmr.report.figures import drawing
 from pmr.report.figures.histories import output_figure, panel_figure
-from pmr.report.numbers import format_quantity, format_time, prose
+from pmr.report.numbers import format_percent, format_quantity, format_time, prose
 from pmr.report.sentences import Measured, extremes_grid, extremes_of
 from pmr.report.subject import (
     drive_of,
@@ -31,6 +31,7 @@ from pmr.scene.keys import LUFFING_CYLINDER
 from pmr.scene.mechanism import AT_PIVOT
 
 MOST_FORCES = 4  # largest number of panels in one figure
+SLIGHT = 0.01  # share of the largest force of a kind below which a force has no panel
 #: Sentences on the sign of forces, by the kind of output, for forces whose signs seem to contradict another table.
 SIGNS = {
     "support": " Positive along the axes: a support that is pressed down has a negative force, and so has one in place "
@@ -242,37 +243,50 @@ def _driven_grid(result: RunResult, key: str) -> Grid:
     ]
     measured = [of._replace(unit="%") if of.name == "use" else of for of in measured]
     raises = key == "luffing_cylinder"
-    what = "The luffing cylinder, hinged as frame.cylinder says" if raises else "What drives the extension"
-    return extremes_grid(result, f"{what}: positive where it presses, and where it gets longer", measured)
+    what = "the luffing cylinder" if raises else "the cylinder that drives the extension"
+    signs = " A force is positive where it pushes, a speed where it gets longer."
+    return extremes_grid(result, f"Least and largest values of {what}", measured, signs)
 
 
 def _force_block(result: RunResult, prefix: str, kind: str, heading: str, *more: Grid) -> Block | None:
     """Build a block about outputs of one kind: figures of forces, figures of moments, tables of extremes.
 
-    A figure has at most `MOST_FORCES` panels.  Forces that are round-off at all times have no panel and are named in a
-    sentence.  `heading` is the title of the block, `prefix` begins the identifiers of the figures, and `more` are
-    further tables.  None if there are neither outputs of this kind nor further tables with rows.
+    A figure has at most `MOST_FORCES` panels.  Forces that are round-off at all times, and those that stay below the
+    share `SLIGHT` of the largest of their unit, have no panel; a sentence names each of both.  `heading` is the title
+    of the block, `prefix` begins the identifiers of the figures, and `more` are further tables.  None if there are
+    neither outputs of this kind nor further tables with rows.
     """
     forces, drawn = forces_of(result, kind), list[Drawing]()
     anchor = "forces" if kind == "pad" else kind
     bearing = [force for force in forces if exceeds_round_off(result, force)]
+    slight = list[Force]()
     for unit in ("N", "N m"):
-        shown = [force for force in bearing if force.unit == unit]
+        sizes = [(force, _size(result, force)) for force in bearing if force.unit == unit]
+        least = SLIGHT * max((size for _, size in sizes), default=0.0)
+        shown = [force for force, size in sizes if size >= least]
+        slight += [force for force, size in sizes if size < least]
         for first in range(0, len(shown), MOST_FORCES):
             panels = {force.name: force.history for force in shown[first : first + MOST_FORCES]}
             name, quantity = f"{prefix}-{anchor}-{len(drawn) + 1}", UNIT_QUANTITIES[unit].capitalize()
             caption = _caption(result, kind, unit, is_first=first == 0)
             drawn.append(drawing(name, panel_figure, caption, result, panels, unit, quantity))
     idle = [force.name for force in forces if force not in bearing]
-    text = f"No force at any time on {', '.join(idle)}." if idle else ""
+    text = f"No force at any time on {', '.join(idle)}. " if idle else ""
+    named = ", ".join(force.name for force in slight)
+    text += f"Below {format_percent(SLIGHT, 1)} of the largest one, so not drawn: {named}." if slight else ""
     grids = tuple(grid for grid in (_force_grid(result, kind, bearing), *more) if grid.rows)
-    return Block(heading.capitalize(), drawn, text=text, grids=grids) if forces or grids else None
+    return Block(heading.capitalize(), drawn, text=text.strip(), grids=grids) if forces or grids else None
 
 
 def exceeds_round_off(result: RunResult, force: Force) -> bool:
     """Whether a force exceeds round-off at any time in any of the models."""
     responses = result.responses.values()
     return any(float(np.abs(force.history(of)).max(initial=0.0)) > of.force_floor for of in responses)
+
+
+def _size(result: RunResult, force: Force) -> float:
+    """Largest absolute value of a force, in N or N m, at any time in any of the models."""
+    return max(float(np.abs(force.history(of)).max(initial=0.0)) for of in result.responses.values())
 
 
 def _caption(result: RunResult, kind: str, unit: str, is_first: bool) -> str:

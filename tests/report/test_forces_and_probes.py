@@ -99,13 +99,15 @@ def test_a_body_without_pads_has_no_table_of_their_forces(make_result) -> None:
 
 
 def test_a_pad_that_never_touches_has_no_panel_and_no_row(probed: RunResult, monkeypatch) -> None:
-    """Neither one without any force, nor one that round-off alone presses on; both are named."""
-    result, panels = idle(probed, lower=1.0, upper=0.0, aside=1e-14, other=1e-3), []
+    """Neither one without any force, nor one that round-off alone presses on; one of little force has a row."""
+    result, panels = idle(probed, lower=1.0, upper=0.0, aside=1e-14, other=2e-2, slight=5e-3), []
     monkeypatch.setattr(drawn, "drawing", lambda *given: panels.extend(given[-3]))
     block = contact_block(result, "case-1")
     assert block is not None and panels == ["lower", "other"]
-    assert [row[0] for row in block.grids[0].rows] == ["lower", "other"]
-    assert block.text == "No force at any time on upper, aside."
+    assert [row[0] for row in block.grids[0].rows] == ["lower", "other", "slight"]
+    assert block.text == (
+        f"No force at any time on upper, aside. Below 1{SPACE}% of the largest one, so not drawn: slight."
+    )
     panels.clear()
     block = contact_block(idle(probed, lower=0.0), "case-1")
     assert block is not None and (list(block.drawings), block.grids, panels) == ([], (), [])
