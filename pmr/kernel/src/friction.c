@@ -157,11 +157,11 @@ static void follow_friction(pmr_state *st, double h, const double *lambda, const
         }
         for (j = y->first_pad[i]; j < y->first_pad[i + 1]; j++) {
             const int k = y->pad_contacts[j];
-            const double pushed = st->lambda[k] < 0.0 ? -lambda[k] : lambda[k], way = st->friction[j] < 0.0 ? -1.0 : 1.0;
-            double by_speed, by_force;
-            friction_limit(y->pad_laws + LAW_CONSTANTS * j, st->lambda[k], fabs(moved) / h, &by_speed);
-            by_force = friction_limit(y->pad_laws + LAW_CONSTANTS * j, 1.0, fabs(moved) / h, NULL);
-            st->along[j] = way * (by_force * pushed + by_speed * faster); /* of one that slides */
+            const double pushed = st->lambda[k] < 0.0 ? -lambda[k] : lambda[k];
+            const double way = st->friction[j] < 0.0 ? -1.0 : 1.0;
+            pmr_friction_slopes slopes;
+            friction_limit(y->pad_laws + LAW_CONSTANTS * j, st->lambda[k], fabs(moved) / h, &slopes);
+            st->along[j] = way * (slopes.by_force * pushed + slopes.by_speed * faster); /* of one that slides */
             if (sticks(st, j))
                 slope += softness * y->pad_stiffness[j];
             else
