@@ -482,6 +482,7 @@ def telescope(stiff: float, unilateral: bool = False) -> Scene:
 def test_pads_of_a_rigid_boom_carry_what_statics_say(unilateral: bool) -> None:
     """Moments about the tail's pad: F d = (P (L - a) + m (L / 2 - a)) g cos phi, d between both pads."""
     at = at_rest(telescope(1e6, unilateral), [0.0, 1.0], {"fly": [3.0, 4.0]})
+    assert {at.columns.bodies[k] for k in at.columns.numbers_of_kind("pad", "cylinder")} == {"fly"}
     for k, (angle, out) in enumerate(((0.0, 3.0), (1.0, 4.0))):
         d, m = L - 0.4 - out, 7850.0 * A * L
         found = loads(

@@ -237,7 +237,7 @@ class PostureMatrices:
         still = _still_scene(scene, postures)
         machine = [rest_rows(still, assembly, k, x[k], rows.at_time(k), loads.c[:, k]) for k in range(postures.count)]
         outputs = [*(described[k] for k in shown), *machine[0].outputs]
-        outputs += [Output(contact.name, contact.kind, "", unit="N") for contact in system.contacts]
+        outputs += [Output(contact.name, contact.kind, contact.inner.body, unit="N") for contact in system.contacts]
         used = [k for k, term in enumerate(assembly.terms) if term.stiffness is not None and np.any(loads.c[:, :, k])]
         terms = [assembly.terms[k].stiffness.toarray() for k in used]
         cylinder, length = scene.frame.cylinder, postures.boom_length(scene)
