@@ -43,6 +43,10 @@ Rate = Annotated[float, Quantity("m/s", -1e6, 1e6), Usual(0.0, 10.0)]
 STEEL = 210e9
 #: Share of a stroke up to which a length beyond it is round-off.
 ROUND_OFF = 1e-9
+#: Stiffness along the boom of a pad or cylinder that sticks, N/m.
+SHEAR_STIFFNESS = 1e8
+#: Speed in m/s over which friction falls from its value at rest to its value in sliding.
+STRIBECK_SPEED = 0.01
 #: Largest opening of a valve, in either direction.
 OPEN = 1.0
 
@@ -350,9 +354,11 @@ class FreeExtension(DrivenCylinder):
         default=0.0, description="Dry friction at rest, from which it falls to that of sliding; 0: no other"
     )
     stribeck_speed: Annotated[Speed, Usual(1e-5, 1.0)] = Field(
-        default=0.01, description="Speed by which dry friction falls from that at rest to that of sliding"
+        default=STRIBECK_SPEED, description="Speed by which dry friction falls from that at rest to that of sliding"
     )
-    shear_stiffness: Stiffness = Field(default=1e8, description="Stiffness along the boom while the cylinder sticks")
+    shear_stiffness: Stiffness = Field(
+        default=SHEAR_STIFFNESS, description="Stiffness along the boom while the cylinder sticks"
+    )
 
     @model_validator(mode="after")
     def _check_stroke(self) -> Self:

@@ -16,7 +16,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from pmr.errors import LONGEST_NAME
 from pmr.scene import run_settings
 from pmr.scene.built import ENDS, Body, Face, Load, MeshChoice, PadRing, Slider, Support, clearance_on
-from pmr.scene.cylinder import FreeExtension
+from pmr.scene.cylinder import SHEAR_STIFFNESS, STRIBECK_SPEED, FreeExtension
 from pmr.scene.keys import (
     OVER_TIME,
     AllowedPressure,
@@ -38,11 +38,6 @@ from pmr.scene.keys import (
 from pmr.scene.signals import Constant, Signal, SignalBase
 from pmr.scene.signals.base import Array, Floats, Interval, Strand
 from pmr.scene.structures import PointMass, Probe
-
-#: Stiffness of a pad along the boom, N/m.
-SHEAR_STIFFNESS = 1e8
-#: Speed in m/s over which the friction of a pad falls from its value at rest to its value in sliding.
-STRIBECK_SPEED = 0.01
 
 
 class PadPlaces(SceneTable):

@@ -53,10 +53,11 @@ from numpy.typing import ArrayLike
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array, Indices, Mask
-from pmr.scene.joints import SHEAR_STIFFNESS, STRIBECK_SPEED
+from pmr.scene.cylinder import SHEAR_STIFFNESS, STRIBECK_SPEED
+from pmr.scene.joints import RingFriction
 from pmr.scene.keys import ALONE as ALONE
 from pmr.scene.keys import SLIDER as SLIDER
-from pmr.scene.keys import cylinder_name
+from pmr.scene.keys import cylinder_name, quantity_of
 from pmr.scene.keys import input_name as input_name
 from pmr.scene.keys import qualified_name as qualified_name
 
@@ -114,6 +115,8 @@ class Contact:
                 raise contact_error(
                     self.name, "place", (place.at, place.rate), "finite at and rate, rate not 0, are allowed"
                 )
+        for key in RingFriction.model_fields:
+            _check_constant(self, key)
         allowed = {
             "direction": (self.direction in (1.0, -1.0), "1 or -1 is allowed"),
             "compliance": (0.0 <= self.compliance < np.inf, "0 or more, in m/N, is allowed"),
@@ -122,12 +125,10 @@ class Contact:
                 "a finite number, with a path, is allowed",
             ),
             "clearance": (self.clearance is None or 0.0 <= self.clearance < np.inf, "a length from 0 on is allowed"),
-            "shear_stiffness": (0.0 < self.shear_stiffness < np.inf, "more than 0 N/m is allowed"),
             "static_friction": (
                 not self.static_friction or self.friction <= self.static_friction < np.inf,
                 f"{self.friction} or more is allowed",
             ),
-            "stribeck_speed": (0.0 < self.stribeck_speed < np.inf, "more than 0 m/s is allowed"),
         }
         for key, (is_allowed, values) in allowed.items():
             if not is_allowed:
@@ -136,6 +137,19 @@ class Contact:
             raise contact_error(
                 self.name, "outer", self.outer.body, "another body than the inner one, or none, is allowed"
             )
+
+
+def _check_constant(contact: Contact, key: str) -> None:
+    """Raise an InputError for a constant of friction that is negative or not finite.
+
+    The constant may be 0 only if the key of scenes with its name may be 0.
+    """
+    quantity, value = quantity_of(RingFriction, key), getattr(contact, key)
+    assert quantity is not None  # every key of friction has a unit
+    unit, positive = "" if quantity.unit == "1" else f" {quantity.unit}", quantity.low > 0.0
+    if not 0.0 <= value < np.inf or positive and value == 0.0:
+        allowed = f"more than 0{unit} is allowed" if positive else f"0{unit} or more is allowed"
+        raise contact_error(contact.name, key, value, allowed)
 
 
 def contact_error(contact: str, key: str, value: object, allowed: str) -> InputError:

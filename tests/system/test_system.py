@@ -172,6 +172,11 @@ PLACE = Place("1", "w", 0.15)
         ({"compliance": -1.0}, "contacts.pad.compliance"),
         ({"clearance": -1e-3}, "contacts.pad.clearance"),
         ({"outer": Place("1", "w", 0.2)}, "another body than the inner one"),
+        ({"friction": -0.1}, "contacts.pad.friction = -0.1: 0 or more is allowed"),
+        ({"friction": np.nan}, "contacts.pad.friction"),
+        ({"friction": 0.2, "static_friction": 0.1}, "contacts.pad.static_friction = 0.1: 0.2 or more is allowed"),
+        ({"stribeck_speed": 0.0}, "contacts.pad.stribeck_speed = 0.0: more than 0 m/s is allowed"),
+        ({"shear_stiffness": np.inf}, "contacts.pad.shear_stiffness = inf: more than 0 N/m is allowed"),
     ],
 )
 def test_contacts_that_mean_nothing(change: dict, said: str) -> None:
