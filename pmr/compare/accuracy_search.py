@@ -122,7 +122,7 @@ def explain_trial(trials: Trials, trial: Trial, coarsest: int, allowed: Allowed)
     coarse = trials.fewest_resolving_steps(steps)
 
     def error_of_fewer(sizes: Sizes) -> float:
-        """Largest difference, over all kinds of outputs, of models of these `sizes` to those of the trial."""
+        """Largest difference (a fraction) over all outputs of models of these `sizes` to those of the trial."""
         return max(trials.difference_to_trial(trial, sizes, coarse).values())
 
     if fewer := min(trials.neighbouring_sizes(trial.sizes, -1), key=error_of_fewer, default=None):

@@ -81,7 +81,8 @@ class ConvergenceSeries(Generic[Compared]):
     def remainder(self) -> float:
         """Sum of all differences that further halvings would add, computed as a geometric series.
 
-        The sum is infinite if the differences don't decrease, and if there are fewer than two differences.
+        The sum is a fraction, as the differences are.  The sum is 0 if the last difference is at most `NO_DIFFERENCE`,
+        and infinite if there are fewer than two differences or the last one is more than `ROUGH` times the one before.
         """
         if len(self.differences) < 2:
             return np.inf
@@ -98,7 +99,7 @@ class ConvergenceSeries(Generic[Compared]):
 
     @property
     def error_bound(self) -> float:
-        """Error of the given run, with the last difference as bound of the `remainder` if differences grow."""
+        """Error of the given run, a fraction; the last difference is taken for the `remainder` if that is larger."""
         return self.difference_to_last + min(self.remainder, self.differences[-1])
 
     @property

@@ -60,7 +60,8 @@ ROUND_OFF = 1e-9
 def first_page_tables(result: RunResult) -> tuple[Table, ...]:
     """Build the tables of the first page; tables without rows are left out.
 
-    They are on what was simulated, the errors in brief, the largest values, what the model leaves out, and all errors.
+    The tables are on what was simulated, the errors in brief, the largest values, what the model leaves out, and all
+    errors.
     """
     all_tables = (
         Table("What was asked", (*overview.system_rows(result), *_second_order_rows(result, True))),
@@ -155,8 +156,8 @@ def _heading(row: LargestValue) -> str:
 def _largest_values(result: RunResult) -> LargestValues:
     """Yield all rows of the table of largest values, in no particular order.
 
-    They are on stress, fatigue, buckling, deflection and other outputs, frequency, speeds, forces, and the machine's
-    motion.
+    The rows are on stress, fatigue, buckling, deflection and other outputs, frequency, speeds, forces, and motion of
+    the machine.
     """
     summary = result.summary
     yield from _stress_rows(result)
@@ -252,7 +253,8 @@ def _missing_clause(summary: Summary) -> str:
 def _closed_pads_clause(result: RunResult) -> str:
     """Clause after a number that is computed with every pad closed; it says how many pads of the run lift off.
 
-    It begins with a semicolon, and says that pads that lift off lower the number.  It is empty if no pad only pushes.
+    The clause begins with a semicolon, and says that pads that lift off lower the number.  If no pad only pushes, the
+    clause is empty.
     """
     if not has_pushing_pads(result):
         return ""

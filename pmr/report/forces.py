@@ -87,8 +87,8 @@ def rope_forces(summary: Summary) -> list[Measured]:
 def support_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block about supports; None if no support is elastic and no rigid support bears a force.
 
-    It has figures of the forces of elastic supports over time, and tables of extremes for elastic and rigid supports.
-    `prefix` begins the identifiers of the figures.
+    The block has figures of the forces of elastic supports over time, and tables of extremes for elastic and rigid
+    supports.  `prefix` begins the identifiers of the figures.
     """
     caption = "Least and largest forces and moments on rigid supports, positive along the axes"
     return _force_block(result, prefix, "support", "supports", _reaction_grid(result, False, caption))
@@ -152,8 +152,8 @@ def ground_block(result: RunResult, prefix: str) -> Block | None:
 def driven_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block about what drives a computed luffing angle or extension, over time.
 
-    It has the extension, the force on it, pressures, flows and power.  The result is None if angle and extension are
-    prescribed, or if nothing drives the luffing angle.  `prefix` begins the identifiers of the figures.
+    The block has the extension, the force on it, pressures, flows and power.  The result is None if angle and extension
+    are prescribed, or if nothing drives the luffing angle.  `prefix` begins the identifiers of the figures.
     """
     outputs = result.responses["reduced"].outputs
     driven = [output for output in outputs if output.name.startswith(("extension ", "rate of extension "))]

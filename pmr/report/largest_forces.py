@@ -243,7 +243,8 @@ def _rest_text(row: Summary) -> str:
 def _bearer_words(key: str, name: str) -> str:
     """Words for the part called `name` that bears a force or moment of the kind `key`.
 
-    It is a support of a section, or an axis of the boom.
+    The part is a support of a section, an outrigger, an axis of the boom, or another part whose name is returned as it
+    is.
     """
     if key.startswith("machine"):
         return f"{name} of the boom's own axes"

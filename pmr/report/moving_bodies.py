@@ -58,9 +58,9 @@ class Surface:
     def point_displacements(self, fields: Fields, displacement: NDArray[np.float32]) -> NDArray[np.float32]:
         """Displacements (..., P, 3) in m of the surface's P points at all times.
 
-        They follow from `displacement` (..., N, 3) in m of the N vertices of the fields.  The sections of a beam stay
-        at right angles to its axis: a point at the lever (y, z) moves along x by -(v' y + w' z), where v' and w' are
-        the slopes of the axis along y and z.
+        The displacements follow from `displacement` (..., N, 3) in m of the N vertices of the fields.  The sections of
+        a beam stay at right angles to its axis: a point at the lever (y, z) moves along x by -(v' y + w' z), where v'
+        and w' are the slopes of the axis along y and z.
         """
         displaced = np.asarray(displacement[..., self.vertex, :])
         if np.any(self.lever):
@@ -366,7 +366,8 @@ class MovingBodies:
     def summary_peak(self) -> Mapping[str, Any]:
         """Time and place of the largest stress, from the summary; empty if it has no stress.
 
-        It is the stress in walls at pads if this is known, else that of the fields, the entry ``stress_peak.reduced``.
+        The stress is that in walls at pads if this is known, else that of the fields, the entry
+        ``stress_peak.reduced``.
         """
         summary = self.result.summary
         return dict(wall_stress(summary) or summary.get("stress_peak", {}).get("reduced") or {})
@@ -391,6 +392,6 @@ def _axis_fields(result: RunResult) -> dict[str, Fields]:
 def cell_stresses(fields: Fields) -> NDArray[np.float32]:
     """Von Mises stress (F, C) in Pa of the C cells at F times.
 
-    It is the largest of the stresses that are stored for the faces of a cell.
+    The stress of a cell is the largest of those that are stored for its faces.
     """
     return np.maximum.reduce(list(fields.von_mises.values()))

@@ -114,7 +114,7 @@ class Response:
         `force_names` has their names.
     residual_position : (T,) array, m
         Largest violation of a constraint: the largest absolute entry of C(s) q, with the coordinates q and the matrix C
-        of the constraints at the path coordinate s.  It is NaN for simulators without constraints.
+        of the constraints at the path coordinate s.  The residual is NaN for simulators without constraints.
     residual_velocity : (T,) array, m/s
         Largest violation of the time derivative of a constraint: the largest absolute entry of C(s) q' + C'(s) s' q,
         where q' and s' are time derivatives and C'(s) is the derivative by s.  NaN for simulators without constraints.

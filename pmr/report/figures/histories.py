@@ -106,7 +106,7 @@ class Timeline:
     def differences(self, signals: Mapping[str, Array]) -> dict[str, Array]:
         """Differences (T,) between signals and the signal of the reference model, by simulator.
 
-        They are empty if `signals` do not include the reference model.
+        The result is empty if `signals` do not include the reference model.
         """
         base = self.reference
         if base is None or base not in signals:

@@ -98,8 +98,8 @@ class LoadChart:
 def pointer_cells(chart: LoadChart, texts: Sequence[str]) -> str:
     """Transparent cells that show a text under a pointer, as elements to be put at the end of a chart's SVG.
 
-    `texts` are the texts of all positions: all angles of the first reach, then those of the next one.  No cells are
-    returned if there are more than `MOST_CELLS`.
+    `texts` are the texts of all positions: all angles of the first reach, then those of the next one.  The result
+    is empty if there are no texts, or more than `MOST_CELLS`.
     """
     if not 0 < len(texts) <= MOST_CELLS:
         return ""
@@ -159,8 +159,8 @@ def load_chart(chart: LoadChart, width: float = WIDE) -> Figure:
 def _free_place(places: Array, taken: Array, room: float) -> Array:
     """Choose the place for a label: of n `places` (n, 2), the one (2,) nearest to their mean with enough free room.
 
-    It is at least `room` from all m places `taken` (m, 2), all in m.  If no place is, it is the one that is farthest
-    from all `taken`.
+    The chosen place is at least `room` from all m places `taken` (m, 2), all in m.  If there is no such place, the one
+    that is farthest from all `taken` is chosen.
     """
     apart = np.linalg.norm(places[:, None] - taken, axis=2).min(axis=1, initial=np.inf)
     if not (apart >= room).any():
@@ -281,8 +281,8 @@ def _corners(place: Array) -> Array:
 def _cell_angles(place: Array) -> Array:
     """Boundaries (E, A + 1, 2) in m of the cells along the angle, from the positions `place` (E, A, 2) in m.
 
-    They are at the first angle, half way between neighbouring angles, and at the last angle.  A boundary between two
-    angles lies at the mean radius of both positions.
+    Boundaries are at the first angle, half way between neighbouring angles, and at the last angle.  A boundary between
+    two angles lies at the mean radius of both positions.
     """
     polar = np.stack([np.linalg.norm(place, axis=-1), np.arctan2(place[..., 1], place[..., 0])], axis=-1)
     radius, angle = np.moveaxis(_midpoints(polar, 1), -1, 0)
