@@ -99,7 +99,7 @@ class ConvergenceSeries(Generic[Compared]):
 
     @property
     def error_bound(self) -> float:
-        """Error of the given run, a fraction; the last difference is taken for the `remainder` if that is larger."""
+        """Error of the given run, a fraction; the last difference replaces a `remainder` that is larger."""
         return self.difference_to_last + min(self.remainder, self.differences[-1])
 
     @property

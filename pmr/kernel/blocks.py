@@ -85,8 +85,8 @@ class Part:
 class Block:
     """Tables over one path: rows and flexibility of the q contact sides on one body that travel along this path.
 
-    All tables have common breaks.  They also have the flexibility between these sides and the w sides on this body that
-    do not travel.
+    All tables have common breaks.  The tables also have the flexibility between these sides and the w sides on this
+    body that do not travel.
     """
 
     part: Part

@@ -50,9 +50,9 @@ class Settings:
 class Record:
     """Recorded arrays of T steps, one row for each step; quantities that are not in `names` are not recorded.
 
-    The array `ends` is about the substeps of the last step alone, of which there are up to `parts`.  It has a row (3 +
-    N,) for each substep: a free extension with its first and second rate, and the N drivers, at the substep's end.  It
-    is empty without a free extension.
+    The array `ends` is about the substeps of the last step alone, of which there are up to `parts`.  `ends` has a row
+    (3 + N,) for each substep: a free extension with its first and second rate, and the N drivers, at the substep's end.
+    It is empty without a free extension.
     """
 
     FIELDS = ("z", "v", "multipliers", "impulses", "peaks", "energy", "friction", "outputs", "drivers", "hoist")

@@ -154,7 +154,7 @@ def place_models(
 class SlidingNoise(NamedTuple):
     """Relation of the speed v of a slider to the power P of the vibration that its motion excites.
 
-    P, the `activity` of a `PositionObserver`, grows with the third power of v.  It has the likelihood ``exp(-trust / 2
+    P, the `activity` of a `PositionObserver`, grows with the third power of v.  P has the likelihood ``exp(-trust / 2
     ln^2((P + rest) / (rest + moving |v|^3)))``.
     """
 
@@ -314,7 +314,7 @@ class PositionObserver:
         A position follows from the accelerations up to `delay` s later; `math.inf` stands for all of the record.
 
         `activity` (T,), or one number for all steps, is the power of vibrations that only a slider in motion excites,
-        such as those above the modes' frequencies.  It has the unit of `active` and `noise` of the settings.
+        such as those above the modes' frequencies.  The power has the unit of `active` and `noise` of the settings.
 
         Raises InputError for arrays of other shapes, for an activity that is not finite or below 0, and for a delay
         below 0.

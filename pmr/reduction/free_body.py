@@ -288,9 +288,9 @@ EIGENVECTOR = 100.0
 class ResidualFlexibility:
     r"""Residual flexibility R, an operator in m/N, that a basis V (n_local, r) of a model leaves out; collective.
 
-    V is this rank's part of the basis.  It has to contain the rigid-body modes that loads or rows excite.  The model is
-    held by its fixed rows alone.  With rigid-body modes Z (Z^T M Z = I) and the rest of the basis W, combined so that
-    W^T M W = I and W^T K W = diag(theta),
+    V is this rank's part of the basis.  The basis has to contain the rigid-body modes that loads or rows excite.  The
+    model is held by its fixed rows alone.  With rigid-body modes Z (Z^T M Z = I) and the rest of the basis W, combined
+    so that W^T M W = I and W^T K W = diag(theta),
 
     .. math::
         R = P\, K^+ P^T, \qquad P = I - Z (M Z)^T - W (K W\, \mathrm{diag}(\theta)^{-1})^T

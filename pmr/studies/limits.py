@@ -321,8 +321,8 @@ class Limit(SceneTable):
     def allowed_amount(self) -> float:
         """Allowed amount: the largest allowed value or, for eigenvalues, the smallest one, `factor` times `least`.
 
-        The largest allowed value is `most`; for a pad with an `area` it is `most`, a pressure, times the area.  It is
-        1, a share, for pads whose allowed pressure the scene states.
+        The largest allowed value is `most`; for a pad with an `area` it is `most`, a pressure, times the area.  The
+        amount is 1, a share, for pads whose allowed pressure the scene states.
         """
         if self.by_scene:
             return 1.0
