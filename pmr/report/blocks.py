@@ -150,6 +150,10 @@ class Table:
     headings: Mapping[str, str] = field(default_factory=dict)
 
 
+#: Longest entry of a column of numbers, which may have units and the time and place where they occur.
+LONGEST_NUMBER = 48
+
+
 @dataclass(frozen=True)
 class Grid:
     """Table with column headings; the first column names the subject of each row."""
@@ -158,6 +162,12 @@ class Grid:
     head: tuple[str, ...]  # (c,): headings of the columns
     rows: tuple[tuple[str, ...], ...]  # texts of c cells each
     narrow: Literal["scrolls", "blocks", "small"] = "scrolls"  # in a narrow window; each row may be a block of lines
+
+    @property
+    def alignments(self) -> list[str]:
+        """Style class (c,) of the columns: ``"number"``, or ``"text"`` if an entry is longer than `LONGEST_NUMBER`."""
+        columns = zip(self.head, *self.rows, strict=True)
+        return ["text" if max(map(len, column)) > LONGEST_NUMBER else "number" for column in columns]
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import pytest
 
 from pmr import RunResult, report
 from pmr.report import document, errors, sentences, trust
-from pmr.report.blocks import END_OF_SCREEN, SCREEN
+from pmr.report.blocks import END_OF_SCREEN, SCREEN, Grid
 from pmr.report.document import render_runs as render
 from pmr.report.document import with_date, write_report
 from pmr.report.numbers import prose
@@ -312,3 +312,10 @@ def test_each_text_of_the_template_of_prose_is_used_and_stands_on_one_line() -> 
         "The rope's largest force is 1.50 times the weight of 1.00\u00a0kN. It is slack from 0.5\u00a0s to "
         "1.25\u00a0s, then it pulls with up to 2.00\u00a0kN."
     )
+
+
+def test_columns_of_long_texts_begin_at_their_left_edge() -> None:
+    """A note of a limit was at the right edge, as numbers are."""
+    note = "pad, of one pad alone: it does not contain the stress of the whole section"
+    grid = Grid("", ("limit", "of", "load"), (("A", "tipping", "1 kg"), ("B", note, "2 kg")))
+    assert grid.alignments == ["number", "text", "number"]
