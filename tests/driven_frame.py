@@ -28,6 +28,7 @@ def _quantity_values(frame: MovingFrame, drivers: Array) -> Callable[[Quantity],
         "velocity": turning.velocity[0],
         "turning": turning.acceleration[0],
         "gradient": turning.gradient[0],
+        "raised": np.array([np.sin(angles[0][0][0]), 0.0, np.cos(angles[0][0][0])]),
         "shaken": np.array([at.get(axis, none)[0] for axis in AXES]),
     }
     reach = np.cumsum([none, *(at[path] for path in frame.paths)], axis=0)

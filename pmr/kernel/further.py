@@ -278,6 +278,7 @@ def numbers_of_forces(system: System, reactions: Sequence[str]) -> dict[str, int
 #: - ``("gravity",)`` in m/s^2,
 #: - ``("reach", n, d)``: position of the tail of section n on the axis in m, or its derivative of order d,
 #: - ``("over", n)`` in 1/m: one over the extension of section n,
+#: - ``("raised", k)``: component in the frame's axes of the direction that is up for the machine,
 #: - ``("load", name)``: a load, by the name of its input.
 Quantity = tuple[str | int, ...]
 
@@ -301,7 +302,7 @@ Products = tuple[Product, ...]
 #: The quantity with the value 1, and the number of quantities of each product; missing ones are this quantity.
 ONE, FACTORS = ("one",), 3
 #: Kinds of quantities, in the order of their numbers in src/internal.h.
-KINDS = ("one", "turned", "velocity", "turning", "gradient", "motion", "reach", "over")
+KINDS = ("one", "turned", "velocity", "turning", "gradient", "motion", "reach", "over", "raised")
 ANGLES = ("luffing", "slewing", "base.rx", "base.ry", "base.rz")
 AXES = ("base.x", "base.y", "base.z")
 

@@ -236,9 +236,6 @@ def check_hoist(scene: Scene) -> None:
         raise scene_error("hoist.pivot_height", hoist.pivot_height, allowed)
     for key, name in (("section", hoist.section), ("winch.section", hoist.winch.section)):
         refuse(name and name not in scene.names, f"hoist.{key}", name, f"{', '.join(scene.names)} are allowed")
-    rocks = frame is not None and frame.base is not None and {"rx", "ry", "rz"} & set(frame.base.motions)
-    if rocks and not hoist.winch.section:
-        raise scene_error("hoist.winch.section", None, "a section is needed, as the base rolls, pitches or yaws")
     is_lifted = frame is not None and frame.base is not None and "z" in frame.base.motions
     ground_height = 0.0 if frame is None or frame.ground is None else frame.ground.height
     for key, height in (("hoist.pivot_height", hoist.pivot_height), ("frame.ground.height", ground_height)):

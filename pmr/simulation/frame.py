@@ -129,6 +129,8 @@ class FrameAmplitude(FrameSignal):
                 return np.asarray(self.base[int(of[0])].value(t))
             if kind == "reach":
                 return self._reach(t, int(of[0]), int(of[1]))
+            if kind == "raised":
+                return np.asarray((np.sin, np.zeros_like, np.cos)[int(of[0])](self.luffing.value(t)))
             if kind == "over":
                 return np.asarray(1.0 / self.paths[int(of[0]) - 1].value(t))
             if kind == "load":

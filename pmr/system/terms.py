@@ -15,7 +15,8 @@ names (`pmr.simulation.excitation.Excitation.terms`).
 The rope of a hoist acts on bodies too: `Hoist` says which inputs it pulls, and what it is driven by
 (pmr/kernel/src/hoist.c has the equations).  Its drivers are the length of the rope or the speed of the winch, and the
 wind on the payload.  In a frame that moves they are followed by gravity, accelerations of the pivot if it has any, and
-the entries of the rotation R from axes of the boom into those of the ground.
+the entries of the rotation R from axes of the boom into those of the ground; then, if the winch is on the machine, the
+parts along x and z of the boom of the direction that is up for the machine (`RAISED`).
 """
 
 from __future__ import annotations
@@ -41,6 +42,9 @@ from pmr.scene.keys import RECORDED, input_name
 from pmr.scene.mechanism import FrameTerm, frame_terms, tail_outputs
 from pmr.scene.members import member_at, members
 from pmr.system.body import SlidingBody
+
+#: Drivers of a hoist that are the parts along x and z of the boom of the direction that is up for the machine.
+RAISED = (f"{HOIST}raised x", f"{HOIST}raised z")
 
 
 @dataclass(frozen=True)
@@ -245,11 +249,11 @@ class Hoist:
     inputs: tuple[str, ...] = ()  # (k,): names of the system's inputs
     # (k, 6): how far a unit of what each input works along moves the head and the winch, along the boom
     levers: Array = field(default_factory=lambda: np.zeros((0, 6)))
-    numbers: Array = field(default_factory=lambda: np.zeros(0))  # (22,), as `HOIST_MASS` and what follows it in hoist.c
+    numbers: Array = field(default_factory=lambda: np.zeros(0))  # (19,), as `HOIST_MASS` and what follows it in hoist.c
     reach: tuple[tuple[str, ...], ...] = ()  # paths along which the head moves, and those along which the winch does
     drivers: tuple[str, ...] = ()  # names of its drivers, as the module's docstring lists them
     is_wound: bool = False  # whether the speed of the winch drives the rope, and not the rope's length
-    slots: tuple[Slot, ...] = ()  # (17,), as `SLOT_LENGTH` and what follows it in hoist.c
+    slots: tuple[Slot, ...] = ()  # (19,), as `SLOT_LENGTH` and what follows it in hoist.c
 
     def __bool__(self) -> bool:
         return bool(self.drivers)
@@ -274,7 +278,9 @@ def frame_quantities(scene: Scene) -> dict[str, tuple[str | int, ...]]:
     base = scene.frame.base
     if base is not None and {"x", "y", "z"} & {*base.motions, *base.accelerations}:
         quantities |= {f"{HOIST}shaken {axis}": ("shaken", k) for k, axis in enumerate("xyz")}
-    return quantities | {f"{HOIST}turned {3 * i + j}": ("turned", i, j) for i in range(3) for j in range(3)}
+    quantities |= {f"{HOIST}turned {3 * i + j}": ("turned", i, j) for i in range(3) for j in range(3)}
+    on_machine = not scene.hoist.winch.section
+    return quantities | {name: ("raised", k) for name, k in zip(RAISED, (0, 2), strict=True) if on_machine}
 
 
 def hoist_of(scene: Scene) -> Hoist:
@@ -297,17 +303,12 @@ def hoist_of(scene: Scene) -> Hoist:
     return Hoist(
         tuple(name for name, _ in pulls),
         levers,
-        np.array([*of_rope, *hoist.swing, *hoist.velocity, *_upright(scene), scene.pivot_height], float),
+        np.array([*of_rope, *hoist.swing, *hoist.velocity, scene.pivot_height], float),
         reach,
         (ROPE, *WIND, *of_frame),
         hoist.is_wound,
         (Slot(0.0, 1.0, ROPE), *(Slot(0.0, 1.0, wind) for wind in WIND), *_ground_slots(scene, tuple(of_frame))),
     )
-
-
-def _upright(scene: Scene) -> Array:
-    """Direction (3,), along axes of the ground, that is up for the machine, which may stand on a slope."""
-    return np.array([0.0, 0.0, 1.0]) if scene.frame is None else scene.frame.base_rotation(0.0)[:, 2]
 
 
 def recorded_hoist(provenance: Mapping[str, object]) -> Hoist:
@@ -319,13 +320,13 @@ def recorded_hoist(provenance: Mapping[str, object]) -> Hoist:
 
 
 def _ground_slots(scene: Scene, of_frame: tuple[str, ...]) -> list[Slot]:
-    """Slots of gravity, then of accelerations of the pivot, then of the entries of the rotation R.
+    """Slots of gravity, accelerations of the pivot, entries of the rotation R, and the machine's upward direction.
 
     `of_frame` are the names of the frame's inputs to the hoist; empty if nothing moves the frame.
     """
-    shaken = [f"{HOIST}shaken {axis}" for axis in "xyz"]
     if of_frame:
-        turned = [Slot(0.0, 1.0, name) for name in of_frame[-9:]]
-        return [Slot(0.0, 1.0, of_frame[0]), *(Slot(0.0, 1.0, s) if s in of_frame else Slot() for s in shaken), *turned]
-    gravity = Slot(0.0, 1.0, input_name(scene.names[0], WEIGHT))
-    return [gravity, *[Slot()] * 3, *(Slot(entry) for entry in still_rotation(scene).ravel().tolist())]
+        shaken, turned = ([f"{HOIST}{kind} {k}" for k in of] for kind, of in (("shaken", "xyz"), ("turned", range(9))))
+        names = (of_frame[0], *shaken, *turned, *RAISED)
+        return [Slot(0.0, 1.0, name) if name in of_frame else Slot() for name in names]
+    gravity, R = Slot(0.0, 1.0, input_name(scene.names[0], WEIGHT)), still_rotation(scene)
+    return [gravity, *[Slot()] * 3, *(Slot(float(entry)) for entry in (*R.ravel(), *R[2, [0, 2]]))]

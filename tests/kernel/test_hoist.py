@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hoists import REACH, SECOND_MOMENT, G, cantilever, simulate
 from kernels import unpack
+from scipy.spatial.transform import Rotation
 from scipy.special import ellipk
 
 from pmr import InputError, SimulationError, Stepper, System
@@ -131,6 +132,56 @@ def test_the_hook_hangs_where_reeving_says(stiff: System, falls: int, hanging: f
 
 def hoisted(system: System, scene: Scene) -> System:
     return replace(system, hoist=hoist_of(scene), provenance=scene.provenance)
+
+
+ON_MACHINE = {
+    "frame": {"pivot": [0.0, 0.0, 0.0], "unit": "rad", "luffing": 0.6, "slewing": 0.4},
+    "hoist.winch.at": [-0.5, 0.2, 0.4], "hoist.EA": 1e9, "time.end": 1.6,
+}  # fmt: skip
+
+
+def head_of_rigid_boom(roll: float, pitch: float, yaw: float = 0.0) -> np.ndarray:
+    """Place (3,) of the head along axes of the ground."""
+    base = Rotation.from_euler("ZYX", [yaw, pitch, roll])
+    return np.asarray((base * Rotation.from_euler("ZY", [0.4, -0.6])).apply([REACH, 0.0, 0.0]))
+
+
+def assert_falls_are_unchanged(hoist: np.ndarray, heads: np.ndarray) -> None:
+    """Falls of 2 m are longer by the strain of the whole rope alone, whose other part has one length."""
+    winch = np.array([-0.5, 0.2, 0.4])
+    along = float(np.linalg.norm(REACH * np.array([np.cos(0.6), 0.0, np.sin(0.6)]) - winch))
+    strained = (2.0 + along) * (1.0 + hoist[:, FORCE] / 1e9) - along
+    np.testing.assert_allclose(np.linalg.norm(hoist[:, X : Z + 1] - heads, axis=1), strained, rtol=1e-8)
+
+
+def test_a_winch_on_a_machine_that_rocks_keeps_its_rope() -> None:
+    roll, pitch, yaw = (
+        {"kind": "smooth_ramp", "times": [0.0, 1.5], "values": [0.0, angle]} for angle in (0.2, -0.3, 0.5)
+    )
+    scene = cantilever(ON_MACHINE | {"frame": ON_MACHINE["frame"] | {"base": {"rx": roll, "ry": pitch, "rz": yaw}}})
+    assert scene.frame is not None
+    run, angles = simulate(hoists.reduced(scene), scene), scene.frame.base_angles
+    of_base = np.column_stack([angle.value(run.t) for angle in angles])
+    assert np.ptp(of_base, axis=0).min() > 0.19
+    assert_falls_are_unchanged(run.hoist, np.array([head_of_rigid_boom(*now) for now in of_base.tolist()]))
+
+
+def test_a_stepper_of_a_winch_on_a_slope_follows_roll_and_pitch() -> None:
+    legs = [{"name": f"leg {k}", "at": at} for k, at in enumerate([[9.0, 9.0], [-9.0, 9.0], [0.0, -9.0]])]
+    ground = {
+        "slope": [0.05, 0.1],
+        "outriggers": legs,
+        "masses": [{"name": "car", "mass": 1e5, "at": [0.0, 0.0, -1.0]}],
+    }
+    held = [{"on": "tail", "kind": "clamped"}]
+    scene = cantilever(ON_MACHINE | {"frame": ON_MACHINE["frame"] | {"ground": ground}, "supports": held})
+    stepper, hooks, heads = Stepper(hoists.reduced(scene), step=4e-3, s=0.5), list[list[float]](), list[np.ndarray]()
+    for more in 0.2 * np.sin(np.linspace(0.0, np.pi / 2.0, 400)) ** 2:
+        roll, pitch = 0.1 + float(more), -0.05 - 2.0 * float(more)
+        stepper.step({}, frame={"base.rx": roll, "base.ry": pitch})
+        hooks.append([*stepper.hoist.values()])
+        heads.append(head_of_rigid_boom(roll, pitch))
+    assert_falls_are_unchanged(np.array(hooks), np.array(heads))
 
 
 def test_a_stepper_refuses_a_rope_that_is_too_short() -> None:

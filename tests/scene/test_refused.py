@@ -321,7 +321,6 @@ REFUSED = {
         ("hoist.speed=3.0", "hoist.speed"),
         ("hoist.winch.section=jib", "hoist.winch.section"),
         ("hoist.winch={section='fly', at=[6.5, 0.0, 0.0]}", "hoist.winch.at"),
-        ("frame.base.rx={kind='sine', amplitude=1.0, frequency=0.1}", "hoist.winch.section"),
         ("frame.base.z={kind='sine', amplitude=1.0, frequency=0.1}", "hoist.pivot_height"),
         ("frame.machine={mass=1e4}", "hoist"),
         ("sections.fly.observe.frequency_response=true", "sections[2].observe.frequency_response"),

@@ -6,8 +6,8 @@
    A quantity x is 1, an entry of the rotation R from axes of the boom into those of the ground, a component of the
    angular velocity omega or acceleration alpha in axes of the boom, an entry of the acceleration field's gradient
    alpha x . + omega x (omega x .), a motion itself, where the tail of a section is (the sum of the first paths) or
-   its rate, or one over an extension.  R, omega and alpha follow from luffing and slewing and, where the base rocks,
-   from its roll, pitch and yaw.  Numbers carry a derivative along a seed of the motions with them. */
+   its rate, one over an extension, or a component in axes of the boom of the direction that is up for the machine.  R,
+   omega and alpha follow from luffing and slewing and, where the base rocks, from its roll, pitch and yaw.  Numbers carry a derivative along a seed of the motions with them. */
 #include "internal.h"
 
 #include <string.h>
@@ -92,6 +92,7 @@ static number quantity(const course *c, const turning *turned, const int32_t *of
         for (k = 0; k < of[1]; k++) sum = plus(sum, motion(c, k, of[2]));
         return sum;
     case PMR_OVER: return inverse(motion(c, of[1] - 1, 0));
+    case PMR_RAISED: return slew(c).R[2][of[1]];
     default: return constant(1.0);
     }
 }
@@ -143,6 +144,9 @@ static double plain_quantity(const pmr_system *y, const double *motions, const p
         for (k = 0; k < of[1]; k++) sum += motions[of[2] * y->motions + k];
         return sum;
     case PMR_OVER: return 1.0 / motions[of[1] - 1];
+    case PMR_RAISED:
+        if (y->frame_angles[0] < 0) return of[1] == 2;
+        return of[1] == 1 ? 0.0 : of[1] ? cos(motions[y->frame_angles[0]]) : sin(motions[y->frame_angles[0]]);
     default: return 1.0;
     }
 }

@@ -35,18 +35,19 @@ enum {
     HOIST_FIRST,                   /* length of the rope at the start then */
     HOIST_SWING,
     HOIST_VELOCITY = HOIST_SWING + 2,
-    HOIST_UPRIGHT = HOIST_VELOCITY + 3, /* direction that is up for the machine, along axes of the ground */
-    HOIST_HEIGHT = HOIST_UPRIGHT + 3,
+    HOIST_HEIGHT = HOIST_VELOCITY + 3,
     HOIST_COUNT
 };
-/* What drives it: length or speed, wind, gravity, acceleration of the pivot, rotation of the boom. */
+/* What drives it: length or speed, wind, gravity, acceleration of the pivot, rotation of the boom, and of the direction
+   that is up for the machine, which is in the boom's plane, the parts along x and z of the boom. */
 enum {
     SLOT_LENGTH,
     SLOT_WIND,
     SLOT_GRAVITY = SLOT_WIND + 3,
     SLOT_SHAKEN,
     SLOT_TURNED = SLOT_SHAKEN + 3,
-    SLOT_COUNT = SLOT_TURNED + 9
+    SLOT_RAISED = SLOT_TURNED + 9,
+    SLOT_COUNT = SLOT_RAISED + 2
 };
 _Static_assert((int)HOIST_COUNT == PMR_HOIST_NUMBERS && (int)SLOT_COUNT == PMR_HOIST_SLOTS, "arrays of a block");
 /* Where the rope stands at the end of a part, by the numbers of `st->hoist`. */
@@ -115,14 +116,11 @@ static double distance(const double *a, const double *b)
 /* Place of the winch along axes of the boom, without extensions and displacements of a section that carries it. */
 static void place_winch(const pmr_system *y, const double *slots, double *winch)
 {
-    const double *R = slots + SLOT_TURNED;
     copy(winch, y->hoist_numbers + HOIST_WINCH, 3);
-    if (y->hoist_numbers[HOIST_LEVEL] != 0.0) { /* raised by phi: upright is (sin phi, 0, cos phi) along the boom's axes */
-        const double x = winch[0], z = winch[2];
-        double upright[3];
-        turn_in(R, y->hoist_numbers + HOIST_UPRIGHT, upright);
-        winch[0] = x * upright[2] + z * upright[0];
-        winch[2] = z * upright[2] - x * upright[0];
+    if (y->hoist_numbers[HOIST_LEVEL] != 0.0) {
+        const double x = winch[0], z = winch[2], *raised = slots + SLOT_RAISED; /* sin phi, cos phi */
+        winch[0] = x * raised[1] + z * raised[0];
+        winch[2] = z * raised[1] - x * raised[0];
     }
 }
 

@@ -148,10 +148,10 @@ struct pmr_system {
     pmr_observed observed[2];    /* outputs, reactions */
 };
 
-enum { PMR_HOIST_SLOTS = 17, PMR_HOIST_NUMBERS = 22, PMR_HOIST_STATE = 32, PMR_HOIST_OUTPUTS = 10 };
+enum { PMR_HOIST_SLOTS = 19, PMR_HOIST_NUMBERS = 19, PMR_HOIST_STATE = 32, PMR_HOIST_OUTPUTS = 10 };
 
 /* Kinds of quantities, by two numbers: axes; the motion; number of paths and order of the rate; the path from 1 on. */
-enum { PMR_ONE, PMR_TURNED, PMR_VELOCITY, PMR_TURNING, PMR_GRADIENT, PMR_MOTION, PMR_REACH, PMR_OVER };
+enum { PMR_ONE, PMR_TURNED, PMR_VELOCITY, PMR_TURNING, PMR_GRADIENT, PMR_MOTION, PMR_REACH, PMR_OVER, PMR_RAISED };
 
 /* Generalized-alpha with one length of step. */
 typedef struct {

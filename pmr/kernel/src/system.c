@@ -119,8 +119,9 @@ static int check_frame(const pmr_system *y, char *why)
         return pmr_say(why, "damaged: products of a frame"), 1;
     for (k = 0; k < y->quantities; k++) {
         const int32_t kind = y->quantity_list[3 * k], *of = y->quantity_list + 3 * k + 1;
-        const int axes = kind == PMR_TURNED || kind == PMR_VELOCITY || kind == PMR_TURNING || kind == PMR_GRADIENT;
-        if (kind < PMR_ONE || kind > PMR_OVER || of[0] < 0 || of[1] < 0 || (axes && (of[0] > 2 || of[1] > 2)) ||
+        const int axes = kind == PMR_TURNED || kind == PMR_VELOCITY || kind == PMR_TURNING || kind == PMR_GRADIENT ||
+                         kind == PMR_RAISED;
+        if (kind < PMR_ONE || kind > PMR_RAISED || of[0] < 0 || of[1] < 0 || (axes && (of[0] > 2 || of[1] > 2)) ||
             (kind == PMR_MOTION && of[0] >= y->motions) || (kind == PMR_REACH && (of[0] > y->motions || of[1] > 2)) ||
             (kind == PMR_OVER && (of[0] < 1 || of[0] > y->motions)))
             return pmr_say(why, "damaged: quantities of a frame"), 1;
