@@ -177,7 +177,7 @@ def errors_of_pairs(pairs_of_models: Mapping[str, Mapping[str, Pair]], measure: 
 
 
 def compared_pairs(
-    responses: Mapping[str, Response], quantities: Mapping[str, ResponseFunction] = NODE_QUANTITIES
+    responses: Mapping[str, Response], quantities: Mapping[str, ResponseFunction]
 ) -> dict[str, dict[str, Pair]]:
     """Pairs (signal, reference), each (T, o), that `errors_between` compares, by ``<a>_vs_<b>`` and quantity.
 

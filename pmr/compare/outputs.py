@@ -182,9 +182,6 @@ def has_impulsive_force(model: ReducedModel, excitation: Excitation) -> bool:
     return any(t < end for t in excitation.path.kinks(end))
 
 
-Supports = Sequence[tuple[str, str]]  # names and units of rigid supports
-
-
 def lifts_off(forces: Array) -> bool:
     """Whether any of p contacts that only push is closed at some steps and open at others.
 

@@ -356,7 +356,7 @@ def simulate_cable(
     return ancf.simulate(cable, scene.only_section.load_positions, excitation, np.asarray(x, dtype=float), done)
 
 
-def cable_response(scene: Scene, body: Body, done: Progress | None = None) -> Response:
+def cable_response(scene: Scene, body: Body, done: Progress | None) -> Response:
     """Response of the scene's beam as an ANCF cable, a reference for its `body`, with the outputs of this body.
 
     The joint of the cable holds a point in space, so the cable has no rows, and the residuals of rows are NaN.  `done`,

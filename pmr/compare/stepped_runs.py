@@ -192,7 +192,7 @@ class Runs:
     run is halved, -1 before the first run; `taken` is the number of steps of all runs together.
     """
 
-    def __init__(self, stepped: SteppedSystem, rates: bool = False) -> None:
+    def __init__(self, stepped: SteppedSystem, rates: bool) -> None:
         """Begin without runs of the system `stepped`; velocities are sampled if `rates` is true."""
         self._stepped, self._rates, stepping = stepped, rates, stepped.given
         self._stride = -(-stepping.steps // COMPARED)

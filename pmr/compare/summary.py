@@ -84,7 +84,7 @@ def comparison_part(
     responses: Mapping[str, Response],
     measured: Mapping[str, ResponseFunction],
     simulators: Mapping[str, str],
-    rigid: Sequence[str] = (),
+    rigid: Sequence[str],
 ) -> SummaryPart:
     """Part with differences to references, in the quantities that `measured` returns, and the simulator of each model.
 

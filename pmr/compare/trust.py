@@ -378,7 +378,7 @@ class RingingReference:
         return cls(ringing_share(pair[1]), highest, error_below_frequency(signal, reference, step, highest))
 
 
-def ringing_warnings(not_judged: Mapping[str, RingingReference], rigid: Sequence[str] = ()) -> list[str]:
+def ringing_warnings(not_judged: Mapping[str, RingingReference], rigid: Sequence[str]) -> list[str]:
     """List one warning that names all quantities whose errors are in `not_judged`; empty if that is.
 
     `not_judged` is by the names of quantities in summary.json.  If the full model has `rigid` contacts, the warning

@@ -47,10 +47,8 @@ class Comm:
     def barrier(self) -> None:
         """Do nothing, as there is no other rank to wait for."""
 
-    def Bcast(self, *arrays: Array | int | None) -> None:
+    def Allreduce(self, *arrays: Array | int | None) -> None:
         """Do nothing: on one rank the arrays already have their result."""
-
-    Allreduce = Bcast
 
 
 WORLD = Comm()

@@ -108,9 +108,9 @@ def read_entries(path: Path) -> Entries:
 
 
 def read_number_table(
-    path: Path, kinds: Sequence[type], form: str, delimiter: str | None = None, comment: str = "#", head: int = 0
+    path: Path, kinds: Sequence[type], form: str, delimiter: str | None = None, comment: str = "#"
 ) -> Array:
-    """Return the numbers (e, c) in the e lines of a text file after its first `head` lines.
+    """Return the numbers (e, c) in the e lines of a text file.
 
     Each line has c numbers of the given `kinds`, separated by the `delimiter`, or by blanks if it is None.  What
     follows the sign `comment` is ignored.  `form` describes a line in messages.  Raises UnreadableError if the file is
@@ -120,13 +120,13 @@ def read_number_table(
     if not content.endswith(b"\n"):
         raise UnreadableError("a last line that ends is allowed: this file is cut off")
     try:
-        data = np.loadtxt(path, delimiter=delimiter, comments=comment, skiprows=head, ndmin=2)
+        data = np.loadtxt(path, delimiter=delimiter, comments=comment, ndmin=2)
         ints = [k for k, kind in enumerate(kinds) if kind is int]
         if data.shape[1] == len(kinds) and np.all(data[:, ints] == np.trunc(data[:, ints])) and data.size:
             return data
     except (ValueError, UserWarning):
         pass
-    for number, line in enumerate(content.decode("utf-8", "replace").splitlines()[head:], head + 1):
+    for number, line in enumerate(content.decode("utf-8", "replace").splitlines(), 1):
         text = line.partition(comment)[0].strip()
         if text and not _is_row(text.split(delimiter), kinds):
             raise UnreadableError(f"{form} are allowed, not {text[:40]!r}", number)

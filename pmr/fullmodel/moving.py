@@ -54,7 +54,7 @@ class SingularError(InputError):
         super().__init__("scene", "body", None, allowed)
 
 
-def static_solver(model: FullModel, held_rows: Sequence[Row], choice: str = "auto") -> StaticSolver:
+def static_solver(model: FullModel, held_rows: Sequence[Row], choice: str) -> StaticSolver:
     """Static solver of a model with the rows `held_rows` held, which must leave no rigid motion free.
 
     `choice` is ``"dense"``, ``"slepc"`` (MUMPS) or ``"auto"``, as for the eigenmodes.

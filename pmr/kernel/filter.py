@@ -309,7 +309,7 @@ def watch(kalman: KalmanFilter, values: Array, step: float) -> Watched:
     return watched
 
 
-def find_drift(mean: Array, deviation: Array, step: float, growth: float = 0.0) -> NDArray[np.bool_]:
+def find_drift(mean: Array, deviation: Array, step: float, growth: float) -> NDArray[np.bool_]:
     """Mask (T,) of the steps at which a payload's estimate has changed over `CHANGED` s by more than chance explains.
 
     `mean` (T,) in kg are estimates of a constant payload at steps of `step` s, and `deviation` (T,) in kg their

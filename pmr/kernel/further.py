@@ -84,7 +84,7 @@ class Supports:
     inputs: Array  # (h, i): by unit inputs
 
 
-def supports_of(system: System, name: str, form: Modal, output: bool = True) -> Supports:
+def supports_of(system: System, name: str, form: Modal, output: bool) -> Supports:
     """Reactions of the rigid supports of the body `name` of a system, in the modes of its modal `form`.
 
     There are no reactions, h = 0, if `output` is false or if the body does not store any.

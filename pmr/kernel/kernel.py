@@ -20,8 +20,6 @@ from pmr.kernel.further import Frame
 from pmr.system.from_scene import CombinedRings
 from pmr.system.system import System
 
-Integers = NDArray[np.int32]
-
 
 def code_variant() -> str:
     """Name of the kernel's machine code that this processor runs: avx2, sse2, vectors or plain."""
@@ -251,9 +249,7 @@ class Bank:
     following: Mapping[str, float]
 
 
-def advance_bank(
-    bank: Bank, y: Array, activity: Array, least_level: Array, of_speeds: Array, delay: int = 0
-) -> BankRecord:
+def advance_bank(bank: Bank, y: Array, activity: Array, least_level: Array, of_speeds: Array, delay: int) -> BankRecord:
     """Advance a bank by T steps with measurements y (T,), beginning with equally likely places.
 
     NaN in y stands for no measurement.  `activity` (T,), 0 to 1, says how much is in motion: speeds change by this

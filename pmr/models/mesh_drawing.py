@@ -201,7 +201,7 @@ class Drawing:
             raise
 
 
-def graded_nodes(length: float, elements: int, grading: float = 1.0) -> Array:
+def graded_nodes(length: float, elements: int, grading: float) -> Array:
     """Coordinates (elements + 1,) in m of a beam's nodes from 0 to `length`.
 
     The lengths of the elements grow geometrically; `grading` is the length of the last one over that of the first one.

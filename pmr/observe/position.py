@@ -58,7 +58,7 @@ class SensorModes(NamedTuple):
     shapes: Array  # (S, r): b, displacement at the sensor by each mode without the sensor
 
 
-def sensor_modes(space: StateSpace, load: str, mass: float = 0.0) -> SensorModes:
+def sensor_modes(space: StateSpace, load: str, mass: float) -> SensorModes:
     """Modes of the body of a state space at each of its places, with a sensor of `mass` kg where the load `load` acts.
 
     Raises InputError if the state space has no such load.

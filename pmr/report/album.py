@@ -148,7 +148,7 @@ class _Views:
             lug = np.array([cylinder.lug[0], 0.0, cylinder.lug[1]]) - frame.tail_position
             foot = lug - float(cylinder.length_and_arm(angle)[0]) * np.array([x, 0.0, z])
             lug += self._drawn_displacement(next(iter(self.bodies.surfaces)), moment.frame, lug[0])
-            yield _bar(foot, lug, ROD, CYLINDER)
+            yield _bar(foot, lug, ROD)
 
     def _rope_pieces(self, moment: Moment) -> Iterator[Piece]:
         """Yield the rope of a hoist as a bar from its head sheaves to its hook, and a cube for the payload."""
@@ -157,8 +157,8 @@ class _Views:
         if (places := rope_places(self.result, [step], self.bodies.scale)) is not None:
             head, hook = places[0] - (0.0 if frame is None else np.array(frame.tail_position))
             down = (hook - head) / max(float(np.linalg.norm(hook - head)), 1e-9)
-            yield _bar(head, hook, ROPE, CYLINDER)
-            yield _bar(hook, hook + 2.0 * PAYLOAD * down, PAYLOAD, CYLINDER)
+            yield _bar(head, hook, ROPE)
+            yield _bar(hook, hook + 2.0 * PAYLOAD * down, PAYLOAD)
 
     def _ground_pieces(self, moment: Moment) -> Iterator[Piece]:
         """Yield a level plane below a boom: its ground, else at the foot of its luffing cylinder or at its pivot.
@@ -249,8 +249,8 @@ def _two_decimals(value: float, unit: str) -> str:
     return f"{value:.2f}{SPACE}{unit}"
 
 
-def _bar(start: Array, end: Array, half: float, colour: str) -> Piece:
-    """Return a square bar in `colour` from the point `start` to `end` (3,) in m, closed at both ends.
+def _bar(start: Array, end: Array, half: float) -> Piece:
+    """Return a square bar in the colour of cylinders from the point `start` to `end` (3,) in m, closed at both ends.
 
     `half` is half its thickness in m.  The bar must not be parallel to y.
     """
@@ -260,7 +260,7 @@ def _bar(start: Array, end: Array, half: float, colour: str) -> Piece:
     aside = np.cross(across, along)
     corners = half * np.array([across, aside, -across, -aside])
     sides = [*((k, (k + 1) % 4, 4 + (k + 1) % 4, 4 + k) for k in range(4)), (0, 1, 2, 3), (4, 5, 6, 7)]
-    return Piece(np.concatenate([start + corners, end + corners]), np.array(sides), None, colour)
+    return Piece(np.concatenate([start + corners, end + corners]), np.array(sides), None, CYLINDER)
 
 
 def _ring(centre: Array, view: Array, radii: tuple[float, float], colour: str) -> Piece:

@@ -86,7 +86,7 @@ def render(template: str, title: str, chapters: Sequence[Chapter], **more: Any) 
         .render(
             title=title,
             chapters=chapters,
-            font=font_face_rule(FONT, "".join(sorted(set(text)))),
+            font=font_face_rule("".join(sorted(set(text)))),
             is_animated=any(block.player for block in blocks),
             **more,
         )
@@ -146,8 +146,8 @@ def drawn_text(drawn: str) -> str:
     return "".join(re.findall(r">([^<]+)<", drawn))
 
 
-def font_face_rule(family: str, characters: str) -> str:
-    """CSS rule ``@font-face`` with the font DejaVu Sans, reduced to `characters`, under the name `family`."""
+def font_face_rule(characters: str) -> str:
+    """CSS rule ``@font-face`` with the font DejaVu Sans, reduced to `characters`, under the name `FONT`."""
     options = subset.Options(layout_features=[], hinting=False, notdef_outline=True)
     options.drop_tables += ["FFTM"]
     font = TTFont(Path(mpl.get_data_path(), "fonts", "ttf", "DejaVuSans.ttf"), recalcTimestamp=False)
@@ -159,4 +159,4 @@ def font_face_rule(family: str, characters: str) -> str:
     font.flavor = "woff"
     font.save(buffer)
     data = b64encode(buffer.getvalue()).decode()
-    return f'@font-face{{font-family:"{family}";src:url(data:font/woff;base64,{data}) format("woff")}}'
+    return f'@font-face{{font-family:"{FONT}";src:url(data:font/woff;base64,{data}) format("woff")}}'

@@ -63,9 +63,9 @@ def system_rows(result: RunResult) -> Rows:
             yield "luffing cylinder", f"foot on the machine {foot}; lug on the boom {lug}, where it lies level"
         if (ground := scene.frame.ground) is not None:
             yield "stands on", _describe_ground(ground, scene.frame.unit)
-            corners = (f"{of.name} {format_place(of.at, 'm')}" for of in ground.outriggers)
+            corners = (f"{of.name} {format_place(of.at)}" for of in ground.outriggers)
             yield "outriggers, x and y from the pivot", "; ".join(corners)
-            weights = [f"{of.name} {_format_mass(of.mass)} {format_place(of.at, 'm')}" for of in ground.masses]
+            weights = [f"{of.name} {_format_mass(of.mass)} {format_place(of.at)}" for of in ground.masses]
             if weights:
                 yield "masses of the machine, x, y, z from the pivot", "; ".join(weights)
     elif gravity is not None:
@@ -87,9 +87,9 @@ def system_rows(result: RunResult) -> Rows:
     yield "time", format_input(scene.time.end, "s")
 
 
-def format_place(at: Sequence[float], unit: str) -> str:
-    """Format the coordinates of a place with their unit, in brackets."""
-    return f"({', '.join(format_input(value) for value in at)}){SPACE}{unit}"
+def format_place(at: Sequence[float]) -> str:
+    """Format the coordinates of a place in m with their unit, in brackets."""
+    return f"({', '.join(format_input(value) for value in at)}){SPACE}m"
 
 
 def _place_from_pivot(x: float, z: float) -> str:

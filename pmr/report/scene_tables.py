@@ -150,7 +150,7 @@ def key_words(key: str) -> str:
     return WORDS.get(key, key.replace("_", " "))
 
 
-def describe_plain(value: object, unit: str = "") -> str:
+def describe_plain(value: object, unit: str) -> str:
     """Describe a number with its `unit`, a word, a switch, a list of these, or a mapping to these."""
     if isinstance(value, bool):
         return "yes" if value else "no"
@@ -175,9 +175,7 @@ def _format_numbers(values: Sequence[float], unit: str) -> str:
     return Unit(1.0, unit_text(scaled.name).replace(" ", SPACE)).after(text)
 
 
-def _telling_values(
-    table: BaseModel, unused: Sequence[str] = (), defaults: bool = True
-) -> Iterator[tuple[str, object]]:
+def _telling_values(table: BaseModel, unused: Sequence[str], defaults: bool = True) -> Iterator[tuple[str, object]]:
     """Yield key and value of those keys of a table whose values say something.
 
     Left out are the keys `unused`, empty values, zeros, words and switches with their default values and, unless

@@ -127,7 +127,7 @@ def reduced_size(result: RunResult) -> int:
     return int(result.summary.get("coordinates", {}).get("reduced", basis))
 
 
-def structural_model_words(model: str, walls: str = "rigid") -> str:
+def structural_model_words(model: str, walls: str) -> str:
     """Name a structural model in words, such as ``a planar beam``; for beams also say if their walls are flexible."""
     traits = model_traits(model)
     return traits.words + " with flexible walls" * (walls == "give" and traits.walls_may_give)

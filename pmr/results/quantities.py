@@ -73,7 +73,7 @@ class Columns:
 
     @classmethod
     def from_scene(cls, scene: Scene, response: Response) -> Columns:
-        """Return the description of the columns of a scene's response, in the order of the columns of `values_of`."""
+        """Return the description of the columns of a scene's response, in the order of those in the response."""
         return cls.of_outputs(
             scene, [replace(output, name=output.name.removeprefix(FORCE)) for output in response.outputs]
         )
@@ -122,12 +122,6 @@ class Columns:
             if separator:
                 by_probe.setdefault(probe, {})[component] = k
         return by_probe
-
-
-def values_of(response: Response) -> Array:
-    """Return all c columns of a response as one array (T, c), in the order of `Columns.from_scene`."""
-    parts = [response.displacement, response.slider_force, response.others]
-    return np.hstack([part for part in parts if part is not None])
 
 
 #: Function that returns the `Measure` of a limit, or None if the limit depends on no column.  Its arguments are the
@@ -373,19 +367,10 @@ def _luffing_pull_measure(columns: Columns, looks_at: Callable[[str], bool]) -> 
     return (lambda values: np.maximum(-values[:, forces], 0.0).max(axis=1)) if forces else None
 
 
-def _least_measure(kind: str) -> Callable[[Columns, Callable[[str], bool]], Measure | None]:
-    """Return the function `MeasureOf` for columns of one kind, whose measure is the smallest value of these columns.
-
-    The function takes the columns, and a function that says whether a limit depends on the name of a column.  It
-    returns None if there is no such column.
-    """
-
-    def measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-        """Return the measure of the columns for whose names `looks_at` is true; None if there are no such columns."""
-        chosen = [k for k in columns.numbers_of_kind(kind) if looks_at(columns.names[k])]
-        return (lambda values: values[:, chosen].min(axis=1)) if chosen else None
-
-    return measure
+def _least_ground_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
+    """Return the smallest force on the ground of the outriggers whose names `looks_at` chooses; None without any."""
+    chosen = [k for k in columns.numbers_of_kind("outrigger") if looks_at(columns.names[k])]
+    return (lambda values: values[:, chosen].min(axis=1)) if chosen else None
 
 
 #: Meaning of a positive force of a part that moves a section or raises the boom.
@@ -527,7 +512,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity(
             "outrigger_rest", "smallest outrigger forces", "N", "ground", (), "smallest force of an outrigger",
-            "least", PRESSES, ChartLimit("lift-off", _least_measure("outrigger"), ""),
+            "least", PRESSES, ChartLimit("lift-off", _least_ground_measure, ""),
         ),
         Quantity(
             "tipping_margin", "margins against tipping", "N m", "ground", ("margin",), "least margin against tipping",

@@ -5,12 +5,12 @@ not allowed raises `pmr.errors.InputError` with file, key, value and what is all
 """
 
 from pmr.scene.built import Body, Load, MeshChoice, Support
-from pmr.scene.files import beam_scene, has_sections, load, load_any, vary
+from pmr.scene.files import has_sections, load, load_any, vary
 from pmr.scene.run_settings import Compare, Published, Reduction, Simulation, TimeChoice
 from pmr.scene.scene import Scene
 from pmr.scene.structures import Damping
 
 __all__ = [
     "Body", "Compare", "Damping", "Load", "MeshChoice", "Published", "Reduction", "Scene", "Simulation",
-    "Support", "TimeChoice", "beam_scene", "has_sections", "load", "load_any", "vary",
+    "Support", "TimeChoice", "has_sections", "load", "load_any", "vary",
 ]  # fmt: skip

@@ -83,7 +83,7 @@ def stored_scene(data: Mapping[str, object], source: str, context: Mapping[str, 
         raise InputError(source, key, first["input"], allowed) from None
 
 
-def _leave_out(data: object, keys: Sequence[str], value: object = None) -> None:
+def _leave_out(data: object, keys: Sequence[str], value: object) -> None:
     """Remove a key from nested tables, in place, if the key has this `value`; with None, whatever its value is.
 
     `keys` is the path to the key, such as ["joint", "tail"].  In a list of tables, the key is removed from each table.
@@ -281,14 +281,6 @@ def has_sections(path: str | Path) -> bool:
     """Whether the scene file `path` describes a boom of more than one section."""
     sections = _read_file(path).data.get("sections")
     return isinstance(sections, list) and len(sections) > 1
-
-
-def beam_scene(path: str | Path) -> Scene:
-    """Load the scene at `path`, of a planar beam with a profile and sliding points; raises InputError for any other."""
-    scene = load(path)
-    if scene.body.profile is None or scene.pads:
-        raise InputError(str(path), "body.profile", None, "a scene with a planar beam and without pads is needed here")
-    return scene
 
 
 def _read_file(path: str | Path) -> TomlFile:

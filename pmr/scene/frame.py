@@ -362,13 +362,6 @@ class Frame(BoomAngles):
         luffing, slewing = (np.atleast_1d(angle.value(np.asarray(t))) for angle in self.angles)
         return boom_rotation(luffing, slewing)
 
-    def rotation_to_ground(self, t: float) -> NDArray[np.float64]:
-        """Return the rotation (3, 3) from axes of the boom to axes of the ground at time t in s.
-
-        The rotation includes that of the base.
-        """
-        return self.base_rotation(t) @ self.rotation(t)[0]
-
     def base_rotation(self, t: float) -> NDArray[np.float64]:
         """Return the rotation (3, 3) from axes of the base to axes of the ground at time t in s."""
         roll, pitch, yaw = ([angle.value(np.array([t])) for angle in self.base_angles] or np.zeros((3, 1)))[:3]

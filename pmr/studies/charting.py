@@ -293,7 +293,7 @@ def left_out_of_chart(scene: Scene, limits: Sequence[Limit]) -> dict[str, str]:
     return rows | left_out(scene, at_rest=True)
 
 
-def chart_definitions(scene: Scene, point: tuple[float, float, float] | None = None) -> dict[str, str]:
+def chart_definitions(scene: Scene, point: tuple[float, float, float] | None) -> dict[str, str]:
     """Return what a chart of a scene calls load, radius, height and boom length, as text by subject.
 
     The load hangs at `point` in m in the axes of the last section; None stands for the tip.  Masses of the last section

@@ -124,7 +124,7 @@ def transpose(A: PPoly) -> PPoly:
     return PPoly(np.ascontiguousarray(A.c.swapaxes(2, 3)), A.x)
 
 
-def add_tables(A: PPoly, B: PPoly, factor: float = 1.0) -> PPoly:
+def add_tables(A: PPoly, B: PPoly, factor: float) -> PPoly:
     """Table A(s) + factor B(s) of two tables with values of the same shape.
 
     Breaks and degrees of A and B may differ; the result has the domain of A.

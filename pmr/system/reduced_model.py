@@ -412,7 +412,7 @@ def _upgrade_version_4(header: Mapping[str, Any], data: Mapping[str, Array]) -> 
     return arrays
 
 
-def satisfied_rows(C: PPoly, tolerance: float = 1e-10, least: float = 0.0) -> list[int]:
+def satisfied_rows(C: PPoly, tolerance: float, least: float = 0.0) -> list[int]:
     """Ascending numbers of the rows C that a basis satisfies identically.
 
     Each coefficient of such a row, times its interval's length to the same power, is at most `least`, or `tolerance`

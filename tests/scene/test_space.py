@@ -140,11 +140,6 @@ def test_a_wall_is_a_long_plate() -> None:
     assert wall_frequency(box, 210e9, 0.3, 7850.0) == pytest.approx(122.9, abs=0.1)
 
 
-def test_a_study_of_planar_beams_refuses_a_boom() -> None:
-    with pytest.raises(InputError, match="a scene with a planar beam and without pads is needed here"):
-        scenes.beam_scene(WORKFLOWS / "boom.toml")
-
-
 def test_a_model_is_made_for_the_path_or_for_all_of_its_travel(load) -> None:
     assert load().travel == load().path_bounds == (1.5, 4.0)
     assert load("slider.travel=[1.500002,3.999998]").travel == (1.500002, 3.999998)  # measured paths overshoot

@@ -118,15 +118,12 @@ def pointer_cells(chart: LoadChart, texts: Sequence[str]) -> str:
     return "".join(cells)
 
 
-def load_chart(chart: LoadChart, width: float = WIDE) -> Figure:
-    """Draw a load chart: a coloured cell around each position of the tip, and curves of constant load.
-
-    The figure is `width` inches wide.
-    """
+def load_chart(chart: LoadChart) -> Figure:
+    """Draw a load chart: a coloured cell around each position of the tip, and curves of constant load."""
     corners = _corners(chart.place)
     low, high = np.minimum(corners.min(axis=(0, 1)), 0.0), np.maximum(corners.max(axis=(0, 1)), 0.0)
     hatched = chart.not_permitted
-    figure, ax = _side_view(low, high, TALLEST, width)
+    figure, ax = _side_view(low, high, TALLEST)
     colours = {k: mix_with_white(of, 1.0 - PALE) if k >= 0 else SHADE for k, of in chart.colours.items()}
     around = (corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:])
     cells = np.stack([*around, around[0]], axis=2)
@@ -175,15 +172,14 @@ def _outline(cells: Array) -> Path:
     return Path(cells.reshape(-1, 2), codes)
 
 
-def duty_lines(chart: LoadChart, width: float = WIDE) -> Figure:
+def duty_lines(chart: LoadChart) -> Figure:
     """Draw the allowed load over the radius, a line for each of up to `LINES` boom lengths, as manuals print it.
 
     The boom length stands above the end of its line, at the largest radius.  Colour and letter of a piece of a line say
     which limit governs; each limit has its letter once on a line.  Where no limit is reached, arrows at the load at
-    which the search ends point up.  Where the boom is not permitted even empty, there are crosses on the axis.  The
-    figure is `width` inches wide.
+    which the search ends point up.  Where the boom is not permitted even empty, there are crosses on the axis.
     """
-    figure, ax = make_axes(width, 3.4 + ROW, "Radius in m", "Allowed load in kg", right=0.5, top=0.12 + ROW)
+    figure, ax = make_axes(WIDE, 3.4 + ROW, "Radius in m", "Allowed load in kg", right=0.5, top=0.12 + ROW)
     most, ends = float(np.nanmax(chart.load, initial=0.0)), list[tuple[str, float, float]]()
     for e in spread_indices(len(chart.load), LINES):
         radius, which, crossed = chart.place[e, :, 0], chart.which[e], chart.not_permitted[e]
@@ -253,13 +249,13 @@ def _contour_loads(load: Array) -> list[float]:
     return inside[-CURVES:] or np.linspace(finite.min(), finite.max(), 5)[1:-1].tolist()
 
 
-def _side_view(low: Array, high: Array, tallest: float, width: float) -> Paper:
-    """Make axes of radius and height in m from `low` (2,) to `high` (2,), in a figure of `width` inches.
+def _side_view(low: Array, high: Array, tallest: float) -> Paper:
+    """Make axes of radius and height in m from `low` (2,) to `high` (2,), in a figure as wide as a page.
 
-    Their height is at most `tallest` times the width of a page.
+    Their height is at most `tallest` times that width.
     """
-    top, tall = 0.12 + ROW, min((width - 0.76) * float(np.divide(*(high - low)[::-1])), tallest * WIDE)
-    figure, ax = make_axes(width, tall + top + 0.42, "Radius in m", "Height in m", top=top, bottom=0.42)
+    top, tall = 0.12 + ROW, min((WIDE - 0.76) * float(np.divide(*(high - low)[::-1])), tallest * WIDE)
+    figure, ax = make_axes(WIDE, tall + top + 0.42, "Radius in m", "Height in m", top=top, bottom=0.42)
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     return Paper(figure, ax)
 
@@ -320,10 +316,10 @@ class BentBoom:
         return enlargement(float(np.abs(self.across).max(initial=0.0)), BENT * float(self.along.max()))
 
 
-def bent_boom(boom: BentBoom, width: float = WIDE) -> Figure:
+def bent_boom(boom: BentBoom) -> Figure:
     """Draw a boom at rest from the side: a thin line for the undeformed axis, and the bent sections.
 
-    Displacements are enlarged; the figure is `width` inches wide.
+    Displacements are enlarged.
     """
     c, s = np.cos(boom.luffing), np.sin(boom.luffing)
     deflection = boom.scale * boom.across
@@ -333,7 +329,7 @@ def bent_boom(boom: BentBoom, width: float = WIDE) -> Figure:
     high = np.array([max(x.max(), reach * c, 0.1 * reach), max(z.max(), reach * s, 0.1 * reach)])
     edge = 0.04 * float(np.max(high - low))
     low, high = low - edge, high + edge
-    figure, ax = _side_view(low, high, SIDE_TALLEST, width)
+    figure, ax = _side_view(low, high, SIDE_TALLEST)
     ax.plot([0.0, reach * c], [0.0, reach * s], color=MUTED, linewidth=0.6, zorder=1.0)
     for k, (name, colour) in enumerate(section_colours(boom.names).items()):
         of_section = np.flatnonzero(boom.section == k)

@@ -158,7 +158,7 @@ class MachineSimulation:
 
 
 def machine_of(
-    scene: Scene, system: System, frame: MovingFrame, excitation: Excitation, modes: Array, level: float | None = None
+    scene: Scene, system: System, frame: MovingFrame, excitation: Excitation, modes: Array, level: float | None
 ) -> dict[str, Any]:
     """Return the fields of the kernel's machine of a scene, below the system, without a cylinder.
 

@@ -178,7 +178,7 @@ class Constraint:
         q_gain: float,
         rows: PathRows,
         pushing: ContactState,
-        shared: int = 1,
+        shared: int,
     ) -> None:
         """Prepare contact forces on the course in `rows`, with the `factor` of the effective matrices S; collective.
 
