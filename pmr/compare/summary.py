@@ -57,6 +57,7 @@ from pmr.scene import Scene
 from pmr.scene.hints import hints
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation, contact_step
+from pmr.simulation.excitation import machine_signals
 from pmr.simulation.stepping import describe_lost_features, describe_overshoots
 from pmr.system.from_scene import with_hoist_of, with_terms_of
 from pmr.system.system import System
@@ -128,9 +129,12 @@ def impacts_part(system: System, excitation: Excitation, responses: Mapping[str,
     return SummaryPart({"impacts": {"band": highest, "pad_force": error}})
 
 
-def sampling_part(excitation: Excitation) -> SummaryPart:
-    """Part with warnings about paths and loads that the steps do not resolve."""
-    signals, stepping = excitation.signals, excitation.stepping
+def sampling_part(scene: Scene, excitation: Excitation) -> SummaryPart:
+    """Part with warnings about paths, loads and drives that the steps do not resolve, and about curves through tables.
+
+    The paths and loads are those of the `excitation`, the drives those of the scene's frame, hoist and extensions.
+    """
+    signals, stepping = [*excitation.signals, *machine_signals(scene)], excitation.stepping
     return SummaryPart(warnings=describe_lost_features(signals, stepping) + describe_overshoots(signals, stepping))
 
 
@@ -169,7 +173,7 @@ def warnings_of_response(scene: Scene, system: System, response: Response) -> tu
         SummaryPart(grave=hints(scene)),
         *parts_of_forces(scene, system, response),
         SummaryPart(warnings=contact_step.warnings(omega, excitation.stepping)),
-        sampling_part(excitation),
+        sampling_part(scene, excitation),
         theory_part(scene, {"motion": response}),
     ]
     return tuple(combine_parts(parts)["warnings"])
@@ -195,7 +199,7 @@ def parts_of_motion(
         published_part(scene, natural),
         lowest_mode_part(scene, system, excitation, natural),
         SummaryPart(divided, contact_step.warnings(omega, excitation.stepping)),
-        sampling_part(excitation),
+        sampling_part(scene, excitation),
         missed_stress_part(scene, simulations.first.response),
         frame_part(scene, system, excitation, natural),
         energy_part(scene, system, excitation, simulations.first.run),

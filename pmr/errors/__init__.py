@@ -231,9 +231,10 @@ def missing_file_reason(path: Path, what: str = "file") -> str:
 def similar_name_hint(name: object, names: Iterable[str]) -> str:
     """Return a question whether the user meant the one of `names` that is most similar to `name`, and a space.
 
-    The text is empty if no name is similar.
+    A name that is the first word of `name` counts as the most similar one.  The text is empty if no name is similar.
     """
-    close = get_close_matches(str(name), list(names), n=1)
+    text, first_word = str(name), str(name).split(" ")[0]
+    close = [first_word] if first_word in (names := list(names)) else get_close_matches(text, names, n=1)
     return f"did you mean {close[0]!r}? " if close else ""
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal, TypeVar
 
 import numpy as np
+from pydantic import BaseModel
 
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.files.arrays import Array, Indices
@@ -264,6 +265,22 @@ def hoist_signals(scene: Scene) -> dict[str, SignalBase]:
         name: frame_amplitude(scene, (Product(1.0, (quantity,)),), **accelerating_signals(scene, 0))
         for name, quantity in frame_quantities(scene).items()
     }
+
+
+def machine_signals(scene: Scene) -> list[tuple[str, SignalBase]]:
+    """Pairs (key, signal) of all signals of frame, hoist and free extensions of a scene, as the scene states them."""
+    tables: dict[str, BaseModel | None] = {"frame": scene.frame, "hoist": scene.hoist}
+    tables |= dict(zip(scene.extension_keys, scene.free_extensions.values(), strict=True))
+    return [pair for key, table in tables.items() if table is not None for pair in _signals_in(key, table)]
+
+
+def _signals_in(key: str, table: BaseModel) -> Iterator[tuple[str, SignalBase]]:
+    """Yield pairs (key, signal) of all signals in a table of a scene and in its tables; `key` is that of the table."""
+    for name, value in table:
+        if isinstance(value, SignalBase):
+            yield f"{key}.{name}", value
+        elif isinstance(value, BaseModel):
+            yield from _signals_in(f"{key}.{name}", value)
 
 
 def inertia_loads(scene: Scene, member: Member) -> dict[str, SignalBase]:

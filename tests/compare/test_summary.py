@@ -2,6 +2,7 @@
 
 import numpy as np
 import one_body
+import plain_machines
 import pytest
 from turning_cylinder import boom
 
@@ -11,7 +12,7 @@ from pmr import scene as scenes
 from pmr.compare import evaluation
 from pmr.compare.responses import simulate
 from pmr.compare.second_order import STRESSED_TIMES, second_order_effect
-from pmr.compare.summary import origin_part
+from pmr.compare.summary import origin_part, sampling_part
 from pmr.fullmodel.build import build, build_bodies, warnings
 from pmr.results.run import SummaryPart, combine_parts
 from pmr.scene import Scene
@@ -35,6 +36,21 @@ def test_figures_and_warnings_of_all_parts_are_gathered_in_order() -> None:
     found = combine_parts(parts)
     assert list(found) == ["a", "b", "warnings"] and found["a"] == 1.0
     assert found["warnings"] == ["b.c is not finite; in summary.json it is null", "first", "second", "third"]
+
+
+@pytest.mark.parametrize("key", ["hoist.speed", "hoist.wind.y", "frame.base.x", "frame.slewing"])
+def test_a_drive_that_the_steps_do_not_resolve_is_warned_of_by_its_key(key: str) -> None:
+    fast = f"{key}={{kind='sine',amplitude=0.01,frequency=249.0}}"
+    scene = pmr.load_scene(plain_machines.HOIST, (fast, "time.end=2.0", "compare.against=[]"))
+    expected = f"{key}: 249 Hz looks like 1 Hz at steps of 0.004 s; steps of 0.00057 s or less follow it"
+    assert expected in sampling_part(scene, Excitation.from_scene(scene)).warnings
+
+
+def test_a_drive_whose_curve_leaves_its_table_is_warned_of_by_its_key() -> None:
+    table = "hoist.speed={kind='table',times=[0.0,1.0,1.2,2.0],values=[0.0,0.0,1.0,1.0]}"
+    scene = pmr.load_scene(plain_machines.HOIST, (table, "time.end=2.0", "compare.against=[]"))
+    (line,) = sampling_part(scene, Excitation.from_scene(scene)).warnings
+    assert line.startswith("hoist.speed: the curve through its table (akima) goes from -0.625 to 1.5, ")
 
 
 def test_warnings_of_what_does_not_hold_stand_before_those_of_what_is_off() -> None:

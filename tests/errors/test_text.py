@@ -10,7 +10,7 @@ import pytest
 
 from pmr import InputError
 from pmr.cli import console
-from pmr.errors import escape_controls, overview, two_digits, two_digits_below, warning_kind
+from pmr.errors import escape_controls, overview, similar_name_hint, two_digits, two_digits_below, warning_kind
 
 PLAIN = ["[/red]", "[bold]x", "root:x:0", ":smile:", "$x^2$", "\\frac", "<b>&amp;", "ä ß 漢 שלום 😀 F²", "{0} %s", "_F"]
 STEERING = {
@@ -75,6 +75,13 @@ def test_an_overview_shows_the_first_names_and_the_last_one() -> None:
         "  outputs (1): tip z",
         "  others (0)",
     ]
+
+
+def test_a_name_that_comes_first_is_meant_rather_than_one_that_is_as_long() -> None:
+    names = ["stress", "cylinder", "luffing", "pad"]
+    assert similar_name_hint("luffing cylinder", names) == "did you mean 'luffing'? "
+    assert similar_name_hint("cilinder", names) == "did you mean 'cylinder'? "
+    assert similar_name_hint("angle", names) == ""
 
 
 def test_large_numbers_are_decimals() -> None:
