@@ -49,7 +49,7 @@ def test_the_scene_is_written_with_the_values_that_its_frequencies_have(tmp_path
     assert fitted.mesh.elements == 10
     for wrong, said in (
         (["--fit", LENGTH], "KEY=START"),
-        (["--fit", f"{LENGTH}=0"], "beside zero"),
+        (["--fit", f"{LENGTH}=0"], "other than zero"),
         (["--fit", "body.nothing=1.0"], "body.nothing"),
         (["--fit", f"{LENGTH}=0.5", "--set", "reduction.coordinates=1"], "the model has fewer"),
     ):
