@@ -96,7 +96,7 @@ def _usage_message(error: Any) -> str:
 
 
 app = typer.Typer(
-    help="Simulate booms that telescope: from a scene file to a reduced model, its comparison and a report.",
+    help="Simulate booms that telescope: from a scene file to a reduced model, its errors and a report.",
     epilog="Start with: pmr new boom mine && pmr run mine",
     no_args_is_help=True,
     pretty_exceptions_enable=False,

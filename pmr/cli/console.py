@@ -29,7 +29,7 @@ Overrides = Annotated[
     list[str] | None, Option("--set", metavar="KEY=VALUE", help="Override a key of the file; repeatable.")
 ]
 Folder = Annotated[
-    Path | None, Option("--out", metavar="DIR", help="Where results go.  [default: reports/NAME of the file]")
+    Path | None, Option("--out", metavar="DIR", help="Where results go.  [default: in reports, named after the file]")
 ]
 
 SceneFile = Annotated[Path, Argument(metavar="SCENE", help="Scene file, or the name of a scene that comes with pmr.")]
@@ -37,7 +37,7 @@ MotionScene = Annotated[Path, Option("--scene", metavar="SCENE", help="Scene wit
 #: Largest number of worker processes; each of them keeps some files open.
 MOST_JOBS = 256
 Jobs = Annotated[
-    int | None, Option("--jobs", metavar="N", min=1, max=MOST_JOBS, help="Worker processes.  [default: one a core]")
+    int | None, Option("--jobs", metavar="N", min=1, max=MOST_JOBS, help="Worker processes.  [default: one per core]")
 ]
 
 #: Largest number of letters that a line has for the name of a quantity.

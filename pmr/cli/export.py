@@ -122,7 +122,7 @@ def flexible(
     ] = None,
     overrides: Overrides = None,
 ) -> None:
-    """Write a scene's body as a flexible body of other programs.
+    """Write a scene's body as a flexible body for other programs.
 
     Its sliders are at one place, S.  Formats of flexible bodies do not allow sliding: modes and springs are those with
     the sliders there, and the reference frame is that of the ground.  An FMU includes the sliding (`pmr export --to

@@ -226,6 +226,7 @@ def _print_outcome(outcome: Outcome) -> None:
     How far to trust the run is printed too, and by how much two simulators agree.
     """
     from pmr.report import errors, first_page, trust
+    from pmr.report.subject import scope_words
 
     result, summary = outcome.result, outcome.result.summary
     out.print(escape_controls(result.scene.title), style="bold")
@@ -234,11 +235,14 @@ def _print_outcome(outcome: Outcome) -> None:
     each = ", ".join(
         f"{section['name']} {section['coordinates']['reduced']}" for section in summary.get("sections", ())
     )
-    seconds = ", ".join(f"{name} {value:.3g} s" for name, value in summary["seconds"]["simulate"].items())
+    seconds = ", ".join(
+        f"{'full model' if name == 'full' else name} {value:.3g} s"
+        for name, value in summary["seconds"]["simulate"].items()
+    )
     coordinates = f"{summary['coordinates']['full']} -> {summary['coordinates']['reduced']} coordinates"
     out.sentences(f"{coordinates}{f' ({each})' if each else ''}; simulated in: {seconds}")
     table = trust.trust_table(result)
-    out.text(f"{table.title}: errors by their source")
+    out.sentences(f"{table.title}: errors by their source; displacements are those {scope_words(result)}")
     out.rows(table.rows)
     for warning in summary["warnings"]:
         out.sentences(f"warning: {warning}")
@@ -254,7 +258,7 @@ def _print_errors(error_rows: Sequence[Row]) -> None:
     """
     published = any(row.published for row in error_rows)
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    for head in ("normalised RMS error, or largest value", "this run", *(("published", "") if published else ())):
+    for head in ("normalised RMS errors, and largest values", "this run", *(("published", "") if published else ())):
         table.add_column(head, justify="right" if head in ("this run", "published") else "left")
     above = ""
     for row in error_rows:
