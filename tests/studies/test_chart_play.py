@@ -97,7 +97,7 @@ def test_the_play_of_the_scene_is_taken_away(folder: Path, with_bars: StudyResul
     arrays = chart(tmp_path, scene_text(GAP)).arrays("row1")
     without = with_bars.arrays("row1")["load"][0, :2]
     assert arrays["error.play"][0, :2] == pytest.approx(np.abs(without - arrays["load"][0, :2]), rel=1e-6)
-    assert "how much loads change without it" in render_studies(tmp_path)
+    assert "the change of loads without play" in render_studies(tmp_path)
 
 
 @pytest.mark.parametrize("has_play", [True, False])

@@ -146,7 +146,7 @@ def _key_numbers(study: FinishedStudy, chart: LoadChart, error: Array, parts: Pa
     farthest = np.unravel_index(np.argmax(radius), radius.shape)
     if chart.which[farthest] >= 0:
         load = NOT_PERMITTED if chart.not_permitted[farthest] else format_load(chart.load[farthest])
-        by = f"by {chart.names[chart.which[farthest]]}"
+        by = f"limited by {chart.names[chart.which[farthest]]}"
         key_numbers.append(KeyNumber(load, f"at the largest radius, {radius[farthest]:.4g}{SPACE}m", by))
     if np.isfinite(error).any():
         largest, doubt = format_load(float(f"{np.nanmax(error):.2g}")), str(study.figures["in_doubt"])

@@ -71,8 +71,8 @@ def case_sentence(asked: Summary) -> str:
 
 def slewing_clause(angles: Array) -> str:
     """Clause on the slewing `angles` (k,) in degrees of a chart, of which the one with the smallest load counts."""
-    several = "the least over" if len(angles) > 1 else "those at"
-    return f"{several} slewing by {', '.join(f'{angle:.4g}°' for angle in angles)}"
+    listed = ", ".join(f"{angle:.4g}°" for angle in angles)
+    return f"the least of all slewing angles ({listed})" if len(angles) > 1 else f"those at a slewing angle of {listed}"
 
 
 def headline(study: FinishedStudy, least_loads: Array, slewing: Array) -> str:
@@ -169,7 +169,7 @@ def limit_grid(study: FinishedStudy, names: list[str], parts: Parts) -> Grid:
                 *counts,
             )
         )
-    heads = ("limit", "of", "amount", "factor", "governs", "not reached", "beyond it empty")
+    heads = ("limit", "quantity", "amount", "factor", "governs", "not reached", "exceeded by the empty boom")
     return Grid(prose("limits", slewing=_degrees(parts)), heads, tuple(rows), "blocks")
 
 
@@ -199,9 +199,9 @@ def error_bar_grids(study: FinishedStudy, names: list[str], parts: Parts) -> lis
                 _format_share(shares[0].max()),
             )
         )
-    caption = "Half width of the error bars as a share of the load: for each part, the median over all points."
+    caption = "Half width of the error bars as a share of the load: medians over all points, and the largest total."
     heads = ["large rotations" if of == "rotation" else "play of pads" if of == "play" else of for of in shown]
-    return [Grid(caption, ("limit", "in all", *heads, "largest"), tuple(rows), "blocks")]
+    return [Grid(caption, ("limit", "total", *heads, "largest total"), tuple(rows), "blocks")]
 
 
 def present_parts(parts: Parts) -> list[str]:
@@ -305,9 +305,8 @@ def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Itera
     )
     tables = [("Allowed load", caption, duty.load)]
     if study.study_file["error_bars"]:
-        bounds = (
-            f"Lower bounds: these loads minus error bars and the error of interpolation. Not contained: {not_covered}."
-        )
+        bounds = "Lower bounds: allowed loads minus error bars and the error of interpolation. They do not contain: "
+        bounds += f"{not_covered}."
         tables.append(("Lower bounds", bounds, duty.lower))
     parts_of_columns = np.array_split(columns, -(-len(columns) // LENGTHS_BESIDE))
     for name, text, values in tables:

@@ -74,7 +74,7 @@ def test_the_first_sentence_says_whether_walls_and_pads_are_looked_at() -> None:
         sentence = headline(study, np.array([[500.0, 900.0]]), np.array([0.0, 90.0]))
         assert (
             sentence.endswith(" A run states the stress of walls at pads.") is is_said
-            and "the least over slewing by 0°, 90°." in sentence
+            and "the least of all slewing angles (0°, 90°)." in sentence
             and ("walls and pads are not" in sentence) is (is_said and kind is not pressure)
         )
 
@@ -82,20 +82,20 @@ def test_the_first_sentence_says_whether_walls_and_pads_are_looked_at() -> None:
 @pytest.mark.parametrize(
     ("loads", "start"),
     [
-        ([500.0, 900.0], "It carries 500 kg to 900 kg,"),
-        ([500.0, np.nan], "It carries 500 kg to more than 20 000 kg (search ends there), depending"),
+        ([500.0, 900.0], "The boom carries 500 kg to 900 kg,"),
+        ([500.0, np.nan], "The boom carries 500 kg to more than 20 000 kg (search ends there), depending"),
         (
             [0.0, np.nan],
             "At 1 of 2 points the boom is {}. Elsewhere it carries more than 20 000 kg (search ends there),",
         ),
-        ([0.0, 0.0], "At 2 of 2 points the boom is {}. Looked at are these"),
+        ([0.0, 0.0], "At 2 of 2 points the boom is {}. Only these limits"),
     ],
 )
 def test_the_first_sentence_has_the_range_of_loads_and_always_the_limits(loads: list[float], start: str) -> None:
     study: Any = SimpleNamespace(study_file={"limits": [], "up_to": 2e4, "cases": [{"name": "rest"}]})
     sentence = headline(study, np.array([loads]), np.array([0.0])).replace("\u00a0", " ").replace("\u202f", " ")
     assert f"not a rated capacity. {start.format(NOT_PERMITTED)}" in sentence
-    assert f"Looked at are these limits alone: {STABILITY_WORDS}. Loads are those at slewing by 0°." in sentence
+    assert f"Only these limits are evaluated: {STABILITY_WORDS}. Loads are those at a slewing angle of 0°." in sentence
 
 
 def test_no_load_is_called_zero_where_a_limit_is_passed_without_a_load() -> None:
@@ -145,7 +145,7 @@ def test_key_numbers_have_the_load_at_the_largest_radius_and_its_limit() -> None
         assert (points.value, points.note) == ("4", "each at 5 slewing angles, 2 limits")
         assert (most.value, most.note) == ("900\u00a0kg", "at a radius of 5\u00a0m")
         assert (farthest.value, farthest.label) == (shown, "at the largest radius, 11.25\u00a0m")
-        assert farthest.note == "by pads of fly"
+        assert farthest.note == "limited by pads of fly"
 
 
 def test_tables_of_loads_have_all_boom_lengths_and_are_not_wider_than_paper() -> None:
