@@ -51,7 +51,7 @@ NO_MOTION = 1e-9
 #: Share of the largest frequency below which a frequency belongs to a rigid-body motion.
 RIGID = 1e-3
 DIRECTIONS = ("x", "y", "z")
-STRESS = "stress, as it depends on how walls bend at pads, loads and corners"
+STRESS = "stresses, which depend on how walls bend at pads, under loads and at corners"
 IMPACTS = "impacts of pads that lift off and close again, as they differ from model to model"
 
 

@@ -65,7 +65,7 @@ def first_page_tables(result: RunResult) -> tuple[Table, ...]:
     """
     all_tables = (
         Table("What was asked", (*overview.system_rows(result), *_second_order_rows(result, True))),
-        Table("How sure", tuple(trust.certainty_rows(result))),
+        Table("How sure the values are", tuple(trust.certainty_rows(result))),
         _largest_values_table(result),
         Table("What is not in this model", tuple(_left_out_rows(result))),
         trust.trust_table(result),
@@ -77,7 +77,9 @@ def _left_out_rows(result: RunResult) -> Rows:
     """Yield a row for each subject with what the scene's model leaves out (`pmr.scene.hints`)."""
     rows, recovery = left_out(result.scene), result.scene.recovery
     if recovery is not None and "reduced" in result.summary.get("max_von_mises", {}):
-        rows["strength"] += f", stresses between times {format_input(recovery.every, 's')} apart (recovery.every)"
+        rows["strength"] += (
+            f", stresses between the times of the fields, {format_input(recovery.every, 's')} apart (recovery.every)"
+        )
     if "loads" in rows:
         rows["loads"] += ", factors of a standard (dynamic, safety)"
     yield from rows.items()
@@ -130,7 +132,7 @@ def largest_values(result: RunResult) -> list[LargestValue]:
 
 
 #: Heading of the rows with an allowed value.
-USED_UP = "Shares that are used up"
+USED_UP = "Values that have a limit"
 #: Headings of the other rows in their order, with the places of the quantities below each of them.
 HEADINGS = {
     "Supports and machine": ("support", "machine", "ground"),
@@ -224,15 +226,15 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
             by_pads = trust.pad_force_error(result.summary)
             most = shell["error"] + shell["value"] * (by_pads or 0.0)
             used += f", {format_percent((shell['value'] + most) / allowed)} with "
-            used += "this error and that of the pad forces" if by_pads is not None else "this error alone"
+            used += "the errors of this mesh and of the pad forces" if by_pads is not None else "this error alone"
     contains = f"{WALL_STRESS_PARTS}{play_clause(result, 'wall_stress')}"
-    by_mesh = " (error by the mesh of the wall)" if "error" in shell else ""
+    by_mesh = " (error by the mesh of the walls)" if "error" in shell else ""
     text = f"{wall_stress_words(shell)}{by_mesh}{used}; {peak_place_clause(result, at)}; {contains}"
     return largest_value("wall_stress", f"{text}{_missing_clause(result.summary)}", share)
 
 
 #: What the stress in walls at pads contains.
-WALL_STRESS_PARTS = "it contains the stress of the whole section and the bending of walls under pads, but no welds"
+WALL_STRESS_PARTS = "this stress contains that of the whole section and the bending of walls under pads, but no welds"
 
 
 def _missing_clause(summary: Summary) -> str:
@@ -261,7 +263,7 @@ def _closed_pads_clause(result: RunResult) -> str:
     forces = [Extremes.from_summary(pad) for pad in result.summary.get("pads", ())]
     opened = sum(force.least == 0.0 for force in forces)
     lift = f", and {opened} pads lift off at times in this run" if opened else ""
-    return f"; every pad is taken as closed, but pads that lift off lower it{lift}"
+    return f"; every pad is taken as closed, but pads that lift off lower this value{lift}"
 
 
 def _speed_rows(result: RunResult) -> LargestValues:
@@ -294,7 +296,7 @@ def _deflection_rows(result: RunResult) -> LargestValues:
         size = _deflection_text(direction, largest.value)
         if direction == "z" and is_turned:  # neither up nor down in space
             side = "above" if largest.value > 0.0 else "below"
-            size = f"{format_length(abs(largest.value))} {side} its straight axis"
+            size = f"{format_length(abs(largest.value))} {side} the boom's straight axis"
         yield largest_value(
             "tip", f"{size}, {extreme_clause(result, largest)}{play_clause(result, 'tip', direction)}", name=row
         )

@@ -101,6 +101,7 @@ def pivot_block(result: RunResult, prefix: str) -> Block | None:
     """
     outputs = [output for output in result.responses["reduced"].outputs if output.name.startswith(REACTION_OF + PIVOT)]
     has_cylinder = any(output.name.endswith("cylinder") for output in outputs)
+    on = "of the boom on its machine"
     panels = [
         Panel(
             f"pivot-{name}",
@@ -112,7 +113,10 @@ def pivot_block(result: RunResult, prefix: str) -> Block | None:
             ),
             _acting_outputs(result, outputs, unit),
         )
-        for unit, quantity, name in (("N", "Forces", "forces"), ("N m", "Moments about the pivot", "moments"))
+        for unit, quantity, name in (
+            ("N", f"Forces {on}", "forces"),
+            ("N m", f"Moments {on} about the pivot", "moments"),
+        )
     ]
     grids = (
         _reaction_grid(result, True, "Least and largest forces and moments on the machine"),
@@ -131,7 +135,7 @@ def ground_block(result: RunResult, prefix: str) -> Block | None:
     captions = {
         "outrigger": "Forces of the outriggers on the ground; 0 where one lifts off.",
         "margin": "Margins against tipping over the edges of the support polygon: moments that hold the machine down.",
-        "tipping": "Use of the support polygon: 0 where the resultant is in its middle, 1 where the machine tips.",
+        "tipping": "Use of the support polygon: 0 where the resultant meets its middle, 1 where the machine tips.",
     }
     panels = [Panel(f"ground-{kind}", caption, _of_kind(result, kind)) for kind, caption in captions.items()]
     measured = [
@@ -139,7 +143,9 @@ def ground_block(result: RunResult, prefix: str) -> Block | None:
         for key, quantity in (("outriggers", "outrigger_force"), ("margins", "tipping_margin"))
         for of in ground[key]
     ]
-    grid = extremes_grid(result, "Least and largest force of each outrigger and margin over each edge", measured)
+    grid = extremes_grid(
+        result, "Least and largest force of each outrigger and margin against tipping over each edge", measured
+    )
     texts = [
         f"{of['name']} lifts off at {format_time(of['lifted']['t'])}" for of in ground["outriggers"] if "lifted" in of
     ]
@@ -244,7 +250,7 @@ def _driven_grid(result: RunResult, key: str) -> Grid:
     measured = [of._replace(unit="%") if of.name == "use" else of for of in measured]
     raises = key == "luffing_cylinder"
     what = "the luffing cylinder" if raises else "the cylinder that drives the extension"
-    signs = " A force is positive where it pushes, a speed where it gets longer."
+    signs = " A force is positive where the cylinder pushes, a speed where the cylinder gets longer."
     return extremes_grid(result, f"Least and largest values of {what}", measured, signs)
 
 
@@ -319,7 +325,7 @@ def _force_grid(result: RunResult, kind: str, forces: Sequence[Force]) -> Grid:
     ]
     on, signs = " on supports that give way" if kind == "support" else "", SIGNS.get(kind, "")
     if kind == "support" and is_luffing_cylinder_alone(result):
-        on, signs = " of the luffing cylinder", " Positive where it pushes."
+        on, signs = " of the luffing cylinder", " The force is positive where the cylinder pushes."
     return extremes_grid(result, f"Least and largest forces{on}", measured, signs, response.force_floor)
 
 

@@ -219,9 +219,8 @@ def _dynamic_factor_rows(result: RunResult) -> LargestValues:
         if row["kind"] != hidden
     ]
     if factors:
-        text = (
-            f"largest value over the value at rest in the same posture and under the same loads: {', '.join(factors)}"
-        )
+        text = "largest value divided by the value at rest (in the same posture, under the same loads): "
+        text += ", ".join(factors)
         yield LargestValue("dynamic factors", text, place="machine")
 
 
@@ -277,11 +276,9 @@ def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestVal
             f" ± {format_quantity(limit['error'], 'N')} (error by the mesh of the walls)" if limit.get("error") else ""
         )
         text = f"{format_percent(share)} of {force}{bar}, {pad}, {extreme_clause(result, forces[pad].largest)}; "
-        text += (
-            f"at {force} the walls of {limit['section']} begin to yield at the edge of the weakest pad of this joint, "
-        )
-        text += "if this force acts alone; the bending of the whole section comes on top"
-        yield largest_value("pad_force", text, share, "largest pad force over the force at which walls yield")
+        text += f"at {force} on one pad alone, the walls of {limit['section']} begin to yield at the edge of that pad "
+        text += "of this joint under which they are weakest; the bending of the whole section comes on top"
+        yield largest_value("pad_force", text, share, "largest share of the pad force at which walls yield")
 
 
 def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:

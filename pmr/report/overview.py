@@ -60,7 +60,7 @@ def system_rows(result: RunResult) -> Rows:
                 yield name, format_range(low, high, "°") + (_drive_clause(scene.frame.cylinder) if free else "")
         if scene.frame.cylinder is not None:
             foot, lug = (_place_from_pivot(x, z) for x, z in (scene.frame.cylinder.foot, scene.frame.cylinder.lug))
-            yield "luffing cylinder", f"foot on the machine {foot}; lug on the boom {lug}, where it lies level"
+            yield "luffing cylinder", f"foot on the machine {foot}; lug on the boom {lug} while the boom lies level"
         if (ground := scene.frame.ground) is not None:
             yield "stands on", _describe_ground(ground, scene.frame.unit)
             corners = (f"{of.name} {format_place(of.at)}" for of in ground.outriggers)

@@ -237,7 +237,8 @@ def size_rows(result: RunResult) -> Rows:
     if pads := sum(len(ring.named_pads) for of in result.scene.bodies.values() for ring in of.pads):
         yield "pads", format_input(pads)
     if contact := result.summary.get("contact"):
-        parts_text = f"{format_input(contact['parts'])}, each with h ω = {format_input(round(contact['h_omega'], 3))}"
+        parts_text = f"{format_input(contact['parts'])}, h ω = {format_input(round(contact['h_omega'], 3))} in each "
+        parts_text += "(h its length, ω the angular frequency of the contacts)"
         if "mean_parts" in contact:
             parts_text = f"at most {parts_text}; {format_input(round(contact['mean_parts'], 1))} on average"
         yield "substeps of a time step, for pads that only push", parts_text

@@ -172,7 +172,7 @@ def basis_block(result: RunResult, prefix: str) -> Block | None:
     if (over := result.frequencies.over_joints) is not None:
         caption = prose("frequency_map", joints=over.joints, is_stressed=result.frequencies.t is not None)
         drawings.append(drawing(f"{prefix}-map", shapes.frequency_map_figure, caption, result))
-    heading = "Basis and eigenfrequencies" if is_alone(result) else "Natural frequencies"
+    heading = "Basis and natural frequencies" if is_alone(result) else "Natural frequencies"
     heading += "" if result.scene.hoist is None else ", without the payload of the hoist"
     heading += ", the luffing cylinder locked" if subject.has_free_luffing(result) else ""
     return Block(heading=heading, drawings=drawings, grids=grids) if drawings or grids else None
@@ -278,7 +278,7 @@ def section_force_block(result: RunResult, prefix: str) -> Block | None:
     shown = [what for what, value in largest.items() if value > NOTHING * max(largest.values())]
     if not shown:
         return None
-    caption = "Forces and moments of sections along each beam, from the smallest to the largest over time."
+    caption = "Range over time of the section forces and moments at each place along each beam."
     drawn = drawing(f"{prefix}-envelopes", shapes.envelope_figure, caption, result, shown)
     measured = [
         Measured(qualified_name(name, what), force["unit"], Extremes.from_summary(force, "x_"))
@@ -287,7 +287,7 @@ def section_force_block(result: RunResult, prefix: str) -> Block | None:
         if what in shown and (force["min"] or force["max"])
     ]
     grid = extremes_grid(
-        result, "Least and largest section forces and moments", measured, where=", and where from the tail"
+        result, "Least and largest section forces and moments", measured, where=", and their distance from the tail"
     )
     return Block(heading="Forces along beams", drawings=(drawn,), grids=(grid,))
 

@@ -104,7 +104,7 @@ def _simulation_time(result: RunResult) -> Iterator[KeyNumber]:
     motion = f"for {format_input(end, 's')} of motion, {paced} than real time"
     motion += f"; full model {format_quantity(full, 's', 2)}" if full > 0.0 else ""
     if full > 0.0 and names.get("reduced") == names.get("full"):
-        yield KeyNumber(f"{significant(full / reduced, 2)}{SPACE}×", "as fast as full", f"{took} {motion}")
+        yield KeyNumber(f"{significant(full / reduced, 2)}{SPACE}×", "as fast as the full model", f"{took} {motion}")
     else:
         yield KeyNumber(took, "one simulation", motion)
 

@@ -79,7 +79,7 @@ def trust_table(result: RunResult) -> Table:
     note += "stresses may be further off."
     gaps = {NOT_IN_ERROR.format(name): "; ".join(dict.fromkeys(of)) for name, of in missing.items() if of}
     rows = tuple((name, with_shown_label(result, text)) for name, text in (texts | gaps).items())
-    return Table("How far to trust it", rows, bars, decades, note if bars else "")
+    return Table("How far to trust this run", rows, bars, decades, note if bars else "")
 
 
 def certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
@@ -99,7 +99,7 @@ def certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
 
 def _play_changes(result: RunResult) -> dict[str, float]:
     """Relative changes of a run's largest values if its pads have another play, by the names of the values in words."""
-    names = {"luffing_force": "luffing cylinder", "probe": "stress at probes", "pad_force": "pads",
+    names = {"luffing_force": "luffing cylinder", "probe": "stress at probes", "pad_force": "pad forces",
              "cylinder_force": "extension cylinders", "wall_stress": "stress in walls"}  # fmt: skip
     changes = dict[str, float]()
     for row in play_summary(result).get("rows", ()):
@@ -224,7 +224,7 @@ def _lacking_clauses(summed: SummedErrors) -> Iterator[str]:
     for source in dict.fromkeys(name for names in summed.lacking.values() for name in names):
         labels = [label for label, names in summed.lacking.items() if source in names]
         stated = [label for label in summed.by_label if label not in labels and source in summed.sources[label]]
-        yield f"error of the {source}" + (f" in {' and '.join(labels)}" if stated else "")
+        yield (f"for {' and '.join(labels)} " if stated else "") + f"the error of the {source}"
 
 
 def _step_words(step: Mapping[str, object]) -> str:
@@ -252,7 +252,9 @@ def _estimate_words(result: RunResult) -> str:
     if ratio := times_the_true_error(estimate["beam"], true):
         words = f"the estimated error {scope_words(result)} is {ratio}"
     probes = estimate.get("probe")
-    return words + (f"; at probes it is at most {format_percent(probes)}" if probes is not None else "")
+    return words + (
+        f"; the estimated error at probes is at most {format_percent(probes)}" if probes is not None else ""
+    )
 
 
 def _reason_without_model_error(model: Mapping[str, object]) -> str:

@@ -432,7 +432,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         Quantity("indentation", "indentations of walls", "m", "pad", (), "largest indentation of walls under a pad"),
         Quantity(
             "cylinder_force", "cylinder forces", "N", "cylinder", ("cylinder",),
-            "largest force of a cylinder that extends", sign=PUSHES,
+            "largest force of an extension cylinder", sign=PUSHES,
             limit=ChartLimit("cylinder", _cylinder_measure, "forces of cylinders"),
         ),
         Quantity(

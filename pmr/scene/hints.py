@@ -343,7 +343,7 @@ def _strength_effects(scene: Scene, at_rest: bool) -> list[str]:
     if any(traits_of(member).is_beam and member.pads for member in boxes):
         clauses.append("bending of walls under pads (in stresses of beams)")
     if boxes:
-        clauses += ["buckling of plates", "how loads enter walls at lugs, hinges and the head"]
+        clauses += ["buckling of plates", "entry of loads into walls (at lugs, hinges and the head)"]
     clauses += ["welds, bolts and cut-outs", "plastic deformation"]
     return clauses if scene.fatigue is not None and not at_rest else [*clauses, "fatigue"]
 

@@ -236,7 +236,7 @@ def test_the_estimate_stands_beside_the_true_error(make_result) -> None:
     number = next(one for one in sentences.key_numbers(result) if one.label == "RMS error along the beam")
     assert number.value == "1.05\u00a0%" and number.note.endswith("; estimated without the full model 1.26\u00a0%")
     of_probe = make_result(summary=summary | {"estimate": estimated | {"probe": 0.031}})
-    assert reduction(of_probe).endswith("; at probes it is at most 3.10\u00a0%")
+    assert reduction(of_probe).endswith("; the estimated error at probes is at most 3.10\u00a0%")
     alone = make_result(summary={"estimate": estimated})
     assert "estimated error along the beam" in [number.label for number in sentences.key_numbers(alone)]
     none = make_result(summary={"estimate": {"beam": None, "reason": "the basis is no good"}})
@@ -252,7 +252,7 @@ PACE = "for 3\u00a0s of motion, 10 times faster than real time"
     ("who", "number"),
     [
         ({"reduced": "march", "full": "march"},
-         ("10\u00a0×", "as fast as full", f"300\u00a0ms {PACE}; full model 3.0\u00a0s")),
+         ("10\u00a0×", "as fast as the full model", f"300\u00a0ms {PACE}; full model 3.0\u00a0s")),
         ({"reduced": "march", "full": "petsc"},
          ("300\u00a0ms", "one simulation", f"{PACE}; full model 3.0\u00a0s")),
         ({"reduced": "exudyn-callback"}, ("300\u00a0ms", "one simulation", f"{PACE}; full model 3.0\u00a0s")),
@@ -305,7 +305,7 @@ def test_each_text_of_the_template_of_prose_is_used_and_stands_on_one_line() -> 
     assert calls == set(re.findall(r"{% macro (\w+)", (folder / "templates" / "prose.txt").read_text()))
     text = prose("frequencies", is_stressed=False, stays=False, part="slider", has_level_stretches=True)
     assert text == (
-        "Lowest eigenfrequencies while the slider rests. Level stretches belong to vibration along the axis."
+        "Lowest natural frequencies while the slider rests. Level stretches belong to vibration along the axis."
     )
     slack = [{"start": 0.5, "end": 1.25, "snatch": 2e3}]
     assert prose("hoist", factor=1.5, weight=1e3, slack=slack) == (

@@ -95,7 +95,7 @@ def test_the_pad_nearest_to_yielding_walls_stands_first_and_warns(result: RunRes
     budget = {"model": {"beside": "shell", "beam": 0.1, "pad_yield": limits}}
     pressed = replace(boom, summary=result.summary | {"budget": budget})
     name, text = next(iter(largest_value_rows(pressed)))
-    assert name == "largest pad force over the force at which walls yield"
+    assert name == "largest share of the pad force at which walls yield"
     assert text.startswith(f"125{SPACE}% of 3.20{SPACE}kN, fly tail top, at 0{SPACE}s")
     assert "walls of fly 2 begin to yield" in text
     assert overload_sentences(pressed) == [f"{name}: {text}"] and not overload_sentences(boom)
@@ -137,7 +137,7 @@ def test_what_a_chief_looks_for_besides_has_a_row(make_space: MakeSpace) -> None
 
 def test_no_figure_is_round_off(result: RunResult) -> None:
     """A cylinder that bears 1e-12 of the largest force, and a tip that does not move aside, have no rows."""
-    assert "largest force of a cylinder that extends" not in rows(result, "Largest values of this motion")
+    assert "largest force of an extension cylinder" not in rows(result, "Largest values of this motion")
     still = {}
     for name, one in result.responses.items():
         moved = one.displacement.copy()
@@ -151,19 +151,19 @@ def test_no_figure_is_round_off(result: RunResult) -> None:
 def test_what_is_not_known_is_said(make_space: MakeSpace) -> None:
     summary = SUMMARY | {"step": {"beam": None, "reason": "too short"}, "errors": {}, "max_von_mises": {}}
     result = make_space(summary=summary)
-    trust = rows(result, "How far to trust it")
+    trust = rows(result, "How far to trust this run")
     assert trust["model"].startswith("not known: compare.richer") and trust["time step"] == "not known: too short"
     assert trust["reduction"].startswith("not known") and trust["mesh"].startswith("not known")
     assert rows(result, "Largest values of this motion")["stress"].startswith("not computed")
     model = {"beside": "shell", "beam": 0.4, "frequency": 0.6}
     known = SUMMARY | {"budget": {"mesh": {"beam": 0.01}, "model": model}}
-    trust = rows(make_space(summary=known), "How far to trust it")
+    trust = rows(make_space(summary=known), "How far to trust this run")
     assert trust["model"] == f"compared with a shell: natural frequencies 60.0{SPACE}%, displacements 40.0{SPACE}%"
     assert trust["mesh"] == f"displacements 1.00{SPACE}%"
     found = f"pad forces 0.300{SPACE}%, displacements 0.200{SPACE}%, displacements of the tip 0.100{SPACE}%"
     assert trust["reduction"] == f"compared with the full model: {found}"
     assert (
-        trust["added up"] == f"displacements 41.2{SPACE}%; not included: error of the time step"
+        trust["added up"] == f"displacements 41.2{SPACE}%; not included: the error of the time step"
     )  # the mesh states nothing else
     stressed = rows(make_space(recovery={"every": 0.05}, summary=known), "What is not in this model")
     assert f"0.05{SPACE}s apart" in stressed["strength"] and "fatigue" in stressed["strength"]
@@ -171,7 +171,9 @@ def test_what_is_not_known_is_said(make_space: MakeSpace) -> None:
 
 def trust(make_space: MakeSpace, **summary: object) -> Table:
     return next(
-        one for one in first_page_tables(make_space(summary=SUMMARY | summary)) if one.title == "How far to trust it"
+        one
+        for one in first_page_tables(make_space(summary=SUMMARY | summary))
+        if one.title == "How far to trust this run"
     )
 
 
@@ -205,12 +207,12 @@ def test_a_cylinder_that_pulls_ropes_bears_theirs_too(result: RunResult) -> None
     ]
     carries = rows(replace(result, summary=result.summary | {"ropes": ropes}), "Largest values of this motion")
     expected = f"31.3{SPACE}kN, cylinder of first, which pulls the ropes, at 0.5{SPACE}s, 4{SPACE}m out"
-    assert carries["largest force of a cylinder that extends"] == expected
+    assert carries["largest force of an extension cylinder"] == expected
     assert carries["largest rope force"].startswith(f"16.9{SPACE}kN, rope of second, all strands, ")
     winch = [{"name": "first", "follows": None, "force": force, "length": 9.0, "stiffness": 1e6}]
     carries = rows(replace(result, summary=result.summary | {"ropes": winch}), "Largest values of this motion")
     assert carries["largest rope force"].startswith(f"31.3{SPACE}kN, rope of first, ")
-    assert "cylinder of first" not in carries.get("largest force of a cylinder that extends", "")
+    assert "cylinder of first" not in carries.get("largest force of an extension cylinder", "")
 
 
 def test_supports_bear_forces_and_moments_each_in_its_unit(result: RunResult) -> None:
@@ -448,7 +450,7 @@ def test_the_stress_of_beams_has_no_share_of_the_yield_stress(make_space: MakeSp
         "largest von Mises stress of the beams"
     ]
     assert alone.startswith(f"49.0{SPACE}MPa") and "yield" not in alone
-    sure = rows(found, "How sure")["stress"]
+    sure = rows(found, "How sure the values are")["stress"]
     assert sure == "not known, because the stress of beams lacks the bending of walls under pads"
     assert "which adds to it; by how much is not known: a run that also measures the errors of its mesh and" in alone
     walls = {
@@ -471,21 +473,22 @@ def test_the_stress_of_beams_has_no_share_of_the_yield_stress(make_space: MakeSp
     )
     said = carries["largest von Mises stress in walls"]
     share = f"80.0{SPACE}% of the yield stress of 355{SPACE}MPa"
-    assert said.startswith(f"284{SPACE}MPa ± 12{SPACE}MPa (error by the mesh of the wall), {share}, ")
+    assert said.startswith(f"284{SPACE}MPa ± 12{SPACE}MPa (error by the mesh of the walls), {share}, ")
     assert f"355{SPACE}MPa, 83.4{SPACE}% with this error alone; left wall, " in said
     assert said.endswith("the bending of walls under pads, but no welds") and "not known" not in said
-    sure = rows(compared, "How sure")["stress"]
+    sure = rows(compared, "How sure the values are")["stress"]
     without = "by the mesh of the walls, without the error of the pad forces; elsewhere not known"
     assert sure.startswith(f"in walls at pads ± 4.2{SPACE}% {without}")
     with_pads = {"model": budget["model"] | {"pad_force": 0.02}}
     pressed = replace(compared, summary=compared.summary | {"budget": with_pads})
-    sure, said = rows(pressed, "How sure"), rows(pressed, "Largest values of this motion")
+    sure, said = rows(pressed, "How sure the values are"), rows(pressed, "Largest values of this motion")
     total = float(sure["stress"].removeprefix("in walls at pads ± ").partition(SPACE)[0])
     by_pads = 100.0 * summed_errors(pressed.summary).by_label["pad forces"]
     assert by_pads > 2.0 and total == pytest.approx(100.0 * 12 / 284 + by_pads, abs=0.06)
     rest = "the rest by the error of the pad forces; elsewhere"
     assert f"{SPACE}%: 4.2{SPACE}% by the mesh of the walls, {rest}" in sure["stress"]
-    most = f"{(284.0 * (1.0 + 0.01 * by_pads) + 12.0) / 3.55:.1f}{SPACE}% with this error and that of the pad forces"
+    most = f"{(284.0 * (1.0 + 0.01 * by_pads) + 12.0) / 3.55:.1f}{SPACE}%"
+    most += " with the errors of this mesh and of the pad forces"
     assert f"MPa, {most}; left wall, " in said["largest von Mises stress in walls"]
     assert not overload_sentences(compared)
     budget["model"]["wall_stress"] = {key: value for key, value in walls.items() if key != "error"}
@@ -501,7 +504,7 @@ def test_the_stress_of_beams_has_no_share_of_the_yield_stress(make_space: MakeSp
     said = rows(grown, "Largest values of this motion")["largest von Mises stress in walls"]
     assert said.endswith("; not known of fly and base: its walls change along it")
     share = f"120{SPACE}% of the yield stress of 355{SPACE}MPa"
-    assert said.startswith(f"426{SPACE}MPa ± 12{SPACE}MPa (error by the mesh of the wall), {share}, ")
+    assert said.startswith(f"426{SPACE}MPa ± 12{SPACE}MPa (error by the mesh of the walls), {share}, ")
     (over,) = overload_sentences(grown)
     assert over == f"largest von Mises stress in walls: {said}"
     page = rendered([Chapter(anchor="case-1", title="Boom", notices=Notices([over]), first=first_page_tables(grown))])
@@ -627,15 +630,18 @@ def test_a_sum_names_the_sources_that_are_in_it_and_those_that_are_not(make_spac
     """The reduction has an error at the tip but none in reactions, and the time step the other way round."""
     errors = {"errors": {"reduced_vs_full": {"beam": 1e-3, "tip": 1e-3}}, "estimate": {"frequency": 1e-4}}
     compared = make_space(summary=SUMMARY | KNOWN | errors)
-    sure, at_tip = rows(compared, "How sure"), "by model, mesh and reduction, without the error of the time step"
+    sure, at_tip = (
+        rows(compared, "How sure the values are"),
+        "by model, mesh and reduction, without the error of the time step",
+    )
     assert sure[REACTIONS] == f"± 3.1{SPACE}% by model, mesh and time step, without the error of the reduction"
     assert sure["displacements of the tip"] == f"± 6.1{SPACE}% {at_tip}"
     assert sure["natural frequencies"] == f"± 3.0{SPACE}% by model, mesh and reduction"
     number = next(number for number in key_numbers(compared) if number.label == "largest known error, without stresses")
     assert number.note == f"in displacements of the tip, {at_tip}"
-    added = rows(compared, "How far to trust it")["added up"]
-    at_tip = "error of the time step in displacements of the tip"
-    assert added.endswith(f"; not included: error of the reduction in {REACTIONS}, {at_tip}")
+    added = rows(compared, "How far to trust this run")["added up"]
+    at_tip = "for displacements of the tip the error of the time step"
+    assert added.endswith(f"; not included: for {REACTIONS} the error of the reduction, {at_tip}")
 
 
 def test_rows_follow_by_share_then_supports_pads_tip_and_frequency(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -654,7 +660,7 @@ def test_rows_follow_by_share_then_supports_pads_tip_and_frequency(monkeypatch: 
     assert [names.index(row.name) for row in first_page.largest_values(None)] == [7, 0, 6, 5, 4, 3, 2, 1]
     table = first_page._largest_values_table(None)
     assert [(names.index(name), heading) for name, heading in table.headings.items()] == [
-        (7, "Shares that are used up"), (6, "Supports and machine"), (4, "Pads"), (3, "Tip, frequency and speeds"),
+        (7, "Values that have a limit"), (6, "Supports and machine"), (4, "Pads"), (3, "Tip, frequency and speeds"),
     ]  # fmt: skip
     page = rendered([Chapter(anchor="case-1", title="Boom", first=(table,))])
     assert [page.index(of) for of in ('colspan="2">Pads<', ">largest pad force<", 'colspan="2">Tip,')] == sorted(
@@ -691,10 +697,10 @@ def test_another_play_of_pads_has_a_row_a_bar_and_a_clause_beside_each_figure(
         varied, "tip", "y"
     )
     tables = {table.title: table for table in first_page.first_page_tables(varied)}
-    trust = tables["How far to trust it"]
-    text = dict(tables["How sure"].rows)["play of pads"]
+    trust = tables["How far to trust this run"]
+    text = dict(tables["How sure the values are"].rows)["play of pads"]
     assert text.startswith(words) and ("compare.play" in text) is (gap > 0.0)
-    assert f"+25.0{SPACE}%; base: pin −20.0{SPACE}%; by less than 1.00{SPACE}%: pads" in text
+    assert f"+25.0{SPACE}%; base: pin −20.0{SPACE}%; by less than 1.00{SPACE}%: pad forces" in text
     assert dict(trust.rows)["play of pads"] == f"{words}, largest values change by up to 25.0{SPACE}%: tip vertical, z"
     assert trust.bars["play of pads"] == pytest.approx(np.log10(0.25 / LEAST) / trust.marks)
     varied.summary["budget"]["play"] = {"reason": "it is stuck"}

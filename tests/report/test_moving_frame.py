@@ -226,9 +226,11 @@ def test_bodies_are_played_and_pictured_where_they_are(
     ("place", "said"),
     [
         ((1.5, -0.15, -0.2),
-         "seen from the right and below; the tip is to the right. The picture shows the state at 0.40\u00a0s,"),
+         "seen from the right of the boom and from below; the picture has the tip at the right. "
+         "The picture shows the state at 0.40\u00a0s,"),
         ((1.5, 0.15, 0.2),
-         "seen from the left and above; the tip is to the left. The picture shows the state at 0.40\u00a0s,"),
+         "seen from the left of the boom and from above; the picture has the tip at the left. "
+         "The picture shows the state at 0.40\u00a0s,"),
     ],
 )  # fmt: skip
 def test_the_largest_stress_is_pictured_from_its_side_at_the_time_nearest_to_it(
@@ -252,7 +254,7 @@ def test_the_largest_stress_is_pictured_from_its_side_at_the_time_nearest_to_it(
     for way, k in ((up, 2), (aside, 1)):  # on the side of the axis that the place is on
         assert np.dot(shot.direction, way) * place[k] > 0.0
     across = np.cross(shot.up, shot.direction)
-    assert (np.dot(across, axis) > 0.0) == ("to the right" in said)
+    assert (np.dot(across, axis) > 0.0) == ("tip at the right" in said)
 
 
 def test_bodies_without_a_frame_have_no_pose(make_space: MakeSpace, make_fields: Callable[[str], Fields]) -> None:

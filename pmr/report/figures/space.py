@@ -356,7 +356,7 @@ def space_drawings(result: RunResult, prefix: str) -> list[Drawing]:
     tip = {"radius": radius, "height": height}
     drawings.append(drawing(f"{prefix}-tip-in-space", line_figure, caption, result, tip, "m", "Tip from the pivot"))
     if any(result.summary.get("buckling", {}).get("over", {}).get("factor", ())):
-        caption = "Buckling factor during this run, which begins at the larger dot, with every pad closed. The boom "
+        caption = "Buckling factor during this run, with every pad closed; the run begins at the larger dot. The boom "
         caption += "buckles under its axial forces times this factor."
         drawings.append(drawing(f"{prefix}-buckling", buckling_figure, caption, result))
     return drawings
