@@ -15,7 +15,8 @@ from pmr.compare import evaluation
 from pmr.files.arrays import Array
 from pmr.results import Energy
 from pmr.scene.keys import ALONE
-from pmr.simulation import Excitation, InitialState, Progress, exudyn
+from pmr.scene.signals import Chirp, Sine, Step
+from pmr.simulation import Excitation, InitialState, Progress, TimeStepping, exudyn
 from pmr.simulation.modal import ModalForm, support_forces
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
@@ -26,6 +27,13 @@ from pmr.system.polynomials import evaluate
 from pmr.system.states import BodyStates, SystemTrajectory
 
 Simulate = Callable[..., "Motion"]
+
+PATH = Sine(amplitude=0.7, frequency=0.8, offset=2.0)
+LOADS = (
+    Chirp(amplitude=300.0, times=(0.0, 0.2), frequencies=(3.0, 20.0), phase=1.0),
+    Step(time=0.1, before=50.0, after=-400.0),
+)
+STEPPING = TimeStepping(end=0.2, step=1e-3, rho_inf=0.8)
 
 
 @dataclass(frozen=True)
@@ -42,6 +50,13 @@ class Motion(Trajectory):
         """Select time steps."""
         arrays = {name: value[steps] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
         return replace(self, **arrays)
+
+
+def some_state(body: SlidingBody) -> InitialState:
+    """Random coordinates that fulfil the rows at the start of `PATH`, and random rates."""
+    q, v = np.random.default_rng(1).standard_normal((2, body.size)) * [[1e-3], [1e-2]]
+    C = body.C(PATH.offset) @ np.eye(body.size)
+    return InitialState(q - np.linalg.pinv(C) @ (C @ q), v)
 
 
 def simulate(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -302,3 +303,9 @@ def started(body: SlidingBody, s: float, s_rate: float, initial: InitialState | 
     x = system.side_coordinates({SLIDER: s})
     x_rate = np.array([s_rate if side.place.path else 0.0 for side in system.sides])
     return consistent_start(Assembly(system), x, x_rate, {} if initial is None else {ALONE: initial})[ALONE]
+
+
+def with_pads(body: Any, *compliances: float) -> Any:
+    """Full body or model whose rows are on pads with these compliances in m/N; 0 stands for a rigid row."""
+    rows = [replace(row, compliance=c) for row, c in zip(body.rows.rows, compliances, strict=True)]
+    return replace(body, rows=Rows(tuple(rows), body.size))

@@ -7,16 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from nested import Nested, full, reduced, with_round_off
-from oracle import flexible, full_body, generalized_alpha, project, rich_body
+from oracle import flexible, full_body, generalized_alpha, project, rich_body, with_pads
 from springs import CompliantRows
 
 from pmr import InputError, ReducedModel, SimulationError, System
 from pmr.simulation import InitialState, TimeStepping
 from pmr.system.assembly import Assembly
-from pmr.system.body import ROUND_OFF, FullBody, compliant_rows, is_round_off
+from pmr.system.body import ROUND_OFF, compliant_rows, is_round_off
 from pmr.system.body_matrices import dependence_of_flexibility, dependence_of_rows
 from pmr.system.changing_rows import ChangingRows
-from pmr.system.rows import Rows
 
 
 def test_the_diagonal_decides_and_its_bound_counts() -> None:
@@ -49,11 +48,6 @@ S = np.array([0.7, 1.9, 2.0, 3.3])
 def model() -> ReducedModel:
     """Two sliders, two inputs, damping."""
     return flexible(rich_body(), 8)
-
-
-def with_pads(full: FullBody, *compliances: float) -> FullBody:
-    rows = [replace(row, compliance=c) for row, c in zip(full.rows.rows, compliances, strict=True)]
-    return replace(full, rows=Rows(tuple(rows), full.size))
 
 
 def test_which_rows_give_way(model: ReducedModel) -> None:

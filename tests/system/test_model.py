@@ -1,5 +1,6 @@
 import io
 import json
+import re
 import subprocess
 import sys
 import zipfile
@@ -120,20 +121,6 @@ def test_rows_satisfied_identically_are_recognised_relative_to_the_others() -> N
         ({"output_positions": np.arange(5.0)}, "outputs has shape (6, 4)"),
         ({"clearance": np.zeros(3)}, "clearance has shape (3,)"),
         ({"clearance": np.array([np.nan, -1e-3])}, "values that are no lengths, (2,) from 0 on are allowed"),
-    ],
-)
-def test_a_model_that_contradicts_itself_is_refused(
-    model: ReducedModel, tmp_path: Path, change: dict, says: str
-) -> None:
-    file = replace(model, **change).save(tmp_path / "m.npz")
-    with pytest.raises(InputError) as caught:
-        ReducedModel.load(file)
-    assert says in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
         ({"M": -np.eye(4)}, "M has a negative eigenvalue"),
         ({"M": np.zeros((4, 4))}, "M is singular"),
         ({"K": np.triu(np.ones((4, 4)))}, "K is not symmetric"),
@@ -143,11 +130,12 @@ def test_a_model_that_contradicts_itself_is_refused(
         ({"pads": np.array([np.inf, 0.0])}, "pads is not finite"),
     ],
 )
-def test_a_model_that_no_structure_has_is_refused(model: ReducedModel, tmp_path: Path, change: dict, says: str) -> None:
+def test_a_model_that_contradicts_itself_or_that_no_structure_has_is_refused(
+    model: ReducedModel, tmp_path: Path, change: dict, says: str
+) -> None:
     file = replace(model, **change).save(tmp_path / "m.npz")
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError, match=re.escape(says)):
         ReducedModel.load(file)
-    assert says in str(caught.value)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 import scipy.linalg
+from oracle import with_pads
 from springs import CompliantRows, displacement
 from test_random_structures import BOOM, case
 from textbook import beam_matrices, static_tip_deflection
@@ -125,11 +126,6 @@ def test_free_modes_need_no_floor(load_scene) -> None:
     (flexibility,) = load_powers(residual, shared.carriers, 1)
     plain = tables(flexibility, shared, model.rows.domain)
     assert found.flexibility and np.array_equal(found.flexibility.rows.c, plain.rows.c)
-
-
-def with_pads(model: FullModel, *compliances: float) -> FullModel:
-    rows = [replace(row, compliance=c) for row, c in zip(model.rows.rows, compliances, strict=True)]
-    return replace(model, rows=Rows(tuple(rows), model.size))
 
 
 @pytest.mark.mpi

@@ -9,35 +9,22 @@ import numpy as np
 import one_body
 import pytest
 from driving import driven, named
-from one_body import Simulate, displacement
-from oracle import CASES, flexible, full_body, generalized_alpha, project
+from one_body import LOADS, PATH, STEPPING, Simulate, displacement
+from oracle import CASES, flexible, full_body, generalized_alpha, project, with_pads
 from own_mbs import OwnSystem
 from springs import CompliantRows
 
 from pmr import InputError, ReducedModel, SimulationError
-from pmr.scene.signals import Chirp, Constant, Sine, Step
+from pmr.scene.signals import Constant
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.exudyn import simulator
 from pmr.simulation.exudyn.simulator import Formulation
 from pmr.system.body import FullBody, SlidingBody
-from pmr.system.rows import Rows
-
-PATH = Sine(amplitude=0.7, frequency=0.8, offset=2.0)
-LOADS = (
-    Chirp(amplitude=300.0, times=(0.0, 0.2), frequencies=(3.0, 20.0), phase=1.0),
-    Step(time=0.1, before=50.0, after=-400.0),
-)
-STEPPING = TimeStepping(end=0.2, step=1e-3, rho_inf=0.8)
 
 
 @pytest.fixture(params=["springs", "multipliers"])
 def simulate(request: pytest.FixtureRequest) -> Simulate:
     return partial(one_body.in_exudyn, formulation=request.param)
-
-
-def with_pads(full: FullBody, *compliances: float) -> FullBody:
-    rows = [replace(row, compliance=c) for row, c in zip(full.rows.rows, compliances, strict=True)]
-    return replace(full, rows=Rows(tuple(rows), full.size))
 
 
 #: Two sliders, two inputs and damping; which rows give way, and by what, differs.

@@ -8,15 +8,15 @@ import numpy as np
 import one_body
 import pytest
 from driving import driven, named
-from one_body import Simulate
+from one_body import LOADS, PATH, STEPPING, Simulate, some_state
 from oracle import flexible, full_body, generalized_alpha, project, started
 from own_mbs import OwnSystem
 
 from pmr import InputError, ReducedModel, SimulationError
 from pmr.files.arrays import Array
 from pmr.scene import Simulation
-from pmr.scene.signals import Chirp, Constant, Ramp, Sine, Step
-from pmr.simulation import InitialState, TimeStepping
+from pmr.scene.signals import Constant, Ramp, Step
+from pmr.simulation import TimeStepping
 from pmr.simulation.exudyn import Formulation, contacts, items, simulator
 from pmr.simulation.exudyn.solver import describe_slider, read_sensor
 from pmr.system.assembly import Assembly
@@ -24,14 +24,8 @@ from pmr.system.body import FullBody, SlidingBody, Trajectory
 from pmr.system.rows import Rows
 from pmr.system.states import ContactRows
 
-PATH = Sine(amplitude=0.7, frequency=0.8, offset=2.0)
-LOADS = (
-    Chirp(amplitude=300.0, times=(0.0, 0.2), frequencies=(3.0, 20.0), phase=1.0),
-    Step(time=0.1, before=50.0, after=-400.0),
-)
 #: Against an integrator of the test's own, relative.
 TOLERANCES = {"springs": 1e-11, "callbacks": 5e-8}
-STEPPING = TimeStepping(end=0.2, step=1e-3, rho_inf=0.8)
 
 
 @pytest.fixture(params=TOLERANCES)
@@ -43,12 +37,6 @@ def simulate(request: pytest.FixtureRequest) -> Simulate:
 @pytest.fixture(params=["sparse", "dense"])
 def body(rich: FullBody, request: pytest.FixtureRequest) -> SlidingBody:
     return rich if request.param == "sparse" else project(rich, np.eye(rich.size)[:, 2:])
-
-
-def some_state(body: SlidingBody) -> InitialState:
-    q, v = np.random.default_rng(1).standard_normal((2, body.size)) * [[1e-3], [1e-2]]
-    C = body.C(PATH.offset) @ np.eye(body.size)
-    return InitialState(q - np.linalg.pinv(C) @ (C @ q), v)
 
 
 def assert_same(found: Trajectory, q: Array, v: Array, multipliers: Array, tolerance: float) -> None:

@@ -6,13 +6,13 @@ import numpy as np
 import one_body
 import pytest
 from driving import driven
-from one_body import displacement, energy
+from one_body import LOADS, PATH, STEPPING, displacement, energy, some_state
 from oracle import CASES, Case, generalized_alpha, project, started
 from scipy.interpolate import PPoly
 
 from pmr import InputError, ReducedModel, SimulationError
 from pmr.files.arrays import Array
-from pmr.scene.signals import Chirp, Constant, Ramp, Sine, SmoothRamp, Step
+from pmr.scene.signals import Constant, Ramp, Sine, SmoothRamp, Step
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import systems as marching
@@ -20,23 +20,10 @@ from pmr.system.body import FullBody, SlidingBody, Trajectory
 from pmr.system.carriers import Flexibility
 from pmr.system.rows import Rows, fixed_row, sparse_row
 
-PATH = Sine(amplitude=0.7, frequency=0.8, offset=2.0)
-LOADS = (
-    Chirp(amplitude=300.0, times=(0.0, 0.2), frequencies=(3.0, 20.0), phase=1.0),
-    Step(time=0.1, before=50.0, after=-400.0),
-)
-STEPPING = TimeStepping(end=0.2, step=1e-3, rho_inf=0.8)
-
 
 @pytest.fixture(params=["sparse", "dense"])
 def body(rich: FullBody, request: pytest.FixtureRequest) -> SlidingBody:
     return rich if request.param == "sparse" else project(rich, np.eye(rich.size)[:, 2:])
-
-
-def some_state(body: SlidingBody) -> InitialState:
-    q, v = np.random.default_rng(1).standard_normal((2, body.size)) * [[1e-3], [1e-2]]
-    C = body.C(PATH.offset) @ np.eye(body.size)
-    return InitialState(q - np.linalg.pinv(C) @ (C @ q), v)
 
 
 def reference(body: SlidingBody, initial: InitialState | None = None) -> tuple[Array, Array, Array]:

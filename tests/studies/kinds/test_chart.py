@@ -397,14 +397,22 @@ def test_a_limit_of_the_users_own_is_what_its_function_says(
         ("[[2.0, 2.0], [-2.0, 2.0], [-2.0, -2.0], [2.0, -2.0]]", "[[2.0, 2.0], [-2.0, 2.0]]", "a polygon with an area"),
         ("luffing = { least = 0.0, most = 70.0, count = 4 }", "luffing = []", "luffing: at least one angle"),
         ("luffing = { least = 0.0, most = 70.0", "luffing = { least = 80.0, most = 70.0", "at least 80"),
+        ('name = "pads"', 'name = "pads"\nwhich = ["*bottom*"]', "names among middle tail above, middle tail below"),
+        ('name = "pads"', 'name = "pads"\nwhich = ["fly *", "nose"]', "limits.pads.which = 'fly *, nose': names among"),
+        ('name = "cylinder"', 'name = "cylinder"\nwhich = ["ram"]', "names among base pin x"),
+        ('of = "pad"', 'of = "cylinder"\nwhich = ["ram"]', "names among cylinder of middle, cylinder of fly are"),
+        ('of = "pad"', 'of = "stress"', "there is no stress"),
+        ('of = "pad"', 'of = "expression"\nexpression = "2 * force[\'fly tail\']"', "did you mean 'fly tail below'"),
+        ('of = "pad"', 'of = "expression"\nexpression = "output[\'nose\']"', "limits.pads.expression = 'nose': output"),
     ],
 )  # fmt: skip
-def test_bad_tables_are_refused_in_one_line(folder: Path, old: str, new: str, said: str) -> None:
+def test_bad_tables_and_limits_of_what_is_not_there_are_refused_before_anything_is_computed(
+    folder: Path, old: str, new: str, said: str
+) -> None:
     assert old in STUDY
     (folder / "bad.toml").write_text(STUDY.replace(old, new, 1))
-    with pytest.raises(InputError, match=r".") as refused:
+    with pytest.raises(InputError, match=re.escape(said)):
         call.load(folder / "bad.toml")
-    assert said in str(refused.value) and "\n" not in str(refused.value)
 
 
 def test_a_boom_on_a_slope_is_slewed_where_its_scene_slews_alone(folder: Path) -> None:
@@ -452,28 +460,6 @@ def test_degrees_are_refused_where_the_scene_says_no_unit(folder: Path) -> None:
         (folder / "bad.toml").write_text(text.replace("up_to =", "slewing = [0.0, 90.0]\nup_to =", 1))
         with pytest.raises(InputError, match=f"{key}.0: an angle of more than a turn needs its unit"):
             call.load(folder / "bad.toml")
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ('name = "pads"', 'name = "pads"\nwhich = ["*bottom*"]', "names among middle tail above, middle tail below"),
-        ('name = "pads"', 'name = "pads"\nwhich = ["fly *", "nose"]', "limits.pads.which = 'fly *, nose': names among"),
-        ('name = "cylinder"', 'name = "cylinder"\nwhich = ["ram"]', "names among base pin x"),
-        ('of = "pad"', 'of = "cylinder"\nwhich = ["ram"]', "names among cylinder of middle, cylinder of fly are"),
-        ('of = "pad"', 'of = "stress"', "there is no stress"),
-        ('of = "pad"', 'of = "expression"\nexpression = "2 * force[\'fly tail\']"', "did you mean 'fly tail below'"),
-        ('of = "pad"', 'of = "expression"\nexpression = "output[\'nose\']"', "limits.pads.expression = 'nose': output"),
-    ],
-)
-def test_a_limit_of_what_is_not_there_is_refused_before_anything_is_computed(
-    folder: Path, old: str, new: str, said: str
-) -> None:
-    assert old in STUDY
-    (folder / "bad.toml").write_text(STUDY.replace(old, new, 1))
-    with pytest.raises(InputError, match=r".") as refused:
-        call.load(folder / "bad.toml")
-    assert said in str(refused.value) and "\n" not in str(refused.value)
 
 
 def test_names_that_limits_may_choose_are_those_of_the_models() -> None:
