@@ -14,6 +14,7 @@ from pmr import ReducedModel, System
 from pmr.files.arrays import Array
 from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase
 from pmr.simulation import InitialState, TimeStepping
+from pmr.simulation.modal import ModalForm
 from pmr.simulation.start import consistent_start
 from pmr.system.assembly import Assembly
 from pmr.system.body import FullBody, SlidingBody
@@ -309,3 +310,8 @@ def with_pads(body: Any, *compliances: float) -> Any:
     """Full body or model whose rows are on pads with these compliances in m/N; 0 stands for a rigid row."""
     rows = [replace(row, compliance=c) for row, c in zip(body.rows.rows, compliances, strict=True)]
     return replace(body, rows=Rows(tuple(rows), body.size))
+
+
+def couples_modes(form: ModalForm) -> bool:
+    """Whether the damping couples modes."""
+    return bool(np.any(form.body.D - np.diag(np.diagonal(form.body.D))))

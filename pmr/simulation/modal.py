@@ -104,11 +104,6 @@ class ModalForm:
         """Return the state `initial` of the original body in modal coordinates: coordinates and rates (r,)."""
         return InitialState(self.inverse @ initial.q, self.inverse @ initial.v)
 
-    @property
-    def classically_damped(self) -> bool:
-        """Whether the damping couples no modes."""
-        return bool(np.count_nonzero(self.body.D - np.diag(np.diagonal(self.body.D))) == 0)
-
 
 def modal_form(body: SlidingBody) -> ModalForm:
     """Diagonalise M and K of a reduced body, or of a full one with at most `LARGEST` coordinates.
