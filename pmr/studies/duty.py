@@ -105,13 +105,13 @@ class LeastLoads(NamedTuple):
         return cls(load[order], error[order], place[order], rows[0]["luffing"].reshape(-1, turns)[:, 0], order)
 
     def at_radii(self, radii: Array, lower: Array, e: int, up_to: float) -> Array:
-        """Loads and their lower bounds (2, R, l) in kg by l limits with boom length number `e`, at R `radii` (R,) in m.
+        """Loads, lower bounds, differences (3, R, l) in kg by l limits with boom length number `e`, at R `radii` in m.
 
-        The radii are those of the tip.  The loads are interpolated between luffing angles, and NaN at radii that the
-        tip does not reach.  `lower` (E, A, l) in kg are lower bounds of the loads with E boom lengths at A luffing
+        The `radii` (R,) are those of the tip.  The loads are interpolated between luffing angles, and NaN at radii that
+        the tip does not reach.  `lower` (E, A, l) in kg are lower bounds of the loads with E boom lengths at A luffing
         angles.  A limit that is not reached counts as reached at `up_to` in kg.  If the tip has a radius at two angles,
-        above and below the horizontal, the smaller load counts.  The lower bound is less by what interpolation with
-        curves and with straight lines differ.
+        above and below the horizontal, the smaller load counts.  The lower bound is less by the
+        difference between interpolation with curves and with straight lines.
         """
         luffing, order = np.unique(self.luffing, return_index=True)
         place, load = self.place[e, order, 0], np.nan_to_num(self.load[e, order], nan=up_to)
@@ -120,8 +120,8 @@ class LeastLoads(NamedTuple):
             _interpolate_loads(angles, luffing, values, up_to, smooth=smooth)
             for values, smooth in ((load, True), (load, False), (lower[e, order], True))
         )
-        bound = np.maximum(bound - np.abs(of_load - straight), 0.0)
-        return np.array([np.fmin(*of_load), np.fmin(*bound)])
+        apart = np.abs(of_load - straight)
+        return np.array([np.fmin(*of_load), np.fmin(*np.maximum(bound - apart, 0.0)), np.fmax(*apart)])
 
 
 @dataclass(frozen=True)
@@ -138,6 +138,7 @@ class DutyTable:
     which: NDArray[np.int64]  # (R, E), number of the limit that governs; -1 where no limit is reached
     up_to: float  # kg
     extensions: tuple[Mapping[str, Any], ...] = ()  # (E,) mappings of extensions in m by parameter of the study's runs
+    interpolation: float = 0.0  # largest share of a load by which straight lines differ from the curves between angles
 
     @property
     def column_names(self) -> list[str]:
@@ -165,11 +166,13 @@ class DutyTable:
         radii = _round_radii(least.place[:, :, 0])
         lower = np.maximum(ChartLoads(least.load, least.error, up_to).lower, 0.0)
         columns = np.array([least.at_radii(radii, lower, e, up_to) for e in range(len(least.load))])
-        load, bound = np.moveaxis(columns, 0, 2)  # (R, E, l) each
+        load, bound, apart = np.moveaxis(columns, 0, 2)  # (R, E, l) each
         limited, which = load.min(axis=2), load.argmin(axis=2)
+        between = (limited > 0.0) & (limited < up_to)
+        share = np.take_along_axis(apart, which[..., None], 2)[between, 0] / limited[between]
         lengths = np.linalg.norm(least.place[:, 0], axis=1)
         which, extensions = np.where(limited < up_to, which, -1), tuple(rows[row] for row in least.order if rows)
-        return cls(radii, lengths, limited, bound.min(axis=2), which, up_to, extensions)
+        return cls(radii, lengths, limited, bound.min(axis=2), which, up_to, extensions, share.max(initial=0.0))
 
     def csv(self, names: Sequence[str]) -> str:
         """Return the table as text in CSV; `names` are the names of the limits."""

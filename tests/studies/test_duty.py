@@ -36,9 +36,11 @@ def test_loads_between_angles_follow_the_limit_and_end_where_the_tip_does() -> N
         reached = (duty.radii <= length) & (duty.radii >= radius.min())
         assert np.array_equal(np.isfinite(duty.load[:, e]), reached)
         assert duty.load[reached, e] == pytest.approx(9000.0 / duty.radii[reached], rel=2e-3)
+        assert np.all(duty.load[reached, e] <= (1.0 + duty.interpolation) * 9000.0 / duty.radii[reached] + 1e-9)
         assert np.all(np.diff(duty.load[reached, e]) < 0.0)  # more radius, less load
         below = 0.9 - duty.lower[reached, e] / duty.load[reached, e]
         assert np.all((below >= -1e-12) & (below < 0.02))  # the error bars, and the doubt of the interpolation
+    assert 2e-3 < duty.interpolation < 0.02
     assert duty.radii[[0, 1, -1]] == pytest.approx([8.0 * np.cos(np.deg2rad(44.0)), 6.0, 12.0])  # the least one, too
     at_end = duty.load[np.isclose(duty.radii, 8.0), 0]
     assert at_end == pytest.approx([9000.0 / 8.0])

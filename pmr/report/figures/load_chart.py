@@ -40,7 +40,9 @@ CURVES, MOST_CELLS = 12, 4000
 LINES = 9
 #: Least distance of the letter of a limit from the number at a curve, as a share of the larger side of the picture.
 LETTER_ROOM = 0.04
-#: Width and height in points of the label of a boom length, and its least distance above the end of its line.
+#: Width in points of a letter of a label, at most.
+LETTER_WIDTH = 4.0
+#: Least width, and height in points of the label of a boom length, and its least distance above the end of its line.
 LABEL_WIDTH, LABEL_HEIGHT, LABEL_DISTANCE = 32.0, 10.0, 12.0
 #: Words for positions where the boom passes a limit even without a load, and the hatching of their cells.
 NOT_PERMITTED, HATCH = "not permitted, even empty", "xxxx"
@@ -62,7 +64,8 @@ class LoadChart:
 
     `place` (E, A, 2) is the position of the tip in m, as radius and height from the pivot.  `load` (E, A) is the load
     in kg, 0 where the boom passes a limit even without a load. `which` (E, A) is the number of the governing limit in
-    `names`, or -1 if no limit governs.  `up_to` in kg is the load at which the search ends.
+    `names`, or -1 if no limit governs.  `up_to` in kg is the load at which the search ends.  `extensions` (E,)
+    are texts that tell reaches of one length apart.
     """
 
     place: Array
@@ -70,6 +73,16 @@ class LoadChart:
     which: NDArray[np.int64]
     names: Sequence[str]
     up_to: float
+    extensions: Sequence[str] = ()
+
+    @property
+    def lengths(self) -> list[str]:
+        """Labels (E,) with the distance of the tip from the pivot, and the extensions where lengths are equal."""
+        names = [f"{np.linalg.norm(place[0]):.3g} m" for place in self.place]
+        return [
+            f"{name} ({self.extensions[e]})" if self.extensions and names.count(name) > 1 else name
+            for e, name in enumerate(names)
+        ]
 
     @property
     def not_permitted(self) -> NDArray[np.bool_]:
@@ -118,12 +131,15 @@ def pointer_cells(chart: LoadChart, texts: Sequence[str]) -> str:
     return "".join(cells)
 
 
-def load_chart(chart: LoadChart) -> Figure:
-    """Draw a load chart: a coloured cell around each position of the tip, and curves of constant load."""
+def load_chart(chart: LoadChart, width: float = WIDE) -> Figure:
+    """Draw a load chart: a coloured cell around each position of the tip, and curves of constant load.
+
+    The figure is `width` inches wide.
+    """
     corners = _corners(chart.place)
     low, high = np.minimum(corners.min(axis=(0, 1)), 0.0), np.maximum(corners.max(axis=(0, 1)), 0.0)
     hatched = chart.not_permitted
-    figure, ax = _side_view(low, high, TALLEST)
+    figure, ax = _side_view(low, high, TALLEST, width)
     colours = {k: mix_with_white(of, 1.0 - PALE) if k >= 0 else SHADE for k, of in chart.colours.items()}
     around = (corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:])
     cells = np.stack([*around, around[0]], axis=2)
@@ -172,14 +188,15 @@ def _outline(cells: Array) -> Path:
     return Path(cells.reshape(-1, 2), codes)
 
 
-def duty_lines(chart: LoadChart) -> Figure:
+def duty_lines(chart: LoadChart, width: float = WIDE) -> Figure:
     """Draw the allowed load over the radius, a line for each of up to `LINES` boom lengths, as manuals print it.
 
     The boom length stands above the end of its line, at the largest radius.  Colour and letter of a piece of a line say
     which limit governs; each limit has its letter once on a line.  Where no limit is reached, arrows at the load at
-    which the search ends point up.  Where the boom is not permitted even empty, there are crosses on the axis.
+    which the search ends point up.  Where the boom is not permitted even empty, there are crosses on the axis.  The
+    figure is `width` inches wide.
     """
-    figure, ax = make_axes(WIDE, 3.4 + ROW, "Radius in m", "Allowed load in kg", right=0.5, top=0.12 + ROW)
+    figure, ax = make_axes(width, 3.4 + ROW, "Radius in m", "Allowed load in kg", right=0.5, top=0.12 + ROW)
     most, ends = float(np.nanmax(chart.load, initial=0.0)), list[tuple[str, float, float]]()
     for e in spread_indices(len(chart.load), LINES):
         radius, which, crossed = chart.place[e, :, 0], chart.which[e], chart.not_permitted[e]
@@ -198,7 +215,7 @@ def duty_lines(chart: LoadChart) -> Figure:
                 letters(int(k)), (radius[first], load[first]), (-7.0, below), textcoords="offset points", fontsize=6.0
             )
         end = int(np.argmax(radius))
-        ends.append((f"{np.linalg.norm(chart.place[e, 0]):.3g} m", float(radius[end]), float(shown[end])))
+        ends.append((chart.lengths[e], float(radius[end]), float(shown[end])))
     ax.set_ylim(bottom=0.0)
     label_ends(ax, ends)
     entries = [
@@ -219,7 +236,7 @@ def label_ends(ax: Axes, ends: Sequence[tuple[str, float, float]]) -> None:
     for text, radius, load in ends:
         x, low = ax.transData.transform((radius, load)) * 72.0 / ax.figure.dpi
         y = low + LABEL_DISTANCE
-        for up in sorted(up for at, up in taken if abs(at - x) < LABEL_WIDTH):
+        for up in sorted(up for at, up in taken if abs(at - x) < max(LABEL_WIDTH, LETTER_WIDTH * len(text))):
             if abs(up - y) < LABEL_HEIGHT:
                 y = up + LABEL_HEIGHT
         taken.append((x, y))
@@ -249,13 +266,13 @@ def _contour_loads(load: Array) -> list[float]:
     return inside[-CURVES:] or np.linspace(finite.min(), finite.max(), 5)[1:-1].tolist()
 
 
-def _side_view(low: Array, high: Array, tallest: float) -> Paper:
-    """Make axes of radius and height in m from `low` (2,) to `high` (2,), in a figure as wide as a page.
+def _side_view(low: Array, high: Array, tallest: float, width: float) -> Paper:
+    """Make axes of radius and height in m from `low` (2,) to `high` (2,), in a figure of `width` inches.
 
-    Their height is at most `tallest` times that width.
+    Their height is at most `tallest` times the width of a page.
     """
-    top, tall = 0.12 + ROW, min((WIDE - 0.76) * float(np.divide(*(high - low)[::-1])), tallest * WIDE)
-    figure, ax = make_axes(WIDE, tall + top + 0.42, "Radius in m", "Height in m", top=top, bottom=0.42)
+    top, tall = 0.12 + ROW, min((width - 0.76) * float(np.divide(*(high - low)[::-1])), tallest * WIDE)
+    figure, ax = make_axes(width, tall + top + 0.42, "Radius in m", "Height in m", top=top, bottom=0.42)
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     return Paper(figure, ax)
 
@@ -316,10 +333,10 @@ class BentBoom:
         return enlargement(float(np.abs(self.across).max(initial=0.0)), BENT * float(self.along.max()))
 
 
-def bent_boom(boom: BentBoom) -> Figure:
+def bent_boom(boom: BentBoom, width: float = WIDE) -> Figure:
     """Draw a boom at rest from the side: a thin line for the undeformed axis, and the bent sections.
 
-    Displacements are enlarged.
+    Displacements are enlarged; the figure is `width` inches wide.
     """
     c, s = np.cos(boom.luffing), np.sin(boom.luffing)
     deflection = boom.scale * boom.across
@@ -329,7 +346,7 @@ def bent_boom(boom: BentBoom) -> Figure:
     high = np.array([max(x.max(), reach * c, 0.1 * reach), max(z.max(), reach * s, 0.1 * reach)])
     edge = 0.04 * float(np.max(high - low))
     low, high = low - edge, high + edge
-    figure, ax = _side_view(low, high, SIDE_TALLEST)
+    figure, ax = _side_view(low, high, SIDE_TALLEST, width)
     ax.plot([0.0, reach * c], [0.0, reach * s], color=MUTED, linewidth=0.6, zorder=1.0)
     for k, (name, colour) in enumerate(section_colours(boom.names).items()):
         of_section = np.flatnonzero(boom.section == k)

@@ -68,7 +68,9 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
         return chapter
     error = np.where(which >= 0, np.take_along_axis(table.error, np.maximum(which, 0)[..., None], 2)[..., 0], np.nan)
     shown_names, not_covered = [*names[:-1], STABILITY_WORDS], str(parts[0]["not_covered"][0])
-    chart = LoadChart(table.place, least, which, shown_names, up_to)
+    rows = [run.parameters for run in study.results.runs]
+    extensions = [" + ".join(f"{float(out or 0.0):.4g}" for out in rows[row].values()) for row in table.order]
+    chart = LoadChart(table.place, least, which, shown_names, up_to, extensions)
     ends_at = format_load(up_to) if (which < 0).any() else ""
     caption = prose("chart_caption", slewing=slewing_clause(parts[0]["at.slewing"]), ends_at=ends_at)
     picture = drawing(f"{prefix}-chart", load_chart, caption, chart, fits=True)
@@ -76,7 +78,6 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     shown = f"{SCREEN}{pointer_cells(chart, texts)}{END_OF_SCREEN}</svg>"
     picture = replace(picture, svg=picture.svg.replace("</svg>", shown, 1))
     lines = drawing(f"{prefix}-duty", duty_lines, duty_caption(len(chart.load)), chart, fits=True)
-    rows = [run.parameters for run in study.results.runs]
     duty = tuple(duty_grids(study, DutyTable.from_loads(table, up_to, rows), not_covered))
     play = "play" in present_parts(parts)
     facts = {"figures": study.figures, "play": play, "not_covered": not_covered}

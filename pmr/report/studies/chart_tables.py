@@ -300,6 +300,7 @@ def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Itera
         is_small=(duty.lower[:, columns] < step).any(),
         beyond=f"{duty.up_to:.0f}" if (duty.load >= duty.up_to).any() else "",
         not_limited=NOT_LIMITED,
+        apart=f"{two_digits(100.0 * duty.interpolation)}{SPACE}%" if duty.interpolation > 5e-5 else "",
         shown=len(columns),
         count=len(duty.lengths),
     )

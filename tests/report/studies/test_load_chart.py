@@ -1,5 +1,6 @@
 """What the report of a load chart leaves out."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -8,7 +9,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from pmr.report.figures import style
+from pmr.report.figures import HALF, style
 from pmr.report.figures.load_chart import (
     LINES,
     NOT_PERMITTED,
@@ -154,7 +155,8 @@ def test_tables_of_loads_have_all_boom_lengths_and_are_not_wider_than_paper() ->
     load = np.array([[9000.0] * 12, [np.nan] * 11 + [551.3]])
     duty = DutyTable(radii, lengths, load, load, np.zeros(load.shape, dtype=int), 2e4)
     study: Any = SimpleNamespace(study_file={"error_bars": False})
-    first, second = duty_grids(study, duty, "")
+    first, second = duty_grids(study, replace(duty, interpolation=0.0071), "")
+    assert "by less than the 0.71\u00a0% by which straight lines would differ." in first.caption
     heads = [*first.head[1:], *second.head[1:]]
     assert heads == [f"{length:.4g}\u00a0m" for length in lengths] and len(first.head) == 7
     assert [len(grid.rows) for grid in (first, second)] == [1, 2]
@@ -247,6 +249,21 @@ def test_lines_of_duty_have_length_and_letter_and_end_where_the_tip_does() -> No
     assert np.allclose(beyond, [[place[0, 2, 0], 2000.0]])
     more = "more than 2000 kg (search ends there)"
     assert [text.get_text() for text in ax.figure.legends[0].get_texts()] == ["A tip", "B pads", more]
+
+
+def test_lines_of_one_length_are_told_apart_by_their_extensions() -> None:
+    place = np.array([12.0, 12.001, 9.0])[:, None, None] * np.array([[1.0, 0.0], [0.8, 0.6]])
+    load = np.array([[900.0, 950.0], [500.0, 700.0], [1500.0, 1600.0]])
+    chart = LoadChart(place, load, np.zeros(load.shape, dtype=int), ["tip"], 2000.0, ["3 + 2", "2 + 3", "1 + 1"])
+    ends = {text.get_text() for text in duty_lines(chart).axes[0].texts}
+    assert ends == {"A", "12 m (3 + 2)", "12 m (2 + 3)", "9 m"}
+
+
+@pytest.mark.parametrize("draw", [load_chart, duty_lines])
+def test_pictures_of_loads_are_drawn_for_narrow_windows_too(draw: Any) -> None:
+    place = np.array([12.0, 9.0])[:, None, None] * np.array([[1.0, 0.0], [0.8, 0.6]])
+    chart = LoadChart(place, np.array([[900.0, 950.0], [500.0, 700.0]]), np.zeros((2, 2), dtype=int), ["tip"], 2000.0)
+    assert draw(chart, HALF).get_figwidth() == HALF < draw(chart).get_figwidth()
 
 
 def test_the_caption_of_lines_says_how_many_of_all_boom_lengths_are_drawn() -> None:
