@@ -195,11 +195,12 @@ def _stress_rows(result: RunResult) -> LargestValues:
     peak, used = (summary.get(name, {}).get("reduced") for name in ("stress_peak", "utilisation"))
     stress_text, local, of_beams = format_quantity(largest, "Pa"), "", bool(stress_remark(result.scene))
     if of_beams:
-        local = ", without the bending of walls under pads"
+        local = " (without the bending of walls under pads)"
         if (shell := wall_stress(summary)) is not None:
             yield _wall_stress_row(result, shell)
         else:
-            local += f", which adds to it; by how much is not known{_missing_clause(summary)}"
+            local = ", without the bending of walls under pads, which adds to it; by how much is not known"
+            local += _missing_clause(summary)
         used = used if used and used["value"] > 1.0 else None
     share, highest = "", used["value"] if used else None
     if used:

@@ -214,7 +214,7 @@ def _dynamic_factor_rows(result: RunResult) -> LargestValues:
     rows = result.summary.get("dynamic_factors", ())
     hidden = "reaction" if any(row["kind"] == "resultant" for row in rows) else ""
     factors = [
-        f"{row['largest'] / row['rest']:.2f} {_factor_words(row)} ({_rest_text(row)} at rest)"
+        f"{_factor_words(row)} {row['largest'] / row['rest']:.2f} ({_rest_text(row)} at rest)"
         for row in rows
         if row["kind"] != hidden
     ]
@@ -382,8 +382,8 @@ def _ground_rows(result: RunResult) -> LargestValues:
             text = f"{format_percent(value.value)} (the machine tips at 100{SPACE}%), {extreme_clause(result, value)}"
             yield largest_value(key, text, value.value)
         else:
-            error = _margin_error(result) if key == "tipping_margin" else ""
-            yield largest_value(key, value_at(result, value, quantity.unit, name), end=error)
+            where, error = (f"edge from {name}", _margin_error(result)) if key == "tipping_margin" else (name, "")
+            yield largest_value(key, value_at(result, value, quantity.unit, where), end=error)
 
 
 def _margin_error(result: RunResult) -> str:

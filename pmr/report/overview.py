@@ -273,7 +273,7 @@ def _pad_rows(result: RunResult) -> Rows:
 
 def _describe_support(support: Support) -> str:
     """Describe a support: its kind or the directions it holds, its position and its stiffness."""
-    where = f"on its {support.on}" if isinstance(support.on, str) else f"at {format_input(support.on, 'm')}"
+    where = f"on the {support.on}" if isinstance(support.on, str) else f"at {format_input(support.on, 'm')}"
     along = support.kind if support.directions is None else f"along {', '.join(support.directions)}"
     return f"{along} {where}, {SceneWords().describe_value(support, 'stiffness', support.stiffness)}"
 
