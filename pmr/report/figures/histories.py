@@ -242,18 +242,20 @@ def panel_figure(result: RunResult, panels: Mapping[str, ResponseFunction], base
 MOST_THICK = 4
 
 
-def line_figure(result: RunResult, lines: Mapping[str, Array], base: str, quantity: str) -> Figure:
+def line_figure(
+    result: RunResult, lines: Mapping[str, Array], base: str, quantity: str, colours: Sequence[str] = SECTIONS[1:]
+) -> Figure:
     """Draw `lines` (T,) of the reduced model over time in one panel, with their names in the legend.
 
-    `base` is their unit without prefix, and `quantity` the name on the axis.  A line without a name has no entry.
+    `base` is their unit without prefix, and `quantity` the name on the axis.  The lines have the `colours` in turn.  A
+    line without a name has no entry.
     """
     time, unit = Timeline(result), unit_for(largest_of(lines), base)
     figure, ax = make_axes(HALF, 1.9, "", "")
     for k, (name, line) in enumerate(lines.items()):
         width = 0.8 if len(lines) > MOST_THICK else 0.7 + 0.3 * (len(lines) - 1 - k)
         shown = extreme_indices(line, bins_of(ax))
-        colour = SECTIONS[1 + k % (len(SECTIONS) - 1)]
-        ax.plot(time.t[shown], line[shown] / unit.size, color=colour, linewidth=width, label=name)
+        ax.plot(time.t[shown], line[shown] / unit.size, color=colours[k % len(colours)], linewidth=width, label=name)
     time.frame(ax, unit.axis_label(quantity))
     ax.axhline(0.0, linewidth=0.0)  # the axis of a constant line includes zero
     return add_legend(figure)
