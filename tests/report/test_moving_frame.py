@@ -16,13 +16,14 @@ from pmr import RunResult
 from pmr.report import album, columns, player, sections, subject
 from pmr.report import forces as loads
 from pmr.report.document import render_runs
-from pmr.report.figures import WIDE, histories, make_axes, style
+from pmr.report.figures import WIDE, histories, make_axes, section_colours, style
 from pmr.report.figures import space as figures
 from pmr.report.figures.histories import Timeline
 from pmr.report.moving_bodies import MovingBodies
 from pmr.report.sections import chapter
 from pmr.report.sentences import energy_sentence, frame_sentences
-from pmr.results import Fields
+from pmr.results import Fields, Paths
+from pmr.scene import load_any
 
 TURNING = {
     "luffing": {"min": 0.0, "max": 1.0471975511965976}, "slewing": {"min": 0.0, "max": 0.0}, "angular_velocity": 0.1,
@@ -259,3 +260,12 @@ def test_the_largest_stress_is_pictured_from_its_side_at_the_time_nearest_to_it(
 
 def test_bodies_without_a_frame_have_no_pose(make_space: MakeSpace, make_fields: Callable[[str], Fields]) -> None:
     assert player.body_motion(MovingBodies(make_space(fields=make_fields("triangle"))))["pose"] is None
+
+
+def test_extensions_are_drawn_in_the_colours_of_their_sections(boom: RunResult) -> None:
+    scene, t = load_any("boom_two"), boom.responses["reduced"].t
+    extensions = np.stack([path.value(t) for path in scene.paths.values()], axis=1)
+    result = replace(boom, scene=scene, paths=Paths(tuple(scene.paths), extensions, np.zeros_like(extensions)))
+    drawn = sections.input_block(result, "case-1").drawings[0]
+    colours = section_colours(scene.bodies)
+    assert drawn.name == "case-1-position" and all(colours[name] in drawn.svg for name in scene.paths)
