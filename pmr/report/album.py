@@ -232,7 +232,7 @@ class _Views:
         """
         stress = ""
         if self.bodies.cell_stresses:
-            stress = f", {stress_name(self.result.scene)} {format_quantity(moment.peak, 'Pa')}"
+            stress = f"; the {stress_name(self.result.scene)} is {format_quantity(moment.peak, 'Pa')}"
         return prose(
             "picture",
             extension=_two_decimals(moment.extension, "m"),
