@@ -362,12 +362,13 @@ class Frame(BoomAngles):
         luffing, slewing = (np.atleast_1d(angle.value(np.asarray(t))) for angle in self.angles)
         return boom_rotation(luffing, slewing)
 
-    def base_rotation(self, t: float) -> NDArray[np.float64]:
-        """Return the rotation (3, 3) from axes of the base to axes of the ground at time t in s."""
-        roll, pitch, yaw = ([angle.value(np.array([t])) for angle in self.base_angles] or np.zeros((3, 1)))[:3]
-        s, c = float(np.sin(roll[0])), float(np.cos(roll[0]))
-        rolled = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
-        return np.asarray(boom_rotation(-pitch, yaw)[0] @ rolled)
+    def base_rotation(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the rotation (T, 3, 3) from axes of the base to axes of the ground at times t (T,) in s."""
+        still = np.zeros_like(t)
+        roll, pitch, yaw = [angle.value(t) + still for angle in self.base_angles] or [still] * 3
+        (c, s), one, zero = (np.cos(roll), np.sin(roll)), still + 1.0, still
+        rolled = np.moveaxis(np.array([[one, zero, zero], [zero, c, -s], [zero, s, c]]), -1, 0)
+        return np.asarray(boom_rotation(-pitch, yaw) @ rolled)
 
     def refuse_without_unit(self, key: str, angles: ArrayLike, source: str = "scene") -> None:
         """Raise an InputError for `key` in `source` if `angles` (any shape) exceed a full turn and no unit is set."""

@@ -256,7 +256,7 @@ def _is_loaded_at_start(scene: Scene, beyond: Sequence[BoomSection], axis: str, 
     """Whether the weight or a load acts along `axis` (y or z) or about `turn` on the sections `beyond` at t = 0."""
     number, gravity, frame = "xyz".index(axis), scene.gravity, scene.frame
     turned = (
-        np.eye(3) if frame is None else frame.base_rotation(0.0) @ frame.rotation(0.0)[0]
+        np.eye(3) if frame is None else frame.base_rotation(np.zeros(1))[0] @ frame.rotation(0.0)[0]
     )  # from axes of the boom into those of the ground
     if gravity is not None and gravity.rise == 0.0:
         along = gravity.direction if frame is None else turned[2]

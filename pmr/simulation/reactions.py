@@ -280,7 +280,8 @@ def _winch_wrench(scene: Scene, response: Response) -> Array:
     hoist, frame = scene.hoist, scene.frame
     if hoist is None or hoist.winch.section or frame is None:
         return np.zeros((len(response.t), 6))
-    pull = np.stack([response.other(name) for name in WINCH_PULLS], axis=1) @ frame.base_rotation(0.0)
+    on_ground = np.stack([response.other(name) for name in WINCH_PULLS], axis=1)
+    pull = np.einsum("tji,tj->ti", frame.base_rotation(response.t), on_ground)
     still = np.zeros(len(response.t))
     place = boom_rotation(still, np.atleast_1d(frame.angles[1].value(response.t)) + still) @ np.array(hoist.winch.at)
     return np.hstack([pull, np.cross(place, pull)])

@@ -83,7 +83,7 @@ def test_pictures_stand_in_the_page(monkeypatch, make_space, make_fields) -> Non
     assert images == ["view-1", "view-2", "view-3", "close"]
     assert 'id="case-1-ramp"' in page
     assert "All pictures show displacements 50 times their size" in page
-    assert "largest von Mises stress 47.2\u00a0MPa" in page
+    assert "largest von Mises stress is 47.2\u00a0MPa" in page
 
 
 def test_a_boom_stands_over_the_ground_on_its_cylinder_with_pads_at_their_places(make_space, make_fields) -> None:

@@ -63,7 +63,6 @@ COMBINED = (*itertools.combinations(FEATURES, 2), ("hoist", "oil", "slope"))
 REFUSED = {
     ("oil", "friction"): "friction",
     ("oil", "pushing"): "unilateral",
-    ("hoist", "rocking base"): "hoist.winch.section",
     ("slope", "rocking base"): "frame.base.rx",
 }
 
