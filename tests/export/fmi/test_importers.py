@@ -237,7 +237,7 @@ def test_the_boom_of_the_manual_is_driven_under_fmpy(fmpy: Path, tmp_path: Path)
 def test_the_controller_of_the_manual_holds_the_angle_under_fmpy(fmpy: Path, tmp_path: Path) -> None:
     """As it is written there; beside a `Stepper` under the same controller, whose steps are those of the FMU."""
     page = (ROOT / "docs" / "fmu.md").read_text().split("## A controller in the loop")[1]
-    _, loop = re.findall(r"^```python\n(.*?)^```$", page.split("\n## ")[0], flags=re.S | re.M)
+    (loop,) = re.findall(r"^```python\n(.*?)^```$", page.split("\n## ")[0], flags=re.S | re.M)
     system = reduce(scene.load_any("luffing_oil", ["section.mesh.elements=6", "time.end=0.1"])).system
     fmi.write_fmu(system.save(tmp_path / "oil.npz"), tmp_path / "oil.fmu", platforms=PLATFORMS[:1])
     program = f"import numpy as np\n{loop}"
