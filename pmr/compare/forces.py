@@ -217,7 +217,8 @@ def pulled_pad_warnings(scene: Scene, contacts: Sequence[Contact], response: Res
         lines += [_ring_warning(ring, of_ring, response) + _push_clause("this ring", computed)] if of_ring else []
     held = [contact for contact in contacts if contact.clearance is None and contact.name in pulling]
     held = [contact for contact in held if contact.inner.body in scene.names[1:]]
-    sideways = {of.face in ("left", "right") for name, of in pads_on_faces(scene).items() if name in pulling} == {True}
+    faces = pads_on_faces(scene) if held else {}
+    sideways = all(of.name in faces and faces[of.name].face in ("left", "right") for of in held)
     lines += [_joints_warning(held, pulling, response, computed, sideways)] if held else []
     return lines
 

@@ -245,7 +245,8 @@ def vary_play(scene: Scene, contacts: tuple[Contact, ...]) -> OtherPlay | None:
 
     All of this play is at the faces on top and left, so that each section lies on those at bottom and right, where a
     start at rest finds it.  That is enough, as how far sections turn in each other depends on the sum of the play on
-    both sides.  The result is None if no pad only pushes, or if `compare.play` is 0 and the scene states no play.
+    both sides.  The result is None if this changes no pad: if no pad on a face only pushes, if pads that do are at
+    bottom and right alone, or if `compare.play` is 0 and the scene states no play.
     """
     pushing = {contact.name: contact for contact in contacts if contact.clearance is not None}
     pads = {name: of for name, of in pads_on_faces(scene).items() if name in pushing}

@@ -7,7 +7,8 @@
    angular velocity omega or acceleration alpha in axes of the boom, an entry of the acceleration field's gradient
    alpha x . + omega x (omega x .), a motion itself, where the tail of a section is (the sum of the first paths) or
    its rate, one over an extension, or a component in axes of the boom of the direction that is up for the machine.  R,
-   omega and alpha follow from luffing and slewing and, where the base rocks, from its roll, pitch and yaw.  Numbers carry a derivative along a seed of the motions with them. */
+   omega and alpha follow from luffing and slewing and, where the base rocks, from its roll, pitch and yaw.  Numbers
+   carry a derivative along a seed of the motions with them. */
 #include "internal.h"
 
 #include <string.h>

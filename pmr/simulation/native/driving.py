@@ -173,7 +173,8 @@ class Drivers:
         for name, motion in motions.items():
             k = limits[name][0]
             if type(motion) is float:
-                written[k], rates[k], seconds[k] = motion, 0.0, 0.0  # `end_step` has set its count to 1
+                written[k], rates[k], seconds[k] = motion, 0.0, 0.0
+                counts[k] = 1  # a step that was refused has not been ended
             elif len(motion) == 3:
                 written[k], rates[k], seconds[k] = motion
                 counts[k] = 3

@@ -316,7 +316,7 @@ def stepped_frame(system: System, source: str) -> MovingFrame | None:
     if stored.extends_freely:
         return with_extension_data(MovingFrame.in_scene(stored.scene, system), scene, system, SystemForm.of(system))
     if frame.base is not None and {"x", "y", "z"} & set(frame.base.motions):
-        allowed = "a pivot at rest is allowed beside a free luffing angle that is stepped: rx, ry and rz"
+        allowed = "rx, ry and rz alone are allowed where a free luffing angle is stepped, as its pivot has to rest"
         raise InputError(source, "provenance.scene.frame.base", None, allowed)
     once = scene.time.model_copy(update={"end": scene.time.step})
     run = LuffingRun(scene.model_copy(update={"time": once}), system)
