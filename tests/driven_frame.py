@@ -6,7 +6,7 @@ import numpy as np
 
 from pmr.files.arrays import Array
 from pmr.kernel.further import ANGLES, AXES, Quantity
-from pmr.simulation.frame_motion import FrameRotation
+from pmr.scene.rotation import FrameRotation
 from pmr.simulation.moving import GRAVITY, OF_BASE, MovingFrame
 
 

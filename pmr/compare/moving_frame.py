@@ -19,8 +19,8 @@ from pmr.scene.built import force_name
 from pmr.scene.frame import INERTIA, BaseMotion, Frame
 from pmr.scene.keys import input_name
 from pmr.scene.mechanism import TIPPING_MARGIN, FrameTerm, frame_terms
+from pmr.scene.rotation import FrameRotation
 from pmr.simulation import Excitation
-from pmr.simulation.frame_motion import FrameRotation
 from pmr.simulation.stepping import row_products, step_means
 from pmr.system.body import SlidingBody
 from pmr.system.states import SystemTrajectory

@@ -13,10 +13,10 @@ from pmr.files.arrays import Array
 from pmr.report.subject import luffing_support_names, shown_force_name
 from pmr.results import Response, RunResult
 from pmr.results.tables import FORCE_OF
-from pmr.scene.frame import boom_rotation
 from pmr.scene.hoist import PLACES as HOOK_PLACES
 from pmr.scene.hoist import Hoist
 from pmr.scene.keys import qualified_name
+from pmr.scene.rotation import boom_rotation
 
 #: Remark on the force of a support that stands in for the luffing cylinder.
 ACROSS = " (its support, across the boom)"

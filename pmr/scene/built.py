@@ -420,7 +420,8 @@ class Load(PlacedLoad):
     reference: Length = Field(default=10.0, description="Height above the ground of the pressure that `signal` gives")
     least: Length = Field(default=2.0, description="Height up to which the pressure of wind is constant")
     above: Place | None = Field(
-        default=None, description="Height of the pivot above the ground; 0 or none: that of frame.ground, or 0"
+        default=None,
+        description="Height of the pivot above the ground; 0 or none: that of ground or hoist, or 0",
     )
 
     @model_validator(mode="after")

@@ -22,14 +22,16 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Generic, Literal, NamedTuple, Self, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field, FieldSerializationInfo, field_serializer, model_validator
 
 from pmr.errors import InputError
+from pmr.files.arrays import Array
 from pmr.scene.cylinder import LuffingCylinder
 from pmr.scene.ground import Ground
 from pmr.scene.joints import ScaledSignal
 from pmr.scene.keys import Direction, Mass, Once, Point, Quantity, SceneTable, Switch, Usual, key_error
+from pmr.scene.rotation import FrameRotation, boom_rotation, motion_of
 from pmr.scene.signals import Constant, Signal, SignalBase
 from pmr.scene.structures import ALLOWED_INERTIA, PrincipalMoments, is_inertia
 
@@ -357,18 +359,15 @@ class Frame(BoomAngles):
         out = ("base.y", "base.rx", "base.rz", "base.acceleration.y")
         return next((key for key in ("slewing", *out) if key in motions or (key == "slewing" and self.slewing)), None)
 
-    def rotation(self, t: ArrayLike) -> NDArray[np.float64]:
+    def rotation(self, t: ArrayLike) -> Array:
         """Return the rotations (T, 3, 3) from axes of the boom to axes of the base at times t (T,) in s."""
         luffing, slewing = (np.atleast_1d(angle.value(np.asarray(t))) for angle in self.angles)
         return boom_rotation(luffing, slewing)
 
-    def base_rotation(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
+    def base_rotation(self, t: Array) -> Array:
         """Return the rotation (T, 3, 3) from axes of the base to axes of the ground at times t (T,) in s."""
-        still = np.zeros_like(t)
-        roll, pitch, yaw = [angle.value(t) + still for angle in self.base_angles] or [still] * 3
-        (c, s), one, zero = (np.cos(roll), np.sin(roll)), still + 1.0, still
-        rolled = np.moveaxis(np.array([[one, zero, zero], [zero, c, -s], [zero, s, c]]), -1, 0)
-        return np.asarray(boom_rotation(-pitch, yaw) @ rolled)
+        rocking = self.base_angles or (Constant(amount=0.0),) * 3
+        return FrameRotation.from_rocking([motion_of(angle, t) for angle in rocking]).rotation
 
     def refuse_without_unit(self, key: str, angles: ArrayLike, source: str = "scene") -> None:
         """Raise an InputError for `key` in `source` if `angles` (any shape) exceed a full turn and no unit is set."""
@@ -382,14 +381,3 @@ class Frame(BoomAngles):
         if angle is None:
             return Constant(amount=0.0)
         return angle if self.unit == "rad" else ScaledSignal(signal=angle, ratio=float(np.pi) / 180.0, offset=0.0)
-
-
-def boom_rotation(luffing: NDArray[np.float64], slewing: NDArray[np.float64]) -> NDArray[np.float64]:
-    r"""Return the rotation :math:`R_Z(\psi) R_Y(-\varphi)` (T, 3, 3) from axes of the boom to axes of the base.
-
-    The angles (T,) in rad are :math:`\varphi`, the argument `luffing`, and :math:`\psi`, the argument `slewing`.  A
-    base that does not rotate has Z upwards, and X where the boom points at a slewing angle of 0.
-    """
-    (c, s), (cz, sz) = (np.cos(luffing), np.sin(luffing)), (np.cos(slewing), np.sin(slewing))
-    rows = [[cz * c, -sz, -cz * s], [sz * c, cz, -sz * s], [s, np.zeros_like(s), c]]
-    return np.moveaxis(np.array(rows), -1, 0)

@@ -32,11 +32,11 @@ from pmr.scene.choice import input_directions, rope_pulls
 from pmr.scene.joints import ScaledSignal
 from pmr.scene.keys import Direction, input_name
 from pmr.scene.members import Member
+from pmr.scene.rotation import FrameRotation
 from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.signals.base import Strand
 from pmr.simulation.frame_motion import (
     Acceleration,
-    FrameRotation,
     FrameSignal,
     Product,
     Products,
@@ -319,18 +319,17 @@ class WindOnSection(FrameSignal):
     def of_load(cls, scene: Scene, member: Member, load: Load, name: str) -> Self:
         """Amplitude of the input `name` (`pmr.scene.choice.input_directions`) of a load by wind.
 
-        The pivot is as high above the ground as the scene's ground says, unless the load states its own height; a
-        displacement of the base upwards comes on top.
+        The pivot is as high above the ground as the scene says, unless the load states its own height; a displacement
+        of the base upwards comes on top.
         """
         frame, part, box = scene.frame, member.part, member.part.body.box
         assert frame is not None  # as the checks say
         depths = [load.depth or getattr(box, key) for key in ("height", "width")]
         axis, degree = name.split(" ")[-2:]
-        above = load.above or (0.0 if frame.ground is None else frame.ground.height)
         return cls(
             angles=(*frame.angles, *frame.base_angles),
             section=ExposedSection(
-                paths=tuple(scene.extension(k) for k in range(1, member.number + 1)),
+                paths=extensions_up_to(scene, member.number),
                 pivot=frame.tail_position,
                 length=part.length,
                 around=scene.sections[member.number - 1].length if member.number else 0.0,
@@ -338,7 +337,7 @@ class WindOnSection(FrameSignal):
             azimuth=load.azimuth * (1.0 if frame.unit == "rad" else np.pi / 180.0),
             factors=(load.shape * depths[0], load.shape * depths[1]),
             load=load,
-            above=above,
+            above=load.above or scene.pivot_height,
             rise=({} if frame.base is None else frame.base.motions).get("z", Constant(amount=0.0)),
             axis=axis,
             degree=int(degree),

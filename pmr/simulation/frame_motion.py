@@ -1,13 +1,12 @@
 r"""Motion of a boom's frame, prescribed or computed, and the amplitudes of loads and terms that follow from it.
 
-First, accelerations of sections along the boom, from their extensions.  Second, angular velocity, angular acceleration
-and rotation of the frame, from its angles.  Third, amplitudes c of loads and terms as sums over products n, each a
-number :math:`\kappa_n` times few quantities x_k,
+First, accelerations of sections along the boom, from their extensions.  Second, amplitudes c of loads and terms as
+sums over products n, each a number :math:`\kappa_n` times few quantities x_k,
 
 .. math:: c(t) = \sum_n \kappa_n \prod_{k \in n} x_k(t)
 
 so that a run, which evaluates them at many times, a stepper in a user's loop (`pmr.simulation.moving`) and the C source
-of an FMU all use the same lists.  Fourth, the computed motion of a machine, as signals of a frame's base.
+of an FMU all use the same lists.  Third, the computed motion of a machine, as signals of a frame's base.
 """
 
 from __future__ import annotations
@@ -15,7 +14,6 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -102,92 +100,6 @@ class Acceleration(Derived):
     @property
     def strands(self) -> tuple[Strand, ...]:
         return tuple(replace(strand, spread=self.step) for path in self.paths for strand in path.strands)
-
-
-#: An angle in rad, its rate and its second rate, (T,) each.
-Angle = Sequence[Array]
-
-
-@dataclass(frozen=True)
-class FrameRotation:
-    """Rotation (T, 3, 3) of the frame at T times, its angular velocity and its angular acceleration.
-
-    `velocity` (T, 3) in rad/s and `acceleration` (T, 3) in rad/s^2 are in the frame's axes.
-    """
-
-    velocity: Array
-    acceleration: Array
-    rotation: Array  # (T, 3, 3), from the frame's axes into those of the ground
-
-    @classmethod
-    def from_signals(
-        cls, luffing: SignalBase, slewing: SignalBase, t: Array, rocking: Sequence[SignalBase] = ()
-    ) -> FrameRotation:
-        """Rotation of the frame by the signals of its angles at the times t (T,) in s.
-
-        `luffing` and `slewing` are signals in rad; `rocking` are those of roll, pitch, yaw of the frame's base, empty
-        if the base does not turn.
-        """
-        return cls.from_angles(
-            _motion_of(luffing, t), _motion_of(slewing, t), [_motion_of(angle, t) for angle in rocking]
-        )
-
-    @classmethod
-    def from_angles(cls, luffing: Angle, slewing: Angle, rocking: Sequence[Angle] = ()) -> FrameRotation:
-        """Rotation by the frame's angles (T,) in rad, with rates and second rates, on a base turned by `rocking`.
-
-        An empty `rocking` stands for a base that does not turn.
-        """
-        turning = cls.about_axis(2, slewing).carry(cls.about_axis(1, tuple(-part for part in luffing)))
-        return cls.from_rocking(rocking).carry(turning) if rocking else turning
-
-    @classmethod
-    def from_rocking(cls, rocking: Sequence[Angle]) -> FrameRotation:
-        """Rotation :math:`R_Z(c) R_Y(b) R_X(a)` of a base by `rocking` = (roll a, pitch b, yaw c), in its own axes."""
-        roll, pitch, yaw = (cls.about_axis(axis, angle) for axis, angle in enumerate(rocking))
-        return yaw.carry(pitch).carry(roll)
-
-    @classmethod
-    def about_axis(cls, axis: int, angle: Angle) -> FrameRotation:
-        """Rotation about an axis, numbered from 0, by an angle (T,) in rad with its rates."""
-        value, rate, second = (np.asarray(part)[:, None] for part in angle)
-        e = np.eye(3)[axis]
-        along, sine, cosine = np.outer(e, e), np.sin(value)[..., None], np.cos(value)[..., None]
-        return cls(rate * e, second * e, along + cosine * (np.eye(3) - along) + sine * skew(e))
-
-    def carry(self, inner: FrameRotation) -> FrameRotation:
-        """Rotation of a frame that turns by `inner` relative to a frame that turns by this rotation."""
-        velocity, acceleration = (
-            np.einsum("tji,tj->ti", inner.rotation, vectors) for vectors in (self.velocity, self.acceleration)
-        )
-        return FrameRotation(
-            velocity + inner.velocity,
-            acceleration + np.cross(velocity, inner.velocity) + inner.acceleration,
-            self.rotation @ inner.rotation,
-        )
-
-    @property
-    def up(self) -> Array:
-        """Vertical unit vector (T, 3) in the frame's axes."""
-        return self.rotation[:, 2]
-
-    @cached_property
-    def gradient(self) -> Array:
-        """Gradient A (T, 3, 3) in 1/s^2 of the acceleration field: skew(alpha) + skew(omega)^2."""
-        spin = skew(self.velocity)
-        return skew(self.acceleration) + spin @ spin
-
-
-def _motion_of(angle: SignalBase, t: Array) -> Angle:
-    """Value, rate and second rate (T,) of an angle at the times t (T,) in s."""
-    return angle.value(t), angle.rate(t), angle.second_rate(t)
-
-
-def skew(vectors: Array) -> Array:
-    """Matrices (..., 3, 3) of vectors v (..., 3): a matrix times a vector r is the cross product v x r."""
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    none = np.zeros_like(x)
-    return np.stack([none, -z, y, z, none, -x, -y, x, none], axis=-1).reshape(*np.shape(x), 3, 3)
 
 
 def evaluate(products: Products, quantity: Callable[[Quantity], Array], t: Array) -> Array:

@@ -50,7 +50,7 @@ from pmr.scene.frame import INERTIA
 from pmr.scene.keys import LUFFING, input_name
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.members import member_at
-from pmr.simulation.frame_motion import skew
+from pmr.scene.rotation import skew
 from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import EliminatedContacts
 from pmr.system.reduced_model import ReducedModel

@@ -41,7 +41,6 @@ from pmr.results.response import Output
 from pmr.scene import Scene
 from pmr.scene.built import reaction_name
 from pmr.scene.choice import motion_directions
-from pmr.scene.frame import boom_rotation
 from pmr.scene.hoist import WINCH_PULLS
 from pmr.scene.keys import ALONE
 from pmr.scene.mechanism import (
@@ -53,6 +52,7 @@ from pmr.scene.mechanism import (
     pin_and_cylinder,
 )
 from pmr.scene.members import members
+from pmr.scene.rotation import boom_rotation
 from pmr.scene.signals import Constant
 from pmr.simulation.frame import base_accelerations
 from pmr.simulation.modal import forces_without_rows, inertia_share, support_forces

@@ -21,11 +21,11 @@ from pmr.results.quantities import support_names
 from pmr.scene import Scene
 from pmr.scene.built import force_name, reaction_name
 from pmr.scene.choice import motion_directions, transverse_axes
-from pmr.scene.frame import boom_rotation
 from pmr.scene.ground import MachineMass
 from pmr.scene.keys import qualified_name
 from pmr.scene.mechanism import AT_PIVOT
 from pmr.scene.members import members
+from pmr.scene.rotation import boom_rotation
 from pmr.simulation.statics.loaded import LoadedStates
 from pmr.simulation.statics.postures import HOOK, MACHINE_WEIGHT, PostureMatrices
 from pmr.system.from_scene import force_names

@@ -30,11 +30,11 @@ from pmr.files.arrays import Array
 from pmr.results.quantities import LIMITED, LIMITS, Columns, Measure, matches_pattern, pad_pressure_measure
 from pmr.scene import Scene
 from pmr.scene.choice import traits_of
-from pmr.scene.frame import boom_rotation
 from pmr.scene.ground import MachineMass, edge_rows, polygon_area
 from pmr.scene.keys import SceneTable, Usual, qualified_name
 from pmr.scene.mechanism import rope_shares
 from pmr.scene.members import members, pads_on_faces
+from pmr.scene.rotation import boom_rotation
 from pmr.scene.structures import Probe
 from pmr.simulation.statics.loaded import Form, LoadedStates
 from pmr.simulation.statics.postures import MACHINE_WEIGHT, PostureMatrices, StandAtRest

@@ -14,7 +14,7 @@ from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.moving_frame import SpaceEnergy, energy_in_space
 from pmr.compare.simulated import excitation_of_scene
 from pmr.scene import Scene
-from pmr.simulation.frame_motion import FrameRotation
+from pmr.scene.rotation import FrameRotation
 from pmr.simulation.native import systems
 from pmr.simulation.reactions import with_pivot_force
 

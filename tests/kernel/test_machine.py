@@ -11,7 +11,7 @@ from pmr import InputError, SimulationError
 from pmr.files.arrays import Array
 from pmr.kernel.state import Settings, State
 from pmr.scene.frame import DIRECTIONS
-from pmr.simulation.frame_motion import FrameRotation
+from pmr.scene.rotation import FrameRotation
 from pmr.simulation.free_base import Extensions, FrameMotion, FreeBase, base_equations
 from pmr.simulation.native.machine import MachineRun, MachineSimulation, modes_in_bodies
 from pmr.system.assembly import Assembly

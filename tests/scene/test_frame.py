@@ -11,8 +11,8 @@ from pmr.scene import Scene
 from pmr.scene.choice import inertia_fields, model_of
 from pmr.scene.frame import Frame
 from pmr.scene.members import member_at, members
+from pmr.scene.rotation import FrameRotation
 from pmr.scene.signals import Signal
-from pmr.simulation.frame_motion import FrameRotation
 
 THREE = "boom_three"
 LUFFING = "frame.luffing={kind='smooth_ramp', times=[1.0, 5.0], values=[0.2, 1.0]}"

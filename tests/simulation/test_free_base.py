@@ -12,8 +12,9 @@ from pmr import InputError, System
 from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
+from pmr.scene.rotation import FrameRotation
 from pmr.simulation import Excitation
-from pmr.simulation.frame_motion import Acceleration, FrameRotation
+from pmr.simulation.frame_motion import Acceleration
 from pmr.simulation.free_base import Extensions, FrameMotion, FreeBase, Moments, base_equations
 from pmr.system.assembly import Assembly
 

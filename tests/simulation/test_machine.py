@@ -12,8 +12,9 @@ from pmr import InputError, SimulationError
 from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.frame import DIRECTIONS
+from pmr.scene.rotation import FrameRotation
 from pmr.simulation import Excitation
-from pmr.simulation.frame_motion import FrameRotation, MachineMotion, with_computed_motion
+from pmr.simulation.frame_motion import MachineMotion, with_computed_motion
 from pmr.simulation.free_base import Extensions, FrameMotion, FreeBase, base_equations
 from pmr.simulation.native import systems
 from pmr.simulation.native.free_motion import machine_motion

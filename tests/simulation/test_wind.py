@@ -15,6 +15,7 @@ from pmr.scene import Scene
 from pmr.scene.checks import check_scene
 from pmr.scene.files import stored_scene
 from pmr.scene.ground import Ground
+from pmr.scene.hoist import Hoist
 from pmr.scene.members import member_at
 from pmr.simulation.frame import WindOnSection, load_signals
 from pmr.studies.tasks import scene_arguments, scene_of
@@ -128,7 +129,10 @@ def test_polynomials_of_the_wind_have_its_force_and_moment_at_any_time(t: float)
 
 
 def test_wind_above_a_ground_is_the_same_in_a_stored_scene_and_in_a_task_of_a_study() -> None:
-    """It had the pivot on the ground there; stored scenes of earlier versions have this 0 in all loads."""
+    """It had the pivot on the ground there, and beside a hoist that says how high the pivot is.
+
+    Stored scenes of earlier versions have this 0 in all loads.
+    """
     built, on_ground = (scene(still(30.0), still(0.0), still(300.0), above=above) for above in (None, 0.0))
     assert built.frame is not None
     outriggers = [{"name": name, "at": at} for name, at in (("a", (2.0, 2.0)), ("b", (2.0, -2.0)), ("c", (-2.0, 0.0)))]
@@ -144,6 +148,11 @@ def test_wind_above_a_ground_is_the_same_in_a_stored_scene_and_in_a_task_of_a_st
         for each in (built, *copies)
     ]
     assert all(of_copy == amplitudes[0] for of_copy in amplitudes[1:]) and amplitudes[0][0] > 0.0
+    hoisting = scene(still(30.0), still(0.0), still(300.0), above=None).with_keys(
+        hoist=Hoist(payload=100.0, length=2.0, EA=1e7, pivot_height=ABOVE)
+    )
+    wind = load_signals(hoisting, member_at(hoisting, 1))
+    assert [float(wind[f"wind {axis} {k}"].value(0.0)) for axis in "yz" for k in range(4)] == amplitudes[0]
 
 
 def test_a_base_that_rises_lifts_the_boom_into_stronger_wind() -> None:

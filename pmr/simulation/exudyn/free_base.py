@@ -53,12 +53,12 @@ from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
 from pmr.scene.keys import LUFFING, input_name
 from pmr.scene.mechanism import frame_terms
+from pmr.scene.rotation import skew
 from pmr.scene.signals import Constant
 from pmr.simulation.exudyn.contacts import Contacts
 from pmr.simulation.exudyn.equations import Driving, Equations, Inputs, NodeCoordinate, Paths, check_path, driving_value
 from pmr.simulation.exudyn.formulations import Start, zero_jacobian
 from pmr.simulation.exudyn.items import Steps, SystemItems, add_bodies, with_contacts
-from pmr.simulation.frame_motion import skew
 from pmr.simulation.free_base import Extensions, FrameMotion, FreeBase, base_equations
 from pmr.system.changing_rows import ChangingRows, EliminatedContacts
 from pmr.system.system import System

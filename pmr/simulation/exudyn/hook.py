@@ -36,9 +36,9 @@ from exudyn.itemInterface import (
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array
+from pmr.scene.rotation import skew
 from pmr.simulation.exudyn.free_base import Base, ForcesAndStiffness
 from pmr.simulation.exudyn.items import SystemItems, add_coordinates
-from pmr.simulation.frame_motion import skew
 from pmr.simulation.start import InitialState
 from pmr.system.changing_rows import InputResponse
 

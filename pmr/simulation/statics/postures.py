@@ -18,13 +18,12 @@ from pmr.results.response import Output
 from pmr.scene import Scene
 from pmr.scene.built import Load
 from pmr.scene.choice import motion_directions
-from pmr.scene.frame import boom_rotation
 from pmr.scene.keys import LUFFING
 from pmr.scene.members import members
+from pmr.scene.rotation import FrameRotation, boom_rotation
 from pmr.scene.signals import Constant
 from pmr.simulation.at_rest import RestRows, accelerate_angle, constant_inclination, rest_rows, scene_at_rest
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.frame_motion import FrameRotation
 from pmr.simulation.reactions import machine_wrench, outputs_of, outputs_of_ground
 from pmr.simulation.statics.loaded import Equations, LoadEffects
 from pmr.system.assembly import Assembly

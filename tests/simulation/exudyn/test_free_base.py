@@ -12,10 +12,10 @@ from pmr import InputError
 from pmr.files.arrays import Array
 from pmr.scene.frame import DIRECTIONS, INERTIA
 from pmr.scene.mechanism import frame_terms
+from pmr.scene.rotation import FrameRotation
 from pmr.scene.signals import Table
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn import NodeCoordinate, add_hook, add_sensors, simulate_system
-from pmr.simulation.frame_motion import FrameRotation
 from pmr.simulation.native import systems
 from pmr.simulation.native.free_motion import machine_motion
 

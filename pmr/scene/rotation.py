@@ -1,0 +1,108 @@
+"""Rotation of a boom's frame by its angles, its angular velocity and its angular acceleration.
+
+The order of the angles is that of `pmr.scene.frame`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pmr.files.arrays import Array
+from pmr.scene.signals import SignalBase
+
+#: An angle in rad, its rate and its second rate, (T,) each.
+Angle = Sequence[Array]
+
+
+@dataclass(frozen=True)
+class FrameRotation:
+    """Rotation (T, 3, 3) of the frame at T times, its angular velocity and its angular acceleration.
+
+    `velocity` (T, 3) in rad/s and `acceleration` (T, 3) in rad/s^2 are in the frame's axes.
+    """
+
+    velocity: Array
+    acceleration: Array
+    rotation: Array  # (T, 3, 3), from the frame's axes into those of the ground
+
+    @classmethod
+    def from_signals(
+        cls, luffing: SignalBase, slewing: SignalBase, t: Array, rocking: Sequence[SignalBase] = ()
+    ) -> FrameRotation:
+        """Rotation of the frame by the signals of its angles at the times t (T,) in s.
+
+        `luffing` and `slewing` are signals in rad; `rocking` are those of roll, pitch, yaw of the frame's base, empty
+        if the base does not turn.
+        """
+        return cls.from_angles(motion_of(luffing, t), motion_of(slewing, t), [motion_of(angle, t) for angle in rocking])
+
+    @classmethod
+    def from_angles(cls, luffing: Angle, slewing: Angle, rocking: Sequence[Angle] = ()) -> FrameRotation:
+        """Rotation by the frame's angles (T,) in rad, with rates and second rates, on a base turned by `rocking`.
+
+        An empty `rocking` stands for a base that does not turn.
+        """
+        turning = cls.about_axis(2, slewing).carry(cls.about_axis(1, tuple(-part for part in luffing)))
+        return cls.from_rocking(rocking).carry(turning) if rocking else turning
+
+    @classmethod
+    def from_rocking(cls, rocking: Sequence[Angle]) -> FrameRotation:
+        """Rotation :math:`R_Z(c) R_Y(b) R_X(a)` of a base by `rocking` = (roll a, pitch b, yaw c), in its own axes."""
+        roll, pitch, yaw = (cls.about_axis(axis, angle) for axis, angle in enumerate(rocking))
+        return yaw.carry(pitch).carry(roll)
+
+    @classmethod
+    def about_axis(cls, axis: int, angle: Angle) -> FrameRotation:
+        """Rotation about an axis, numbered from 0, by an angle (T,) in rad with its rates."""
+        value, rate, second = (np.asarray(part)[:, None] for part in angle)
+        e = np.eye(3)[axis]
+        along, sine, cosine = np.outer(e, e), np.sin(value)[..., None], np.cos(value)[..., None]
+        return cls(rate * e, second * e, along + cosine * (np.eye(3) - along) + sine * skew(e))
+
+    def carry(self, inner: FrameRotation) -> FrameRotation:
+        """Rotation of a frame that turns by `inner` relative to a frame that turns by this rotation."""
+        velocity, acceleration = (
+            np.einsum("tji,tj->ti", inner.rotation, vectors) for vectors in (self.velocity, self.acceleration)
+        )
+        return FrameRotation(
+            velocity + inner.velocity,
+            acceleration + np.cross(velocity, inner.velocity) + inner.acceleration,
+            self.rotation @ inner.rotation,
+        )
+
+    @property
+    def up(self) -> Array:
+        """Vertical unit vector (T, 3) in the frame's axes."""
+        return self.rotation[:, 2]
+
+    @cached_property
+    def gradient(self) -> Array:
+        """Gradient A (T, 3, 3) in 1/s^2 of the acceleration field: skew(alpha) + skew(omega)^2."""
+        spin = skew(self.velocity)
+        return skew(self.acceleration) + spin @ spin
+
+
+def motion_of(angle: SignalBase, t: Array) -> Angle:
+    """Value, rate and second rate (T,) of an angle at the times t (T,) in s."""
+    return angle.value(t), angle.rate(t), angle.second_rate(t)
+
+
+def skew(vectors: Array) -> Array:
+    """Matrices (..., 3, 3) of vectors v (..., 3): a matrix times a vector r is the cross product v x r."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    none = np.zeros_like(x)
+    return np.stack([none, -z, y, z, none, -x, -y, x, none], axis=-1).reshape(*np.shape(x), 3, 3)
+
+
+def boom_rotation(luffing: Array, slewing: Array) -> Array:
+    r"""Rotation :math:`R_Z(\psi) R_Y(-\varphi)` (T, 3, 3) from axes of the boom to axes of the base.
+
+    The angles (T,) in rad are :math:`\varphi`, the argument `luffing`, and :math:`\psi`, the argument `slewing`.  A
+    base that does not rotate has Z upwards, and X where the boom points at a slewing angle of 0.
+    """
+    still = np.zeros_like(luffing)
+    return FrameRotation.from_angles((luffing, still, still), (slewing, still, still)).rotation
