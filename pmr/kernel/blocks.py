@@ -52,9 +52,9 @@ def round_up(count: int) -> int:
 
 @dataclass(frozen=True)
 class Part:
-    """A body in its modes, and where its modes, inputs and outputs are among those of all bodies, as slices."""
+    """A body in its modes, and the slices of its modes, inputs and outputs among those of all bodies."""
 
-    number: int
+    number: int  # of the body, from 0 on
     body: ReducedModel
     modes: slice  # padding included
     inputs: slice
@@ -71,11 +71,7 @@ class Part:
 
     @property
     def values(self) -> Array:
-        """Values (K, n) of the modes on the K carriers of the body.
-
-        Columns of zeros are appended, so that the number n of columns is that of the slice `modes`, a multiple of
-        `LANES`.
-        """
+        """Values (K, n) of the modes on the body's K carriers, with columns of zeros for the padding in `modes`."""
         assert self.body.carriers is not None
         values = self.body.carriers.values
         return np.pad(values, ((0, 0), (0, round_up(values.shape[1]) - values.shape[1])))
@@ -159,7 +155,7 @@ def _without_rigid_flexibility(block: Block, rigid: NDArray[np.bool_]) -> Block:
 def _arrange_exactly(system: System) -> Arrangement:
     """Split the contact rows of a system into constants and a block for each body and path.
 
-    Other than in `arrange`, the flexibility of contacts stays as it is, however small.
+    Unlike `arrange`, this function leaves the flexibility of contacts as it is, however small.
     """
     parts, friction = _body_parts(system), Friction.from_contacts(system.contacts)
     F = np.pad(system.compliance.constant, (0, 0 if friction is None else len(friction.pads)))
@@ -233,8 +229,9 @@ def _block_on_path(
 ) -> Block:
     """Block of the `sides` of contacts that travel along the path number `path`, on the body in `part`.
 
-    The block's tables reach over `domain`, the lowest and the highest path coordinate in m.  Sides on this body that
-    don't travel have the row numbers `stays` (w,), and `weights` (w, K) on the body's K carriers.
+    The block's tables reach over `domain`, the lowest and the highest path coordinate in m.  The w sides on this body
+    that don't travel have the row numbers `stays` (w,); `weights` (w, K) are their weights on the body's K carriers,
+    with the sides' signs.
     """
     rows = [_row_on_path(system, side) for side in sides]
     breaks = common_breaks([PPoly(row.coefficients, row.breaks) for row in rows], domain)
@@ -276,7 +273,7 @@ def _modal_row(system: System, side: Side) -> Row:
 
 
 def _fixed_side_weights(system: System, side: Side) -> Array:
-    """Weights (K,) on the body's K carriers of a side that does not travel, times the side's sign, 1 or -1."""
+    """Weights (K,) of a side that does not travel on the K carriers of its body, times the side's sign, 1 or -1."""
     return np.asarray(side.sign * _modal_row(system, side).weights(side.place.at).toarray()[0])
 
 

@@ -115,15 +115,18 @@ class Outputs:
         return cls(np.concatenate(outputs), np.concatenate(reactions), tuple(map(len, outputs)))
 
     def split(self, array: Array) -> list[Array]:
-        """Split the columns of an array (k, all outputs) into those of outputs proper and those of reactions.
+        """Split an `array` (k, all outputs) into two: the columns of outputs proper, and the columns of reactions.
 
-        Both results have k rows.  Their columns are padded with zeros to whole registers, and by one more register.
+        Columns of zeros are appended to each, up to whole registers and by one more register.
         """
         parts = (array[:, numbers] for numbers in (self.outputs, self.reactions))
         return [np.pad(_fill_rows(columns, columns.shape[1]), ((0, 0), (0, LANES))) for columns in parts]
 
     def before(self, part: Part) -> list[int]:
-        """First number of a body's outputs among all outputs proper, then that of its reactions among all reactions."""
+        """Numbers at which the outputs of the body in `part` begin: among all outputs proper, and among all reactions.
+
+        The second number is that of the body's first reaction.
+        """
         return [int(np.searchsorted(numbers, part.outputs.start)) for numbers in (self.outputs, self.reactions)]
 
 
@@ -238,9 +241,9 @@ def _body_arrays(rows: Arrangement, split: Outputs) -> Arrays:
 def _contact_arrays(system: System, rows: Arrangement, split: Outputs) -> Arrays:
     """Constant arrays of the contacts by their names in the kernel's block.
 
-    The arrays hold the constant parts of the rows, the clearances, which contacts only push, the range of modes that
-    each row touches, the ends of the paths' ranges, and the slopes of the compliance by paths that lengthen ropes.
-    `split` says which outputs are reactions of supports.
+    They are the constant parts C, F, H, X of the rows; clearances, and the mask of contacts that only push; the range
+    of modes that each row touches; the ends of each path's range; and derivatives of the compliance by the paths that
+    lengthen ropes.  `split` says which outputs are reactions of supports.
     """
     m, moments = len(system.contacts), len(rows.F) - len(system.contacts)
     clearance = np.pad(system.clearance, (0, moments), constant_values=np.nan)
@@ -275,6 +278,7 @@ def _block_arrays(rows: Arrangement, split: Outputs) -> Arrays:
     }
 
     def store(name: str, array: NDArray[Any]) -> int:
+        """Append the entries of `array` to the part `name`; return the number of entries before them."""
         at = sum(part.size for part in parts[name])
         parts[name].append(array.ravel())
         return at

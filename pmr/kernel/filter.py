@@ -55,7 +55,8 @@ class StepMatrices:
     its acceleration, and so are z and its rate at the end of the step: `courses` has the factors.
     """
 
-    courses: Array  # (5, 4, r)
+    # (5, 4, r): z*, v*, a* of the next prediction, z and its rate by z*, v*, a* and the acceleration of the same mode
+    courses: Array
     R: Array  # (T, r, 2 r)
     G: Array  # (T, r, i)
     C: Array  # (T, q, 2 r): of outputs
@@ -82,7 +83,7 @@ class FilterSteps:
     an estimated payload.
     """
 
-    reference: Array  # (T, q)
+    reference: Array  # (T, q): outputs of the motion about which the models are linear
     matrices: StepMatrices
     sensitivity: Array  # (T, q, parameters)
     per_kilogram: Array  # (T, q, parameters)
@@ -244,8 +245,8 @@ def find_silent(values: Array, step: float) -> NDArray[np.bool_]:
     """Mask (T, p) of the steps at which a sensor has had no measurement for too long.
 
     `values` (T, p) are the measurements of p sensors at T steps of `step` s, not finite where nothing was measured.
-    Too long is longer than `SILENT` s and than `INTERVALS` times the median interval of the sensor's measurements.  The
-    start counts as a measurement.
+    Too long is longer than both `SILENT` s and `INTERVALS` times the median interval between the sensor's measurements.
+    The start counts as a measurement.
     """
     silent = np.zeros(values.shape, bool)
     steps = np.arange(len(values))
@@ -313,10 +314,10 @@ def find_drift(mean: Array, deviation: Array, step: float, growth: float) -> NDA
     """Mask (T,) of the steps at which a payload's estimate has changed over `CHANGED` s by more than chance explains.
 
     `mean` (T,) in kg are estimates of a constant payload at steps of `step` s, and `deviation` (T,) in kg their
-    standard deviations.  The change that chance explains has the variance P_0 - P_1, by which the estimate's variance
-    has fallen in this time, plus that of a random walk of `growth` in kg^2/s.  A change of more than `DRIFT` times the
-    root of this variance is a drift, as by a force sensor whose error grows slowly.  Innovations do not show such an
-    error, because the estimate of the payload follows it.
+    standard deviations.  The change that chance explains has the variance by which the estimate's variance has fallen
+    in this time, plus the variance of a random walk, which grows by `growth` in kg^2/s.  A change of more than `DRIFT`
+    times the root of this sum is a drift, as by a force sensor whose error grows slowly.  Innovations do not show such
+    an error, because the estimate of the payload follows it.
     """
     lag, drifts = max(1, round(CHANGED / step)), np.zeros(len(mean), bool)
     variance = deviation[:-lag] ** 2 - deviation[lag:] ** 2 + growth * lag * step
@@ -330,11 +331,12 @@ def isolate(
 ) -> int | None:
     """Number of the sensor without which all others agree with the model, or None if there is no such sensor.
 
-    The measurements `values` (t, p) of the t steps of `step` s up to the step k are filtered again from the `earlier`
-    state of the filter, once without each sensor that is not in the mask `excluded` (p,).  The largest mean square of
-    the innovations of all sensors in use is taken from each of these trials.  A sensor is at fault if this figure is
-    below `AGREED` in the trial without it, and at least `APART` times as large in every other trial.  The filter
-    `kalman` then gets the state that it reaches without this sensor; it stays as it is if no sensor is at fault.
+    The last t steps of `step` s, up to step k, are filtered again from the `earlier` state of the filter, with their
+    measurements `values` (t, p): one trial without each sensor that is not in the mask `excluded` (p,).  The figure of
+    a trial is the largest mean square of innovations, in its last `JUDGED` s, among the sensors that it uses.  A sensor
+    is at fault if the figure is at most `AGREED` in the trial without it, and at least `APART` times as large in every
+    other trial.  The filter `kalman` then gets the state of the trial without this sensor, but its `level` stays; all
+    of it stays as it is if no sensor is at fault.
     """
     trials, present = list[tuple[float, int, Array]](), kalman.memory.copy()
     judged, levels = max(1, round(JUDGED / step)), kalman.level.copy()

@@ -87,7 +87,8 @@ class Supports:
 def supports_of(system: System, name: str, form: Modal, output: bool) -> Supports:
     """Reactions of the rigid supports of the body `name` of a system, in the modes of its modal `form`.
 
-    There are no reactions, h = 0, if `output` is false or if the body does not store any.
+    There are no reactions, h = 0, if `output` is false or if the body does not store any; in a system on several paths
+    also if it does not store how its supports carry contact forces (`Reactions.carried`).
     """
     body, X, r = system.bodies[name], form.X, form.body.size
     reactions = body.reactions if isinstance(body, ReducedModel) else None
@@ -199,11 +200,11 @@ def cylinder_arrays(scene: Scene, paths: Sequence[str], numbers: Mapping[str, in
 
     ``cylinder_hinges`` (4,) are the coordinates x, z in m of the cylinder's foot and of its lug.  The force of the
     cylinder follows from K forces on the ground, ``cylinder_sources`` (K,), by their moments about the pivot.
-    ``cylinder_moments`` (K, 1 + P) are the moments of unit forces in m, and the changes of these by 1 m of each of P
-    paths.  All forces with a moment are needed.  ``cylinder_pin`` has the numbers of the pin's reactions along x and z
-    (-1 if there are none) and of the force at the lug.  `numbers` maps the names of outputs, reactions and contact
-    forces to their numbers; `outputs` is the number of outputs.  The result is empty without a cylinder or if a force
-    has no number, and also if the cylinder holds the base, as its force is then that of a contact.
+    ``cylinder_moments`` (K, 1 + P) has the moment of each of them for a force of 1 N with all P paths at 0, in m, then
+    how much this moment changes if one path grows by 1 m.  ``cylinder_pin`` (3,) has the numbers of the pin's reactions
+    along x and z (-1 if there are none) and of the force at the lug.  `numbers` maps the names of outputs, reactions
+    and contact forces to their numbers; `outputs` is the number of outputs.  The result is empty without a cylinder or
+    if a force has no number, and also if the cylinder holds the base, as its force is then that of a contact.
     """
     if scene.frame is None or scene.frame.cylinder is None or scene.holding_cylinder is not None:
         return {}
@@ -264,7 +265,10 @@ def further_names(reactions: Sequence[str], arrays: Arrays) -> list[str]:
 
 
 def numbers_of_forces(system: System, reactions: Sequence[str]) -> dict[str, int]:
-    """Numbers by name in one count: first outputs, then `reactions` of rigid supports, then contact forces."""
+    """Numbers by name in one count: first outputs, then `reactions` of rigid supports, then contact forces.
+
+    Of several quantities with one name, the first has the number.
+    """
     named = [*system.output_names, *reactions, *map(force_name, system.contact_names)]
     return {name: k for k, name in reversed([*enumerate(named)])}
 
@@ -309,15 +313,12 @@ AXES = ("base.x", "base.y", "base.z")
 
 @dataclass(frozen=True)
 class ComputedData:
-    """Data of a luffing angle or extension that is free, so that its motion is computed.
+    """Data of a luffing angle or extension that is free, so that its motion is computed."""
 
-    The data are arrays of the kernel's block, units of the outputs by name, and `moved`: the allowed range, lowest and
-    highest value, of each moved path.
-    """
-
-    arrays: Mapping[str, Array]
-    outputs: Mapping[str, str]
-    #: of a free extension: ratio to it and offset in m of each path that moves with it, its own path first
+    arrays: Mapping[str, Array]  # of the kernel's block, by name
+    outputs: Mapping[str, str]  # units of its outputs, by name
+    #: by name, of each path that moves with a free extension, its own path first: the ratio to the extension, and the
+    #: offset in m; empty for a luffing angle
     moved: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
@@ -424,11 +425,12 @@ def mass_numbers(masses: Sequence[MachineMass]) -> Array:
 def ground_arrays(frame: Frame, system: System, paths: Sequence[str], reactions: Sequence[str]) -> Arrays:
     """Arrays of the outriggers, by name, of a system in a `frame` with these paths and reactions of rigid supports.
 
-    ``ground_wrenches`` has the wrench (6,) about the pivot by a unit of each force on the ground, and the change of
-    this wrench by 1 m of each of P paths, (6, 1 + P); ``ground_sources`` has the numbers of these forces.  Further
-    arrays have the numbers of the base's motions and of the cylinder's force (-1 for what there is not), the masses,
-    and the corners, places, stiffness and tipping edges of the outriggers.  The result is empty if the scene has no
-    ground, or if a force between boom and ground is not known.
+    ``ground_sources`` (K,) has the numbers of the K forces on the ground.  ``ground_wrenches`` has (6, 1 + P) numbers
+    for each of them: its wrench about the pivot for a force of 1 N with all P paths at 0, then how much this wrench
+    changes if one path grows by 1 m.  Further arrays have the numbers of the base's motions, of gravity, and of the
+    force of a cylinder that holds the base (-1 for what there is not), the machine's masses, and the corners, places,
+    stiffness and tipping edges of the outriggers.  The result is empty if the scene has no ground, or if a force
+    between boom and ground is not known.
     """
     scene = frame.scene
     ground = None if scene.frame is None else scene.frame.ground

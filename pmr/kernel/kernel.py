@@ -230,11 +230,10 @@ class BankRecord(NamedTuple):
 
 @dataclass(frozen=True)
 class Bank:
-    """A filter with n states for each of S places on a path where something may be, and D speeds of its motion.
+    """A filter with n states for each of S places on a path where something may be, and D speeds at which it may move.
 
-    `up` and `down` are, for each speed, the chances to move to the next place and to the one before.  `rest` and
-    `active` are the transition matrices between speeds where nothing moves, and in motion; `activity` in
-    `advance_bank` is the share of the second.
+    `up` and `down` are the probabilities with which each speed leads to the next place, or to the place before, in a
+    step.  `rest` and `active` are transition matrices between the speeds: while nothing moves, and in full motion.
     """
 
     F: Array  # (S, n, n)
@@ -252,11 +251,11 @@ class Bank:
 def advance_bank(bank: Bank, y: Array, activity: Array, least_level: Array, of_speeds: Array, delay: int) -> BankRecord:
     """Advance a bank by T steps with measurements y (T,), beginning with equally likely places.
 
-    NaN in y stands for no measurement.  `activity` (T,), 0 to 1, says how much is in motion: speeds change by this
-    share of `active` and the remaining share of `rest`.  The level of the innovations, a running mean of their squares
-    divided by their variance, scales all variances; it never falls below `least_level` (T,) and the floor of `bank`.
-    `of_speeds` (T, D) are logarithms of the likelihoods of the speeds.  The probabilities of a step also use
-    measurements of up to `delay` further steps.
+    NaN in y stands for no measurement.  `activity` (T,), 0 to 1, says how much is in motion: the transition matrix
+    between speeds is the mean of `active` and `rest`, with this weight of `active`.  The level of the innovations, a
+    running mean of their squares divided by their variance, scales all variances; it never falls below `least_level`
+    (T,) and the floor of `bank`.  `of_speeds` (T, D) are logarithms of the likelihoods of the speeds.  The
+    probabilities of places at a step also use the measurements of up to `delay` steps after it.
     """
     S, n = bank.H.shape
     fields = {name: value for name, value in vars(bank).items() if name != "following"} | dict(bank.following)

@@ -80,6 +80,7 @@ class ContactSearch:
     """
 
     def __init__(self) -> None:
+        """Begin a search."""
         self._state = ffi.new("pmr_search *")
 
     def change(self, closed: Mask, wrong: Mask) -> Mask:
@@ -96,8 +97,8 @@ class ContactSearch:
 class FixedPoint:
     """Iteration of x (n,) to a fixed point x = phi(x), accelerated by generalized conjugate residuals.
 
-    For a linear phi, the number of iterates until they converge is the number of distinct eigenvalues of phi's
-    derivative, however large these are.
+    If phi is linear, it takes as many iterates as the derivative of phi has distinct eigenvalues, even if these are
+    large.
     """
 
     def __init__(self, size: int, most: int = 32, add_up: Callable[[float], float] | None = None) -> None:
@@ -117,9 +118,11 @@ class FixedPoint:
         if add_up is not None:
 
             def add(value: Any, _: Any) -> None:
+                """Replace the number at the address `value` by its sum over all ranks."""
                 value[0] = add_up(value[0])
 
             def store_error(_: Any, error: BaseException, __: Any) -> None:
+                """Store the first `error` of `add_up`, which `next` raises."""
                 self._raised = self._raised or error
 
             self._state.sum = self._add = ffi.callback("void(double *, void *)", add, onerror=store_error)

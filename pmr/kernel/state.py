@@ -26,6 +26,7 @@ class StepError(SimulationError):
     """
 
     def __init__(self, message: str, failure: int, contact: int) -> None:
+        """Store the error code `failure` and the number of the `contact`, besides the `message`."""
         super().__init__(message)
         self.failure, self.contact = failure, contact
 
@@ -221,9 +222,10 @@ class State:
     ) -> None:
         """Take `steps` steps with drivers from signals; record each `every`-th step, from row `first` of the record on.
 
-        `parts` (steps,), int32, are the numbers of substeps of each step, each one of `parts` of the settings; if it is
-        None, the kernel chooses.  A StepError is raised if a step fails.  The state is then at the end of the last
-        whole step, and previous steps have been recorded; after PMR_NOT_FINITE the state has to be started or restored.
+        `parts` (steps,), int32, has the number of substeps of each step, one of the numbers in the settings' `parts`;
+        if it is None, the kernel chooses.  A StepError is raised if a step fails.  The state is then at the end of the
+        last whole step, and previous steps have been recorded; after PMR_NOT_FINITE the state has to be started or
+        restored.
         """
         _check_room(record, first, steps // every, self.settings.parts[-1])
         taken, schedule = ffi.new("int64_t *"), pointer(_ensure_integers("parts", parts, steps))
@@ -392,7 +394,7 @@ class BoundStep:
     (2, N) of the drivers at both ends of the step.
 
     `observe` writes to `values` the quantities with the chosen `numbers`.  The numbers count through the outputs, then
-    the forces of contacts, and then the outputs of a hoist, of a free luffing angle and of outriggers.
+    the forces of contacts, and then the outputs of a hoist, of a free luffing angle or extension, and of outriggers.
     """
 
     def __init__(self, state: State, numbers: Sequence[int]) -> None:

@@ -239,9 +239,9 @@ class Assembly:
         return moved_outputs
 
     def _add_carrier_rows(self, name: str, side_numbers: Sequence[int], x: Array, rows: ContactRows) -> None:
-        """Add to `rows` the part of the body `name`, whose rows are on carriers: of its sides `side_numbers`.
+        """Add to `rows`, in place, the contributions of the body `name`, whose rows are on carriers.
 
-        The places of these sides are at x (sides, T) in m.
+        `side_numbers` are the numbers of the body's sides, and the places of these are at x (sides, T) in m.
         """
         sides, carriers = [self.system.sides[a] for a in side_numbers], self.system.bodies[name].carriers
         assert carriers is not None
@@ -265,10 +265,10 @@ class Assembly:
         rows.F[:, np.array(contacts)[:, None], contacts] += among + np.triu(among, 1).transpose(0, 2, 1)
 
     def _add_table_rows(self, name: str, side_numbers: Sequence[int], x: Array, contact_rows: ContactRows) -> None:
-        """Add to `contact_rows` the part of the body `name`, the only one of a system, with tables over its path.
+        """Add to `contact_rows`, in place, the contributions of a system's only body `name`, with tables over its path.
 
-        All sides, with the numbers `side_numbers`, share one path coordinate.  The path coordinate is the first one in
-        x (sides, T) in m of a side that travels.
+        All sides, with the numbers `side_numbers`, share one path coordinate: in x (sides, T) in m that of the first
+        side that travels, or of the first side if none travels.
         """
         body, sides = self.system.bodies[name], [self.system.sides[a] for a in side_numbers]
         s = next((at for side, at in zip(sides, x, strict=True) if side.place.path is not None), x[0])

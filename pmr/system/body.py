@@ -215,8 +215,8 @@ class FullBody(FullOrderBody):
     def reactions(self) -> Reactions | None:
         """Reactions of the h rows that are fixed (`Row.is_fixed`); None if there are none.
 
-        The reactions are the work on motions that change the value of one such row by 1 and of no other, the shortest
-        ones.
+        Each of the h motions of the reactions changes the value of one fixed row by 1 and leaves the others unchanged.
+        Of all such motions, the shortest ones are taken.
         """
         numbers = self.rows.fixed
         if not numbers:

@@ -92,8 +92,9 @@ STATES = AXIAL | BENDING
 def _linear_field_motions(j: int, k: int) -> Iterator[tuple[Array, str]]:
     """Pairs of a matrix S (3, 3) and the name of a rigid motion u, such as ``rz``: S u is the field x_k e_j.
 
-    There is one pair for the rotation about each axis c other than k.  The rotation moves the third component b by x_k
-    or -x_k, so S is e_j e_b^T with this sign.  A pair with b = j comes first, since other fields have the same S.
+    There is one pair for the rotation about each axis c other than k.  By this rotation, points are displaced along the
+    third axis b by x_k or -x_k, so S is e_j e_b^T with this sign.  A pair with b = j comes first, since other fields
+    have the same S.
     """
     for c in sorted({0, 1, 2} - {k}, key=lambda c: 3 - c - k != j):
         b = 3 - c - k

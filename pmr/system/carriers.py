@@ -216,7 +216,7 @@ class CarrierRows:
         return cls(np.asarray(values), breaks, touched, coefficients, np.zeros((len(values), 0)), flexibility)
 
     def row(self, number: int, name: str) -> Row:
-        """Return the row with the `number`, called `name`, as a row that acts on the r coordinates alone."""
+        """Return the row with the `number`, called `name`, on the r coordinates; it has no compliance or clearance."""
         k = str(number)
         return Row(name, self.breaks[k], self._sparse_values, self.touched[k], self.coefficients[k])
 
@@ -326,11 +326,11 @@ def pack_model(model: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
 
 
 def unpack_model(data: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str, NDArray[Any]]:
-    """Arrays (any shape) of a model in full, by the field's name, from those of a file that begin with `prefix`.
+    """Arrays (any shape) of a model in full, from those of a file whose names begin with `prefix`: undoes `pack_model`.
 
-    `data` are all arrays of the file; earlier versions stored them in full.  The arrays are as
-    `pmr.files.npz.record_from_arrays` reads them, and its errors are raised.  A ValueError is raised if tables are
-    missing and carriers are not sound, or if a triangle has a wrong number of entries.
+    `data` are all arrays of the file; earlier versions stored them in full.  The names in the result begin with
+    `prefix`, too, as `pmr.files.npz.record_from_arrays` reads them; errors of this function are raised.  A ValueError
+    is raised if tables are missing and carriers are not sound, or if a triangle has a wrong number of entries.
     """
     content = dict[str, NDArray[Any]]()
     for name, array in data.items():

@@ -227,6 +227,7 @@ class EliminatedContacts:
     """
 
     def __init__(self, assembly: Assembly, along: ChangingRows, gives: Mask) -> None:
+        """Prepare the response of `assembly`; `along` are the rows of its contacts as functions of P paths."""
         self._along, self._gives = along, gives
         self._B, self._E = assembly.B.toarray(), assembly.energy
         self._stored = dict[bytes, InputResponse]()

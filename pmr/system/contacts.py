@@ -161,14 +161,14 @@ def contact_error(contact: str, key: str, value: object, allowed: str) -> InputE
 
 
 class FrictionLaw(NamedTuple):
-    """Coefficients of friction, or forces in N, and Stribeck speed in m/s; no friction by itself.
+    """Friction coefficients of a pad, or friction forces in N of a cylinder; without arguments there is no friction.
 
-    The fields are ordered as the constants in src/law.h.
+    The fields are in the order of the constants in src/law.h.
     """
 
-    sliding: float = 0.0
+    sliding: float = 0.0  # at high speed
     at_rest: float = 0.0
-    stribeck_speed: float = STRIBECK_SPEED
+    stribeck_speed: float = STRIBECK_SPEED  # m/s
 
 
 def friction_law(contact: Contact) -> FrictionLaw:

@@ -63,7 +63,7 @@ def with_terms_of(scene: Scene, system: System) -> System:
 
 
 def with_hoist_of(scene: Scene, system: System) -> System:
-    """Return a system whose hoist has the payload, rope and start of another scene of the same boom."""
+    """Return the system with the hoist of another `scene` of the same boom; unchanged if the system has no hoist."""
     return replace(system, hoist=hoist_of(scene)) if system.hoist else system
 
 

@@ -191,7 +191,7 @@ def same_degree(*coefficients: Array) -> list[Array]:
 def common_breaks(tables: Sequence[PPoly], domain: tuple[float, float]) -> Array:
     """Breaks (k + 1,) in m that cover `domain`, between which each of `tables` is a single polynomial.
 
-    A break that is closer to the preceding one than 1e-12 of the domain's length is left out.
+    A break that is closer to the preceding one than 1e-12 of the domain's length is left out, unless it is the last.
     """
     low, high = domain
     inner = np.concatenate([[low, high], *(table.x for table in tables)])
@@ -204,8 +204,8 @@ def common_breaks(tables: Sequence[PPoly], domain: tuple[float, float]) -> Array
 def refine_table(table: PPoly, breaks: Array, degree: int | None = None) -> PPoly:
     """Return the same piecewise polynomial on finer `breaks` (k + 1,), exactly.
 
-    The breaks must contain all breaks of the table within their range.  The result has zeros for powers up to `degree`;
-    if that is None, the degree does not change.
+    The breaks must contain all breaks of the table within their range.  The result has the `degree`, with zeros as
+    coefficients of powers that the table lacks; None keeps the table's degree.
     """
     source = interval_around(breaks, table.x)
     c = table.c[:, source].copy()
@@ -226,9 +226,10 @@ def interval_around(fine: Array, coarse: Array) -> Indices:
 
 @lru_cache(maxsize=32)  # the pads of a ring use the same few splines at many places
 def cardinal_spline(degree: int, knot: float) -> PPoly:
-    r"""Centred cardinal B-spline b with the knot distance `knot` = H and the integral H, zero outside its knots.
+    r"""Centred cardinal B-spline b with the knot distance `knot` = H and the integral H, between its outermost knots.
 
-    The spline of degree 3 is C2.  At points x_k with spacing H / p the values, divided by p, satisfy for any s
+    Outside of these b is zero (`value_or_zero`).  The spline of degree 3 is C2.  At points x_k with spacing H / p the
+    values, divided by p, satisfy for any s
 
     .. math:: \sum_k b(x_k - s) = 1, \qquad \sum_k b(x_k - s)\, x_k = s, \qquad x_k = x_0 + k H / p,\; p = 1, 2, \dots
 

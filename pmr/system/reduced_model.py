@@ -415,8 +415,9 @@ def _upgrade_version_4(header: Mapping[str, Any], data: Mapping[str, Array]) -> 
 def satisfied_rows(C: PPoly, tolerance: float, least: float = 0.0) -> list[int]:
     """Ascending numbers of the rows C that a basis satisfies identically.
 
-    Each coefficient of such a row, times its interval's length to the same power, is at most `least`, or `tolerance`
-    times the largest such value of all rows.  `tolerance` is the round-off to expect in the basis.
+    C has values (m, r).  All contributions of powers to such a row (`power_contributions`) are at most the larger one
+    of `least` and `tolerance` times the largest contribution to any row.  `tolerance` is the round-off to expect in the
+    basis.
     """
     magnitude = np.abs(power_contributions(C)).max(axis=(0, 1, 3))
     return np.flatnonzero(magnitude <= max(least, tolerance * magnitude.max(initial=0.0))).tolist()

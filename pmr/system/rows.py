@@ -195,22 +195,20 @@ def row_on_coordinates(name: str, breaks: Array, dofs: ArrayLike, coefficients: 
 
 
 class IntervalColumns(NamedTuple):
-    """Columns out of n that each of k intervals touches.
+    """Columns out of n that each of k intervals touches: w columns at most, and c pairs of interval and column in all.
 
-    `codes` are ``interval * n + column``, each once and ascending, and `place` is the index of each code's column among
-    those of its interval.  `columns` are the columns of each interval.
+    A pair is written as the code ``interval * n + column``.
     """
 
-    codes: Indices  # (c,)
-    place: Indices  # (c,)
-    columns: Indices  # (k, w)
+    codes: Indices  # (c,): each once, ascending
+    place: Indices  # (c,): index of each code's column among the columns of its interval
+    columns: Indices  # (k, w): ascending; an interval with fewer columns repeats its last one
 
 
 def columns_by_interval(touching: Indices, n: int, k: int) -> IntervalColumns:
     """Columns out of n that each of k intervals touches, from codes ``interval * n + column``.
 
-    The codes `touching` (any,) may be in any order.  If w is the largest number of columns of an interval, intervals
-    with fewer columns repeat their last one.
+    The codes `touching` (any,) may be in any order and occur several times.
     """
     different = np.unique(touching)
     interval, width = different // n, np.bincount(different // n, minlength=k)

@@ -52,8 +52,7 @@ class ContactRows:
     def force_scale(self, K: sp.csr_matrix | Array) -> float:
         """Factor by which contact equations are scaled: the largest entry of the stiffness K (n, n).
 
-        If K is zero, as for rigid motions, it is the square of the largest entry of C over the largest entry of F, or 1
-        if F is zero.
+        For K = 0, as of rigid motions, the factor is max |C|^2 / max |F|, or 1 if F is zero, too.
         """
         flexibility = abs(self.F).max(initial=0.0)
         return float(abs(K).max() or (abs(self.C).max() ** 2 / flexibility if flexibility else 1.0))
@@ -282,9 +281,10 @@ def displacements(
 
 
 def outputs_by_body(system: System, outputs: Sequence[int] | None) -> dict[str, Indices | slice]:
-    """Indices (k,) of the chosen `outputs` among the outputs of each body alone, or a slice, by the body's name.
+    """Split `outputs`, ascending indices among the outputs of all bodies, by body: indices (k,) in its own outputs.
 
-    `outputs` are ascending indices among the outputs of all bodies, one body after the other; None selects all.
+    The outputs of all bodies are counted one body after the other.  If `outputs` is None, each body's name has the
+    slice of all its outputs.
     """
     ends = np.cumsum([0, *(body.outputs.shape[0] for body in system.bodies.values())])
     if outputs is None:
@@ -356,6 +356,6 @@ def deformation(
 
 
 def _weighted_sum(weights: Array, touched: Indices, X: Array) -> Array:
-    """Sums (T, o) over d of the rows of X (K, o) with indices `touched` (T, d), times `weights` (T, d)."""
+    """Sums (T, o) of d rows of X (K, o) at each of T times: rows `touched` (T, d), each times its `weights` (T, d)."""
     ends = np.arange(len(weights) + 1) * weights.shape[1]
     return np.asarray(sp.csr_matrix((weights.ravel(), touched.ravel(), ends), (len(weights), len(X))) @ X)

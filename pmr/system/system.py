@@ -44,7 +44,7 @@ from pmr.system.terms import Hoist, Term, recorded_hoist, term_error
 
 @dataclass(frozen=True)
 class Side:
-    """One of the two places that a contact joins: the contact's number, the place, and the sign of its row C."""
+    """One of the two places that a contact joins: the contact's number, the place, and the sign of the place's row."""
 
     contact: int
     place: Place

@@ -117,10 +117,10 @@ class Term:
 
 
 def add_terms(A: sp.csr_matrix, terms: Sequence[Term], key: str, c: Sequence[float] | Array) -> sp.csr_matrix:
-    """Sparse matrix A + sum_k c_k A_k, with the field `key` of term k of `terms`: ``stiffness`` or ``damping``.
+    """Sparse matrix A + sum_k c_k A_k (n, n), where A_k is the stiffness or damping (`key`) of the k-th of `terms`.
 
-    Terms without that matrix add nothing.  A and A_k are (n, n).  If the amplitudes c (k,) are empty or zero, A itself
-    is returned.  All matrices are summed in one step: SciPy's overhead for each sum takes longer than the sum.
+    Terms without that matrix add nothing; if nothing is added, as with amplitudes c (k,) that are empty or zero, A
+    itself is returned.  All matrices are summed in one step: SciPy's overhead for each sum takes longer than the sum.
     """
     each = [(c_k, getattr(term, key)) for term, c_k in zip(terms, c, strict=len(c) > 0)]
     parts = [(1.0, A.tocoo()), *((c_k, part.tocoo()) for c_k, part in each if part is not None and c_k != 0.0)]
@@ -144,10 +144,10 @@ def term_error(term: str, key: str, value: object, allowed: str) -> InputError:
 def terms_of(
     scene: Scene, bodies: Mapping[str, SlidingBody], which: Iterable[FrameTerm] | None = None
 ) -> tuple[Term, ...]:
-    """Terms of a scene on models of its bodies, those in `which`.
+    """Terms of a scene with matrices from the models of its bodies, which `bodies` has by name.
 
-    If `which` is None, the terms are all those that a moving frame and second order need; a scene whose frame does not
-    move, or is of first order, has none.  `bodies` maps names to models.
+    `which` chooses the terms.  If it is None, all terms of a moving frame with second order are made; a scene that has
+    no frame, or a frame of first order, has none.
     """
     return tuple(_build_term(scene, term, bodies) for term in (frame_terms(scene) if which is None else which))
 
@@ -157,8 +157,8 @@ def _build_term(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]
 
     `bodies` are all bodies by name.  Terms of cylinders join two sections.  Such a term has the stiffness m D^T D: D
     (d, n) gives the lateral distances between the two tails, m is the mass or first moment that the cylinder carries,
-    or 1 for a cylinder's load.  All other terms have the term's matrix on one body: a rotation as damping, the others
-    as stiffness; the matrix is zero if the body lacks it.
+    or 1 for a cylinder's load.  All other terms have a matrix of one body as their stiffness, or, for a rotation, as
+    their damping, which is then zero for coordinates without inertia.  If the body lacks the matrix, it is zero.
     """
     if term.kind in ("cylinder", "cylinder load"):
         apart = sp.csr_matrix(_distance_rows(scene, term, bodies))
@@ -177,7 +177,10 @@ def _build_term(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]
 
 
 def _clear_without_inertia(body: SlidingBody, matrix: sp.csr_matrix | Array) -> sp.csr_matrix | Array:
-    """Return `matrix` (n, n) with zeros in the rows and columns of the body's coordinates without inertia."""
+    """Return `matrix` (n, n) with zeros in the rows and columns of the body's coordinates without inertia.
+
+    The result is a dense copy; without such coordinates it is `matrix` itself.
+    """
     if not len(body.quasi_static):
         return matrix
     on_inertia = np.array(matrix if isinstance(matrix, np.ndarray) else matrix.toarray())
@@ -186,9 +189,9 @@ def _clear_without_inertia(body: SlidingBody, matrix: sp.csr_matrix | Array) -> 
 
 
 def _distance_change(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody], name: str) -> Array:
-    """Changes (d, h) of the d distances of `_distance_rows` by unit motions of the h rigid supports of one body.
+    """Changes (d, h) of the d distances in `_distance_rows` if one of the h rigid supports of a body moves by 1.
 
-    `term` joins two sections, whose bodies `bodies` has by name; `name` is that of one of these bodies.  h is 0 if the
+    `term` joins two of the `bodies`, and `name` is the name of one of these two, whose supports move.  h is 0 if the
     supports' motions are not known.
     """
     reactions, sign = bodies[name].reactions, 1.0 if name == term.bodies[0] else -1.0
@@ -247,7 +250,8 @@ class Hoist:
     """
 
     inputs: tuple[str, ...] = ()  # (k,): names of the system's inputs
-    # (k, 6): how far a unit of what each input works along moves the head and the winch, along the boom
+    # (k, 6): displacements of the head (3) and of the winch (3) along x, y, z of the boom, if the point of an input
+    # moves by 1 m, or turns by 1 rad, in the input's direction
     levers: Array = field(default_factory=lambda: np.zeros((0, 6)))
     numbers: Array = field(default_factory=lambda: np.zeros(0))  # (19,), as `HOIST_MASS` and what follows it in hoist.c
     reach: tuple[tuple[str, ...], ...] = ()  # paths along which the head moves, and those along which the winch does
@@ -264,14 +268,17 @@ class Hoist:
         return OUTPUTS if self else {}
 
     def in_frame(self, scene: Scene) -> Hoist:
-        """Return the hoist driven by the frame of another `scene` of the same boom."""
+        """Return this hoist with the drivers that the frame of another `scene` of the same boom needs."""
         of_frame = frame_quantities(scene)
         slots = (*self.slots[: 1 + len(WIND)], *_ground_slots(scene, tuple(of_frame)))
         return replace(self, drivers=(ROPE, *WIND, *of_frame), slots=slots)
 
 
 def frame_quantities(scene: Scene) -> dict[str, tuple[str | int, ...]]:
-    """Quantities of a moving frame that drive a scene's hoist, by their names as drivers; empty without a frame."""
+    """Quantities of a moving frame that drive a scene's hoist, by the drivers' names; empty without frame or hoist.
+
+    A quantity is a tuple as `pmr.kernel.further.Quantity` lists them, such as ``("turned", 2, 0)``.
+    """
     if scene.frame is None or scene.hoist is None:
         return {}
     quantities: dict[str, tuple[str | int, ...]] = {f"{HOIST}gravity": ("gravity",)}
@@ -320,9 +327,10 @@ def recorded_hoist(provenance: Mapping[str, object]) -> Hoist:
 
 
 def _ground_slots(scene: Scene, of_frame: tuple[str, ...]) -> list[Slot]:
-    """Slots of gravity, accelerations of the pivot, entries of the rotation R, and the machine's upward direction.
+    """The 15 slots of gravity (1), acceleration of the pivot (3), rotation R by rows (9), machine's upward direction.
 
-    `of_frame` are the names of the frame's inputs to the hoist; empty if nothing moves the frame.
+    The last two are that direction's parts along x and z of the boom.  `of_frame` are the names in `frame_quantities`.
+    If it is empty, as without a frame, gravity is the weight of the first section, and all else is constant.
     """
     if of_frame:
         shaken, turned = ([f"{HOIST}{kind} {k}" for k in of] for kind, of in (("shaken", "xyz"), ("turned", range(9))))

@@ -204,12 +204,13 @@ def yielding_rows(model: ReducedModel) -> list[int]:
 
 
 def with_floor(model: ReducedModel) -> ReducedModel:
-    """Return the model with a least residual flexibility: `FLOOR` times C K^+ C^T, which is that of its coordinates.
+    """Return the model with more residual flexibility G at the rows C at which G + 1/k is nearly zero somewhere.
 
-    This least flexibility is added to the residual flexibility G of those rows C for which G + 1/k, with the row's
-    stiffness k, is less anywhere on the path.  If there is no such row, the model is returned unchanged.  Not to be
-    called for free modes: these leave something out everywhere, and on soft supports C K^+ C^T is the flexibility of
-    the supports, far more than that of bending.
+    G + 1/k, with the stiffness k of the row, is nearly zero if it is less than `FLOOR` times the flexibility C K^+ C^T
+    of the model's coordinates anywhere on the path; `FLOOR` times this flexibility is then added to G on the whole
+    path.  If there is no such row, the model is returned unchanged.  Not to be called for free modes: these leave
+    something out everywhere, and on soft supports C K^+ C^T is the flexibility of the supports, far more than that of
+    bending.
 
     A basis of modes with the slider held responds by itself to a force at the held positions, and leaves nothing out
     there.  The stiffness C^T G^-1 C of such a row would drown the body's own stiffness in round-off.  With the floor,
