@@ -65,11 +65,11 @@ class Stretch:
         return (self.start + self.end) / 2.0
 
     def profile_at(self, x: float) -> BoxProfile:
-        """Return the profile at x in m."""
+        """Return the profile at `x`, m along the box, between `start` and `end`."""
         return interpolate_profile(self.first, self.last, (x - self.start) / (self.end - self.start))
 
     def sub_range(self, start: float, end: float) -> Stretch:
-        """Return the sub-range of this stretch from `start` to `end`, m."""
+        """Return the part of this stretch from `start` to `end`, m along the box; a uniform one is returned whole."""
         return self if self.first is self.last else Stretch(start, end, self.profile_at(start), self.profile_at(end))
 
     @property
@@ -82,11 +82,15 @@ class Stretch:
 
 
 def interpolate_profile(first: BoxProfile, last: BoxProfile, share: float) -> BoxProfile:
-    """Return the profile with dimensions (1 - share) * `first` + share * `last`; both have the same faces."""
+    """Return the profile with dimensions (1 - share) * `first` + share * `last`; share is from 0 to 1.
+
+    Both profiles have the same faces.
+    """
     if first is last or share == 0.0:
         return first
 
     def mean(a: float, b: float) -> float:
+        """Return (1 - share) * a + share * b, which is never outside of a and b."""
         return min(max((1.0 - share) * a + share * b, min(a, b)), max(a, b))  # round-off could go beyond both
 
     names: dict[WallName, None] = dict.fromkeys((*(edge.face for edge in first.edges), *HALVES))
@@ -145,9 +149,10 @@ class Box(BoxProfile):
         return self
 
     def mid_dimensions(self, sign: float) -> dict[str, Any]:
-        """Return keys and values of the box by its mid-surface; the tapers among them have those of their ends.
+        """Return those dimensions of a box with `sizes` that change, by key, as dimensions of its mid-surface.
 
-        `sign` is -1 if the dimensions of the box are those of the outer surface, 1 for the inner one.
+        The keys are those of `BoxProfile.mid_dimensions`, and ``tail_taper`` and ``tip_taper`` with all keys of the
+        taper.  `sign` is -1 if the box has the dimensions of the outer surface, 1 if those of the inner one.
         """
         dimensions = super().mid_dimensions(sign)
         for key, taper in self._tapers.items():
@@ -159,7 +164,7 @@ class Box(BoxProfile):
 
     @property
     def frame_plate_thickness(self) -> float:
-        """Thickness of the frames in m."""
+        """Thickness in m of the transverse plates `frames`: `frame_thickness`, or that of the thickest wall."""
         return self.frame_thickness or max(self.walls.values())
 
     @property
@@ -203,7 +208,10 @@ class Box(BoxProfile):
 
     @property
     def parallel_range(self) -> Interval:
-        """First and last position along x in m between which all faces are parallel to the axis."""
+        """First and last position along x in m between which all faces are parallel to the axis.
+
+        A taper that changes only the thickness of the walls leaves the faces parallel.
+        """
         low, high = self.untapered_range
         tapering = [stretch for stretch in self.stretches if stretch.is_tapered]
         behind, before = any(stretch.start < low for stretch in tapering), any(part.end > high for part in tapering)
@@ -211,7 +219,7 @@ class Box(BoxProfile):
 
     @property
     def stretches(self) -> list[Stretch]:
-        """Ranges along x between neighbouring `breaks`."""
+        """Ranges along x between neighbouring `breaks`, in ascending order, with their doublers."""
         return [self._stretch(a, b) for a, b in pairwise(self.breaks)]
 
     def profile_at(self, x: float) -> BoxProfile:
@@ -221,7 +229,7 @@ class Box(BoxProfile):
 
     @property
     def _tapers(self) -> dict[str, Taper]:
-        """Tapers of the box by their keys."""
+        """Tapers that the box has, by the keys ``tail_taper`` and ``tip_taper``."""
         tapers = {"tail_taper": self.tail_taper, "tip_taper": self.tip_taper}
         return {key: taper for key, taper in tapers.items() if taper is not None}
 
@@ -231,7 +239,7 @@ class Box(BoxProfile):
         return [edge.face for edge in self.edges]
 
     def _check_taper(self, key: str, taper: Taper) -> None:
-        """Refuse a taper that lacks dimensions, is too long, or is larger at its end than the box or of other faces.
+        """Refuse a taper that lacks dimensions, is too long, or whose profile at the end is larger or has other faces.
 
         `key` is the taper's key.
         """
@@ -259,7 +267,7 @@ class Box(BoxProfile):
             raise key_error(f"{key}.{next(iter(dimensions))}", None, allowed)
 
     def _end_profile(self, taper: Taper) -> BoxProfile:
-        """Return the profile at the end of a taper."""
+        """Return the profile at the end of a taper; dimensions that the taper lacks are those of the box."""
         dimensions = {key: getattr(self, key) for key in BoxProfile.model_fields}
         return BoxProfile(**(dimensions | {k: v for k in dimensions if (v := getattr(taper, k)) is not None}))
 

@@ -128,10 +128,10 @@ class Body(Geometry):
         return body.model_copy(update={"material": body.material.model_copy(update={"density": density})})
 
     @model_validator(mode="after")
-    def _check_thickness(self) -> Body:
-        """Refuse more than one description of the shape: a box, a profile or a mover; and a box with a thickness.
+    def _check_shape(self) -> Body:
+        """Refuse a body with more than one of `box`, `profile` and `mover`, or with a `box` and a `thickness`.
 
-        A box has the thickness of its walls itself.
+        A box says itself how thick its walls are.
         """
         if self.box is not None and self.thickness is not None:
             raise ValueError("give box.wall or thickness, one of them")
@@ -232,6 +232,7 @@ class Support(SceneTable):
         return self
 
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
+        """Return the scale 1 under ``turning`` if the support holds rotations alone, otherwise under ``straight``."""
         turns = all(direction in ("rx", "ry", "rz") for direction in self.held_directions)
         return {"turning" if turns else "straight": 1.0}
 
@@ -334,12 +335,12 @@ class PadRing(SceneTable):
 
 
 def force_name(name: str) -> str:
-    """Return the name of the force of a pad or sliding point, an output of the model or the multiplier of a row."""
+    """Return the name in results of the force at the pad, sliding point or other contact called `name`."""
     return f"force of {name}"
 
 
 def reaction_name(name: str) -> str:
-    """Return the name of the force or moment of a rigid support."""
+    """Return the name in results of the force or moment in the row called `name` of a rigid support."""
     return f"reaction of {name}"
 
 
@@ -426,10 +427,9 @@ class Load(PlacedLoad):
 
     @model_validator(mode="after")
     def _check_keys(self) -> Self:
-        """Refuse keys without effect on what acts (a force, moment, difference of temperature or wind).
+        """Refuse keys that have no effect on a load with this `acts`; return the load itself.
 
-        Refused are also a difference of temperature along the body's axis and the point of a moment.  Returns the load
-        itself.
+        A difference of temperature along the body's axis and the point of a moment are refused, too.
         """
         if self.acts == "temperature" and self.direction not in ("y", "z"):
             raise key_error("direction", self.direction, "'y' or 'z' is allowed across a body")
@@ -442,13 +442,13 @@ class Load(PlacedLoad):
         return self
 
     def blows_sideways(self, unit: str) -> bool:
-        """Whether this is wind that leaves the vertical plane of X; `unit` is that of `azimuth`, rad or degrees."""
+        """Whether this is wind with a part across the plane of X and Z; `unit` is that of `azimuth`, rad or degrees."""
         azimuth = self.azimuth if unit == "rad" else math.radians(self.azimuth)
         return self.acts == "wind" and abs(math.sin(azimuth)) > 1e-12
 
     @property
     def unused_keys(self) -> tuple[str, ...]:
-        """Keys that loads of this kind do not have."""
+        """Keys that have no effect on loads with this `acts`."""
         return tuple(key for key, kinds in KEYS_OF_LOADS.items() if self.acts not in kinds)
 
     @property
@@ -459,8 +459,8 @@ class Load(PlacedLoad):
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
         """Return the scale, by its name, in whose multiples the usual ranges of the load are stated.
 
-        The scale of a force is the weight, and that of a moment the weight times the length in `scales`.  Other loads
-        have the scale 1 under the name of their kind.
+        The scale of a ``force`` is the ``weight`` in N in `scales`, that of a ``moment`` the weight times the
+        ``length`` in m.  Other loads have the scale 1 under the name of their kind, ``temperature`` or ``wind``.
         """
         if self.acts != "force":
             return {self.acts: 1.0}
@@ -500,7 +500,10 @@ class Gravity(ShorthandTable):
     @model_validator(mode="before")
     @classmethod
     def _resolve_inclination(cls, data: object) -> object:
-        """Add the direction (-sin, 0, -cos) of an `inclination`, which is refused together with a `direction`."""
+        """Return the table with the direction (-sin, 0, -cos) of its `inclination`; without one, return it unchanged.
+
+        An `inclination` together with a `direction` is refused.
+        """
         angle = data.get("inclination") if isinstance(data, dict) else None
         if not isinstance(data, dict) or not isinstance(angle, (int, float)):
             return data

@@ -108,7 +108,10 @@ def has_walls_that_could_give(member: Member) -> bool:
 
 
 def motion_directions(member: Member) -> tuple[Direction, ...]:
-    """Return those of x, y, z, rx, ry, rz along or about which points of a body can move in its model."""
+    """Return those of x, y, z, rx, ry, rz along or about which points of a body can move in its model.
+
+    A mover moves along z, and along x with the section that carries it, if that can move along x.
+    """
     if traits_of(member).kind == "mass":  # along the boom it moves with the section that carries it
         carrier = motion_directions(Member(member.scene, member.number - 1)) if member.number else ()
         return ("x", "z") if "x" in carrier else ("z",)
@@ -235,7 +238,7 @@ def inertia_fields(member: Member) -> tuple[str, ...]:
 
 
 def _has_rotary_inertia(member: Member) -> bool:
-    """Whether a beam or one of its masses has inertia about axes across the beam, or a mass is off the beam's axis."""
+    """Whether a beam has rotary inertia itself, or a mass on it has moments of inertia or is off the beam's axis."""
     is_off_axis = [mass.at is not None and mass.at[1:] != (0.0, 0.0) for mass in member.part.masses]
     attached = any(any(mass.inertia) for mass in member.part.masses)
     return attached or any(is_off_axis) or (member.part.body.shear and not is_planar(member))

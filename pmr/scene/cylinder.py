@@ -134,7 +134,7 @@ class DrivenCylinder(SceneTable):
     damping: Friction = Field(default=0.0, description="Viscous friction along the cylinder")
     stop_stiffness: Stiffness = Field(default=1e9, description="Stiffness of the stops at both ends of the stroke")
     stop_damping: StopDamping = Field(
-        default=0.0, description="By how much more a stop pushes per m/s by which it is pressed in"
+        default=0.0, description="Share by which a stop pushes more, per m/s with which it is pressed in"
     )
 
     @model_validator(mode="after")
@@ -255,9 +255,9 @@ class LuffingCylinder(DrivenCylinder):
         return self
 
     def square_angle(self, angle: float) -> float:
-        """Return the luffing angle in rad at which the lines from the pivot to foot and lug are square.
+        """Return the luffing angle in rad at which the lines from the pivot to foot and lug are at right angles.
 
-        Of both such angles it is the one on the same side of the dead points as `angle` in rad.
+        Of the two such angles it is the one on the same side of the dead points as the luffing angle `angle` in rad.
         """
         between = np.arctan2(self.lug[1], self.lug[0]) + angle - np.arctan2(self.foot[1], self.foot[0])
         between = (between + np.pi) % (2.0 * np.pi) - np.pi
@@ -305,7 +305,10 @@ class LuffingCylinder(DrivenCylinder):
 
 
 class FirstExtension(SignalBase):
-    """Signal of a free extension at its start, which can reach `low` to `high` and begins with the rate `speed`."""
+    """Stand-in for a free extension before its motion is computed: at all times the value `start` and the rate `speed`.
+
+    The value is in m and the rate in m/s.  The bounds are `low` and `high` in m, the range that the boom is made for.
+    """
 
     start: float
     speed: float
@@ -327,7 +330,7 @@ class FirstExtension(SignalBase):
         return Constant(amount=self.start).strands
 
     def bounds(self, start: float, end: float) -> Interval:
-        """Smallest and largest extension that the boom is made for; `start` and `end` have no effect."""
+        """Smallest and largest extension in m that the boom is made for; `start` and `end` have no effect."""
         return Interval(self.low, self.high)
 
 
@@ -383,6 +386,6 @@ class FreeExtension(DrivenCylinder):
 
     @property
     def first(self) -> FirstExtension:
-        """Signal of the extension at its start, as long as its motion is not computed."""
+        """Signal that stands in for the extension before its motion is computed."""
         low, high = self.reach
         return FirstExtension(start=self.start, speed=self.rate, low=low, high=high, drives=self.drive_signals)

@@ -64,7 +64,8 @@ _FORMER_DEFAULTS = {"loads.above": 0.0, "sections.loads.above": 0.0}
 def stored_scene(data: Mapping[str, object], source: str, context: Mapping[str, str] | None = None) -> Scene:
     """Return the scene in `data` from saved results or from a saved model, of this version or an earlier one.
 
-    `source` names the file in messages; `context` is the context of pydantic's validation, None for none.
+    `source` names the file in messages; `context` is `pmr.scene.keys.RECORDED` if files that the scene names need not
+    exist, else None.
 
     Raises
     ------
@@ -162,7 +163,10 @@ def _has_key(data: object, key: str) -> bool:
 
 
 def _refused_body_keys(member: Member) -> Iterator[UnusedKey]:
-    """Yield keys without effect on a body; a model that is left to measurements is not decided yet."""
+    """Yield the keys of `unused_body_keys` that a scene file must not set.
+
+    With `body.model` ``auto``, keys that have no effect because of the model are left out, as it is not decided yet.
+    """
     decided = member.part.body.model != "auto"
     return (unused for unused in unused_body_keys(member) if decided or unused.decided_by != "body.model")
 

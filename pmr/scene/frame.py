@@ -136,6 +136,7 @@ class Machine(SceneTable):
         return self
 
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
+        """Return the scale ``inertia`` in kg m^2: the machine's mass times the square of the boom's reach."""
         return {"inertia": self.mass * scales["reach"] ** 2}
 
     def is_sprung(self, direction: str) -> bool:
@@ -272,6 +273,7 @@ class Frame(BoomAngles):
         return self
 
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
+        """Return the scale 1 under the name of the unit of angles, ``rad`` or ``degrees``."""
         return {self.unit: 1.0}
 
     @property
@@ -330,7 +332,11 @@ class Frame(BoomAngles):
 
     @property
     def base_angles(self) -> tuple[SignalBase, ...]:
-        """Roll, pitch and yaw of the base in rad over time; empty if the base keeps its direction."""
+        """Roll, pitch and yaw of the base in rad over time.
+
+        Roll and pitch follow from the slope of the ground, if that is not 0.  The result is empty if nothing turns the
+        base: no angle in ``base``, no slope and no machine.
+        """
         motions = {} if self.base is None else self.base.motions
         if self.ground is not None and any(self.ground.slope):
             along, across = self.ground.slope
@@ -360,7 +366,10 @@ class Frame(BoomAngles):
         return next((key for key in ("slewing", *out) if key in motions or (key == "slewing" and self.slewing)), None)
 
     def rotation(self, t: ArrayLike) -> Array:
-        """Return the rotations (T, 3, 3) from axes of the boom to axes of the base at times t (T,) in s."""
+        """Return the rotations (T, 3, 3) from axes of the boom to axes of the base at times t (T,) in s.
+
+        T is 1 for a single number t.
+        """
         luffing, slewing = (np.atleast_1d(angle.value(np.asarray(t))) for angle in self.angles)
         return boom_rotation(luffing, slewing)
 

@@ -190,7 +190,7 @@ class PlaceOnBoom(NamedTuple):
     """Place in m of head or winch with all sections retracted, and the number of the section around it.
 
     A place on the boom is along the boom's axes, from the pivot of its frame, or from the base's tail if it has no
-    frame.  A place on the machine is along axes that do not luff.
+    frame.  A place on the machine is along axes that do not luff; its `number` is 0.
     """
 
     at: tuple[float, float, float]

@@ -148,16 +148,17 @@ def convex_hull(points: Sequence[Corner]) -> list[Corner]:
 
 
 def polygon_area(polygon: ArrayLike) -> float:
-    """Return twice the signed area in m^2 of a polygon (k, 2) in m, positive if its corners X, Y run anticlockwise."""
+    """Return the signed area in m^2 of a polygon (k, 2) in m, positive if its corners X, Y run anticlockwise."""
     x, y = np.asarray(polygon, float).T
-    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2.0
 
 
 def edge_rows(polygon: ArrayLike, height: float) -> NDArray[np.float64]:
     """Return rows (e, 6) whose product with a force and its moment about the pivot (6,) is the moment about e edges.
 
-    The corners of `polygon` are X and Y in m from the pivot, in either direction; edges run anticlockwise.  The pivot
-    is `height` in m above the corners.  A positive moment tips the machine over the edge.
+    The corners of `polygon` are X and Y in m from the pivot, in either direction.  Edges run anticlockwise; the first
+    one begins at the first corner, or at the last one if the corners run clockwise.  The pivot is `height` in m above
+    the corners.  A positive moment tips the machine over the edge.
     """
     corners = np.insert(np.asarray(polygon, float), 2, -height, axis=1)
     if polygon_area(polygon) < 0.0:

@@ -298,7 +298,7 @@ def hung_forces(scene: Scene) -> dict[str, float]:
     """Return the mass in kg whose weight equals each force that only pulls the tip down, by the load's name.
 
     Only vertical forces on the last section are listed, with their largest pull during the run.  The result is empty
-    without gravity, and if the masses at the tip are at least the share `HAS_MASS` of the sum.
+    without gravity, and if the masses at the tip are at least the share `HAS_MASS` of the sum of these masses.
     """
     part = scene.sections[-1]
     gravity = scene.gravity.acceleration if scene.gravity is not None else 0.0
@@ -312,7 +312,7 @@ def hung_forces(scene: Scene) -> dict[str, float]:
 
 
 def is_hung(load: Load, scene: Scene) -> bool:
-    """Return whether a load is a force that pulls the tip of a section down in space, and never up."""
+    """Return whether a load is a force along the ground's Z on a section's tip that pulls down and never up."""
     low, high = load.signal.bounds(0.0, scene.time.end)
     is_down = (load.acts, load.axes, load.direction, load.on) == ("force", "ground", "z", "tip")
     return is_down and low < 0.0 >= high

@@ -69,7 +69,10 @@ class Refusal:
 
     @classmethod
     def from_validation(cls, error: ValidationError, model: type[BaseModel], data: object) -> Refusal:
-        """Return the refusal of the first error that pydantic found in `data`; unknown keys come before others."""
+        """Return the refusal of the first error that pydantic found in `data`; unknown keys come before others.
+
+        `model` is the class that `data` was validated with; its keys are named in place of an unknown one.
+        """
         errors = error.errors()
         of_table = isinstance(errors[0]["input"], (dict, list)) and errors[0]["type"] == "float_type"
         within = [
@@ -238,7 +241,10 @@ class SceneTable(Hinted):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
     def with_keys(self, **keys: object) -> Self:
-        """Return a copy with other values of `keys`, without a check; a mapping changes keys of the table there."""
+        """Return a copy with these values of `keys`, which are not checked.
+
+        For a key that holds a table, a dict as the value changes the keys of that table which the dict names.
+        """
         tables = {key: table for key in keys if isinstance(table := getattr(self, key), SceneTable)}
         of_tables = {key: table.with_keys(**of) for key, table in tables.items() if isinstance(of := keys[key], dict)}
         return self.model_copy(update=keys | of_tables)

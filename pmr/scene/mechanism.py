@@ -57,7 +57,8 @@ class ContactWrench:
     """Force and moment (T, 6) on the ground per unit of the force of a contact between a body and the ground.
 
     Force and moment are along the boom's axes and about the frame's pivot, at T times.  In the results of a run the
-    force has one of the `names`; without names, only a mesh file knows where the contact is.
+    force has one of the `names`.  If `names` is empty, only a mesh file knows where the contact is, and `wrench` has no
+    meaning.
     """
 
     names: tuple[str, ...]
@@ -77,8 +78,8 @@ def ground_contact_wrenches(scene: Scene, along: Mapping[str, Array]) -> list[Co
 class PinAndCylinder:
     """The rigid pin of a base, and the support across the boom that stands for the luffing cylinder.
 
-    `pin` are the names of the pin's forces along x and z.  `across` are the names that the support's force may have.
-    `offset` is the place of the pin in m, x and z from the pivot.
+    `pin` are the names of the pin's forces along x and z.  `stand_in` is the support across the boom, and `across` are
+    the names that its force may have.  `offset` is the place of the pin in m, x and z from the pivot.
     """
 
     pin: tuple[str, str]
@@ -133,7 +134,7 @@ def pin_and_cylinder(scene: Scene) -> PinAndCylinder | None:
 def _body_wrenches(scene: Scene, member: Member, along: Mapping[str, Array]) -> Iterator[ContactWrench]:
     """Yield force and moment on the ground for each contact of one body with the ground.
 
-    `along` are the coordinates (T,) in m of paths by name at T times, as in `ground_contact_wrenches`.
+    `along` are the coordinates (T,) of paths by name at T times, as in `ground_contact_wrenches`.
     """
     body, moves = scene.names[member.number], motion_directions(member)
     count = len(next(iter(along.values())))
@@ -327,6 +328,7 @@ def rope_shares(scene: Scene) -> dict[str, dict[str, float]]:
     joined = [name for name in names if follows[name] is not None or name in {*follows.values(), *ropes}]
 
     def shares_of(name: str) -> dict[str, float]:
+        """Return the factors of all forces F in the sum T of section `name`, by the section of F."""
         shares = {name: 1.0}
         for other in joined:
             if follows[other] == name:
@@ -339,11 +341,12 @@ def rope_shares(scene: Scene) -> dict[str, dict[str, float]]:
 
 
 def drive_rows(scene: Scene, forces: Sequence[str]) -> dict[str, Array]:
-    """Return the factors (m,) of m named `forces` whose weighted sum moves a section along the boom, by section.
+    """Return, by section, the factors (m,) by which the force that moves it along the boom follows from `forces`.
 
-    For a section with a rope, or one that follows or is followed, the sum is T of `rope_shares`.  For all others it is
-    the force of the section's own cylinder.  Factors are NaN if the force of one of the cylinders in the sum is not
-    among the names.
+    `forces` are the names of m forces; the force that moves a section is the sum of these, times the factors.  For a
+    section with a rope, or one that follows or is followed, the sum is T of `rope_shares`.  For all others it is the
+    force of the section's own cylinder.  All factors of a section are NaN if the force of one of the cylinders in its
+    sum is not among the names.
     """
     shares = {name: {name: 1.0} for name in scene.names[1:]} | rope_shares(scene)
     rows = {name: np.zeros(len(forces)) for name in shares}

@@ -131,7 +131,7 @@ class Member:
 
     @property
     def pads(self) -> tuple[PadRing, ...]:
-        """Rings of pads on the ground, and those of both joints, which move along the section."""
+        """Rings of pads on the ground, and those on faces in both joints, which move along the section."""
         return (*self.part.pads, *(pads.ring for pads in self.moving_pads.values()))
 
     @property
@@ -153,7 +153,10 @@ class Member:
 
     @property
     def bounds(self) -> Interval:
-        """Least and largest s in m; for a section of a boom, the range in which all of the section's pads fit on it."""
+        """Least and largest s in m over the simulated time; for a section of a boom, s of all pads of its joints.
+
+        Positions in which the longest pad would not be wholly on the section are left out.
+        """
         return self._reach if self.has_joint else self.scene.path_bounds
 
     @property
@@ -163,7 +166,7 @@ class Member:
 
     @cached_property
     def _reach(self) -> Interval:
-        """Range in m of the positions of all rings of joints, less half of the longest one's length at both ends."""
+        """Range in m of the positions of all rings of joints, as far as the longest ring is wholly on the section."""
         half = max((pads.ring.length for pads in self.moving_pads.values()), default=0.0) / 2.0
         everywhere = _common_range(self._seats)
         return Interval(max(everywhere.low, half), min(everywhere.high, self.part.length - half))
@@ -283,7 +286,7 @@ def footprint(scene: Scene, ring: JointPads) -> str:
 
 
 def body_ring(ring: PadRing | JointPads, name: str) -> PadRing:
-    """Return a ring of pads on faces as a ring called `name` that moves along a body, without clearance."""
+    """Return pads on faces as a ring called `name` that moves along a body, holds both ways and has no clearance."""
     assert ring.faces is not None
     return PadRing(
         name=name, moving=True, faces=ring.faces, length=ring.length, width=ring.width, stiffness=ring.stiffness

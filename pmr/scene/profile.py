@@ -278,11 +278,12 @@ class BoxProfile(SceneTable):
         return handler(dimensions | written.mid_dimensions(SURFACES[sizes])) if SURFACES[sizes] else written
 
     def mid_dimensions(self, sign: float) -> dict[str, Any]:
-        """Return the dimensions of the mid-surface of the walls whose outer or inner surface has these dimensions.
+        """Return the dimensions in m of the mid-surface of the walls whose outer or inner surface has these dimensions.
 
-        `sign` is -1 if they are those of the outer surface, 1 for the inner one.  The axis y = z = 0 is in the middle
-        of the dimensions, before and after.  Raises an error of the key `sizes` for chamfers between plates that differ
-        left and right.
+        The keys are ``width`` and ``height``, and ``radius`` and ``chamfer`` if one is not 0, by ``bottom`` and
+        ``top``.  `sign` is -1 if the profile has the dimensions of the outer surface, 1 if those of the inner one.  The
+        axis y = z = 0 is in the middle of the dimensions, before and after.  Raises an error of the key `sizes` for
+        chamfers between plates that differ left and right.
         """
         edges, by_half = self.edges, dict[Half, tuple[float, float]]()
         ends = np.array([edge.start + sign * (corner.position - edge.start) for edge, corner in

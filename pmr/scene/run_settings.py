@@ -216,12 +216,15 @@ class Reduction(BasisChoice):
 
     @property
     def extendable(self) -> bool:
-        """Whether modes beyond the coordinates may be kept, with their flexibility apart from that of other modes."""
+        """Whether modes beyond the coordinates (enrichment modes) can be stored with the model.
+
+        This needs free modes with flexibility and without ports.
+        """
         return self.basis == "free_modes" and self.flexibility and not self.ports
 
     @property
     def estimable(self) -> bool:
-        """Whether the inertia of the left-out modes is kept too, from which the error is estimated."""
+        """Whether enrichment modes and the inertia of all further modes are stored, for an estimate of the error."""
         return self.extendable and self.estimate
 
 

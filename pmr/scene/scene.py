@@ -310,7 +310,11 @@ class Scene(SectionTables):
         return {"scene": content, "scene_hash": self.hash, "files": files}
 
     def file_key(self, key: str) -> str:
-        """Return a key of the scene as in its file: without ``sections[0].`` if the file has a single [body]."""
+        """Return a key of the scene as in its file.
+
+        A key of the body loses ``sections[0].`` if the file has a single [body], and gets it if the file has a list of
+        one section.
+        """
         if len(self.sections) > 1:
             return key
         if not self.sections[0].name:
@@ -318,7 +322,7 @@ class Scene(SectionTables):
         return f"sections[0].{key}" if re.split(r"\W", key)[0] in OF_A_BODY else key
 
     def section_key(self, number: int, key: str) -> str:
-        """Return a key of section `number` as in the scene's file, where keys about all bodies are at the top."""
+        """Return a key of section `number` as in the scene's file; a key that no body has is returned unchanged."""
         return self.file_key(f"sections[{number}].{key}") if re.split(r"\W", key)[0] in OF_A_BODY else key
 
     # -- all bodies
@@ -379,7 +383,10 @@ class Scene(SectionTables):
         return joint
 
     def extension(self, number: int) -> SignalBase:
-        """Return the distance in m over time of the tail of section `number` (from 1) ahead of the previous tail."""
+        """Return the distance in m over time of the tail of section `number` (from 1) ahead of the previous tail.
+
+        A free extension has the stand-in `FreeExtension.first` until it is computed.
+        """
         joint = self.joint(number)
         if isinstance(joint.extension, FreeExtension):
             return joint.extension.first

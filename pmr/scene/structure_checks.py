@@ -77,9 +77,8 @@ def _check_points_wind_and_temperatures(member: Member) -> None:
     """Check points of loads, wind and temperatures of a section; raise InputError with the key of the first fault.
 
     A load's point is refused on a planar beam.  Wind and temperatures are refused on a body that is no beam, without
-    `depth` if the body has no box or one that varies along it, and in a comparison with "ancf".  Wind is also refused
-    without [frame], and from the side on a planar beam; a temperature is refused together with probes that measure more
-    than displacements.
+    `depth` if the body has no box or one that varies along it.  Wind is also refused without [frame], and from the side
+    on a planar beam; a temperature is refused together with probes that measure more than displacements.
     """
     box, varies = member.part.body.box, member.part.body.box is not None and bool(member.part.body.box.varying_keys)
     for i, load in enumerate(member.part.loads):

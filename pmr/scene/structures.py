@@ -166,6 +166,7 @@ class PointMass(SceneTable):
     )
 
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
+        """Return the scale ``inertia`` in kg m^2: the mass times the square of the section's length."""
         return {"inertia": self.mass * scales.get("length", 0.0) ** 2}
 
 

@@ -58,7 +58,10 @@ class _Knots(SignalBase):
         return np.diff([self.times, self.values])
 
     def _coefficients(self) -> Array:
-        """Return the coefficients (p, k) of the polynomials in k intervals between knots, highest of p powers first."""
+        """Return the coefficients (p, k) of the polynomials in k intervals between knots, highest of p powers first.
+
+        Their variable is the time in s since the first knot of the interval.
+        """
         duration, rise = self._rises
         return np.array([rise / duration, self.values[:-1]])
 
@@ -192,7 +195,7 @@ class Table(_Knots):
         return self.interpolation == "linear" or len(self.times) == 2
 
     def _coefficients(self) -> Array:
-        """Return the coefficients (powers, intervals) of Akima's curve or of straight lines between knots."""
+        """Return the coefficients, as those of `_Knots`, of Akima's curve or of straight lines between knots."""
         if self._is_straight:
             return super()._coefficients()
         return np.asarray(Akima1DInterpolator(self.times, self.values).c)
@@ -264,7 +267,7 @@ class Sum(SignalBase):
     def _samples(self, parts: list[SignalBase], start: float, end: float) -> Array:
         """Return sample times (S,) in s from `start` to `end`, with the breaks and the last number before each break.
 
-        The times are as dense as the highest frequency of the `parts` needs.
+        They are not in order.  The times are as dense as the highest frequency of the `parts` needs.
         """
         fastest = max(part.highest_frequency(start, end) for part in parts)
         count = 1 + min(MOST_SAMPLES, max(FEWEST_SAMPLES, int(SAMPLES_A_PERIOD * fastest * (end - start))))

@@ -38,7 +38,7 @@ class Interval(NamedTuple):
 
 @dataclass(frozen=True)
 class Strand:
-    """Pieces p(x) + a sin(q(x)) of the time x since each began; the first holds before it, the last one for ever.
+    """Pieces p(x) + a sin(q(x)), x the time since a piece began; the first holds before it, too, the last for ever.
 
     p and q are polynomials, and u is the value of the pieces at a time t.  With a `spread` h > 0 the strand stands for
     (u'(t + h/2) - u'(t - h/2)) / h, from t = 0 on only; with a negative `spread` it stands for the second rate u''.
