@@ -276,17 +276,18 @@ def _mass(part: BoomSection) -> float:
 HAS_MASS = 0.5
 
 
-def left_out(scene: Scene, at_rest: bool = False) -> dict[str, str]:
+def left_out(scene: Scene, at_rest: bool = False, play_in_bars: bool = False) -> dict[str, str]:
     """Return effects that the model of a scene does not contain, as text by subject.
 
     The subjects are ``strength``, ``walls``, ``pads``, ``masses``, ``loads`` and ``machine``; subjects without an
     effect are left out.  An effect that has a key of its own, such as wind or friction, is named only if the scene does
-    not use this key.  A model `at_rest`, as that of a load chart, has neither friction nor fatigue.
+    not use this key.  A model `at_rest`, as that of a load chart, has neither friction nor fatigue;
+    `play_in_bars` says whether the chart's error bars have a part for the play of pads.
     """
     clauses = {
         "strength": _strength_effects(scene, at_rest),
         "walls": _wall_effects(scene),
-        "pads": _pad_effects(scene, at_rest),
+        "pads": _pad_effects(scene, at_rest, play_in_bars),
         "masses": _missing_masses(scene),
         "loads": _load_effects(scene),
         "machine": _machine_effects(scene),
@@ -361,10 +362,10 @@ def _wall_effects(scene: Scene) -> list[str]:
     ]
 
 
-def _pad_effects(scene: Scene, at_rest: bool) -> list[str]:
+def _pad_effects(scene: Scene, at_rest: bool, play_in_bars: bool) -> list[str]:
     """List the effects in pads that the scene does not use; if `at_rest`, friction is always one of these.
 
-    The list is empty if there are no pads.
+    `play_in_bars` says whether error bars contain a play of pads.  The list is empty if there are no pads.
     """
     rings = [ring for part in scene.sections for ring in part.rings]
     if not rings:
@@ -372,8 +373,9 @@ def _pad_effects(scene: Scene, at_rest: bool) -> list[str]:
     clauses = [] if not at_rest and any(getattr(ring, "friction", 0.0) for ring in rings) else ["friction"]
     clauses += ["wear", "spread of the pressure under a pad"]
     if not any(map(has_clearance, rings)):
-        in_bars = at_rest and scene.compare.play and any(ring.unilateral for ring in rings if ring.faces)
-        clauses.append("play beyond error bars" if in_bars else "play (at side pads it changes the stress in walls)")
+        clauses.append(
+            "play beyond error bars" if play_in_bars else "play (at side pads it changes the stress in walls)"
+        )
     return clauses
 
 

@@ -257,11 +257,8 @@ class ChartModels:
         reason, above = str(model_arrays.get("reason", "")), float(arrays.get("too_stiff", np.nan))
         return cls(reduced, enriched, with_tip_mass, comparisons, reason, above, arrays["reach"])
 
-    def not_covered(self, limits: Sequence[Limit], play: float) -> list[str]:
-        """Return the errors that the error bars of a chart with these limits do not cover, one clause for each.
-
-        `play` is ``compare.play`` of the scene, in m.
-        """
+    def not_covered(self, limits: Sequence[Limit], scene: Scene) -> list[str]:
+        """Return the errors that error bars of a chart of `scene` do not cover at any point, one clause for each."""
         if self.enriched is None:
             return ["any error: error_bars = false"]
         of = sorted({limit.of for limit in limits if not limit.kind.in_richer_model})
@@ -269,8 +266,10 @@ class ChartModels:
         if not model and of:
             model = f"the error of the structural model in limits of {' and '.join(of)}, {WHY_NOT_STRESS}"
         mesh = "" if "mesh" in self.comparisons else f"the mesh: {NO_OTHER_MESH}"
-        no_play = "" if "play" in self.comparisons or play else "the play of pads: compare.play = 0"
-        return [*filter(None, (model, mesh, no_play)), f"the effect of large rotations on {STABILITY}"]
+        may_have_play = any(ring.faces and ring.unilateral for part in scene.sections for ring in part.rings)
+        is_left_out = may_have_play and not scene.compare.play and "play" not in self.comparisons
+        play = "the play of pads: compare.play = 0" if is_left_out else ""
+        return [*filter(None, (model, mesh, play)), f"the effect of large rotations on {STABILITY}"]
 
 
 def _read_postures(arrays: Mapping[str, NDArray[np.generic]], model: str) -> PostureMatrices | None:

@@ -5,6 +5,7 @@ A point of a chart is a posture of the boom: one extension of each section, one 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -37,6 +38,8 @@ from pmr.studies.tasks import Arguments, Needs, TaskResult
 
 #: Factors on an error that another model indicates: in general, and where buckling decides (docs/load_chart.md).
 MARGIN, MARGIN_OF_BUCKLING = 1.25, 2.0
+#: What separates clauses on errors that an error bar does not cover.
+CLAUSES = "; "
 #: Sources of error whose parts make up an error bar.
 PARTS = ("reduction", "mesh", "model", "rotation", "play")
 
@@ -176,7 +179,7 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     - ``member`` (p,): the pad, cylinder, rope, support or probe that reaches the limit that governs; empty if unknown.
     - ``error`` (p, l) kg: the sum of ``error.reduction``, ``error.mesh``, ``error.model``, ``error.rotation`` and
       ``error.play``, those of mesh, model and play counting as 0 where they are NaN, which means unknown;
-      ``not_covered`` (p,): the errors that it does not cover, in words.
+      ``not_covered`` (p,): the errors that it does not cover, clauses with `CLAUSES` in between.
     - ``hoist`` (p,), only if ``hoist`` is among the arguments: the largest force of the rope while the point's smallest
       load is hoisted off the ground, over the load's weight, with the amounts of the first case.
     - ``passed`` (p, c, l): whether the limit is exceeded without a load in a case out of service.
@@ -214,16 +217,16 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     at_best = [chart.places(at, first + k)[case[k, n]] if k >= 0 else None for n, k in enumerate(best.tolist())]
     pages = governing_details(chart.limits, at_best, arrays["load"][best, np.arange(len(best))], bent, stops)
     remarks = [_remark(scene, limit) for limit in chart.limits]
-    left_out_rows = np.array(list(left_out_of_chart(scene, chart.limits).items()))
+    has_play = "play" in models.comparisons
+    left_out_rows = np.array(list(left_out_of_chart(scene, chart.limits, has_play).items()))
     pages |= {"place": best, "remarks": np.array([*remarks, ""]), "left_out": left_out_rows}
-    play = {"play of pads": _play_words(float(needs["postures"].arrays["gap"]))} if "play" in models.comparisons else {}
+    play = {"play of pads": _play_words(float(needs["postures"].arrays["gap"]))} if has_play else {}
     pages["definitions"] = np.array(list((chart_definitions(scene, arguments.get("point")) | play).items()))
     pages["slewing"] = np.unique(np.rad2deg(slewing).round(9))
     arrays |= {f"at.{name}": values for name, values in pages.items()}
-    not_covered = models.not_covered(chart.limits, scene.compare.play)
-    loose = int(np.isnan(arrays["error.play"]).all(axis=1).sum()) if "play" in models.comparisons else 0
-    not_covered += [f"the play of pads at {loose} of {len(rows)} points, where no load takes it up"] if loose else []
-    arrays["not_covered"] = np.array(["; ".join(not_covered)] * len(rows))
+    everywhere, loose = models.not_covered(chart.limits, scene), np.isnan(arrays["error.play"]).all(axis=1) & has_play
+    clauses = [[*everywhere, "the play of pads that no load takes up"] if of else everywhere for of in loose]
+    arrays["not_covered"] = np.array([CLAUSES.join(of_point) for of_point in clauses])
     contacts = CONTACTS.validate_json(str(needs["postures"].arrays["contacts"]))
     loads, cases_of_loads = np.nan_to_num(arrays["load"], nan=chart.up_to), arrays["case"]
     of_places = warnings_of_row(scene, contacts, chart.places, models, loads, cases_of_loads, first)
@@ -277,10 +280,21 @@ def error_warnings(
         )
 
 
-def left_out_of_chart(scene: Scene, limits: Sequence[Limit]) -> dict[str, str]:
+def errors_not_covered(by_point: Array) -> str:
+    """Join the clauses on errors that the bars of a chart do not cover; `by_point` (P,) has those at each point.
+
+    A clause that does not hold at all points has the number of points at which it does.
+    """
+    counts = Counter(clause for clauses in by_point.tolist() for clause in clauses.split(CLAUSES))
+    points = len(by_point)
+    return CLAUSES.join(of if n == points else f"{of} at {n} of {points} points" for of, n in counts.items())
+
+
+def left_out_of_chart(scene: Scene, limits: Sequence[Limit], has_play: bool) -> dict[str, str]:
     """Return what a chart of a scene leaves out, as text by subject, such as ``motion``.
 
-    The subjects are the limits, the motion, and what the model lacks.
+    The subjects are the limits, the motion, and what the model lacks.  `has_play` says whether the error bars have a
+    part for the play of pads.
     """
     usual = dict.fromkeys(kind.words for kind in KINDS.values() if kind.words)
     lacking = [words for words in usual if words not in {limit.kind.words for limit in limits}]
@@ -290,7 +304,7 @@ def left_out_of_chart(scene: Scene, limits: Sequence[Limit]) -> dict[str, str]:
         rows["places without a limit"] = (
             "walls away from probes and pads, as beside the feet and lugs of cylinders; tubes and rods of cylinders"
         )
-    return rows | left_out(scene, at_rest=True)
+    return rows | left_out(scene, at_rest=True, play_in_bars=has_play)
 
 
 def chart_definitions(scene: Scene, point: tuple[float, float, float] | None) -> dict[str, str]:

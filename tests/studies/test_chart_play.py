@@ -16,6 +16,7 @@ from pmr.report.studies import render_studies
 from pmr.report.studies.chart import covered_parts
 from pmr.report.studies.chart_tables import present_parts
 from pmr.scene import load_any
+from pmr.studies import call
 from pmr.studies.charting import PARTS
 from pmr.studies.study import StudyResults
 
@@ -70,6 +71,7 @@ def test_the_part_is_what_the_play_of_another_boom_changes(
     """A chart of the boom with this clearance allows other loads, which differ by this part; the bar contains it."""
     arrays = with_bars.arrays("row1")
     load, error = arrays["load"][0, :2], arrays["error.play"][0, :2]
+    assert "play beyond error bars" in dict(arrays["at.left_out"])["pads"]
     with_play = chart(tmp_path, scene_text(GAP), error_bars=False).arrays("row1")["load"][0, :2]
     assert error == pytest.approx(np.abs(with_play - load), rel=1e-6) and np.all(
         error > [0.2 * load[0], 5e-4 * load[1]]
@@ -102,12 +104,25 @@ def test_the_play_of_the_scene_is_taken_away(folder: Path, with_bars: StudyResul
 
 @pytest.mark.parametrize("has_play", [True, False])
 def test_no_play_is_left_out_and_pads_that_hold_both_ways_have_none(tmp_path: Path, has_play: bool) -> None:
-    scene = scene_text(unilateral=has_play).replace(f"play = {GAP}", "play = 0.0")
-    arrays = chart(tmp_path, scene).arrays("row1")
+    arrays = chart(tmp_path, scene_text(unilateral=has_play), change={"compare": {"play": 0.0}}).arrays("row1")
     assert np.isnan(arrays["error.play"]).all() and np.isfinite(arrays["error"]).all()
     assert ("the play of pads: compare.play = 0" in row(tmp_path)["not covered"]) == has_play
     page = render_studies(tmp_path)
     assert "sum of four parts" in page and "play of pads</th>" not in page and "without model" in page
+
+
+def test_points_whose_play_no_load_takes_up_are_counted_over_all_rows(tmp_path: Path) -> None:
+    """A boom that stands upright has no weight that presses pads on top of its tail and below its mouth."""
+    out = 'kind = "smooth_ramp", times = [0.0, 0.05], values = [1.0, 1.2]'
+    tail, mouth = scene_text().replace('kind = "constant", amount = 1.2', out).rsplit("mouth", 1)
+    scene = tail.replace("bottom = [-0.06, 0.06], ", "") + "mouth" + mouth.replace("top = [-0.06, 0.06], ", "")
+    results = chart(tmp_path, scene, luffing=[ANGLE, np.pi / 2], extensions=[1.0, EXTENSION])
+    loose = "the play of pads that no load takes up"
+    told = [row["not covered"] for row in csv.DictReader((tmp_path / "chart.csv").read_text().splitlines())]
+    assert [text.endswith(loose) for text in told] == [False, True, False, True]
+    assert f"{loose} at 2 of 4 points" in render_studies(tmp_path)
+    study = call.load(tmp_path / "study.toml").parts[0].study
+    assert study.summary_line(results).endswith(f"{loose} at 2 of 4 points")
 
 
 def test_the_page_has_the_play_and_a_chart_of_an_earlier_version_is_drawn_without_it(

@@ -37,7 +37,7 @@ from pmr.report.studies.tables import FinishedStudy
 from pmr.report.subject import shown_force_name
 from pmr.results.response import FORCES
 from pmr.scene.keys import ALONE
-from pmr.studies.charting import governing_limit
+from pmr.studies.charting import errors_not_covered, governing_limit
 from pmr.studies.duty import NOT_LIMITED, ChartLoads, DutyTable, LeastLoads
 from pmr.studies.limits import STABILITY, STABILITY_WORDS
 
@@ -67,7 +67,10 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     if not np.isfinite(least).any():  # the picture and the table of loads would be empty
         return chapter
     error = np.where(which >= 0, np.take_along_axis(table.error, np.maximum(which, 0)[..., None], 2)[..., 0], np.nan)
-    shown_names, not_covered = [*names[:-1], STABILITY_WORDS], str(parts[0]["not_covered"][0])
+    shown_names, not_covered = (
+        [*names[:-1], STABILITY_WORDS],
+        errors_not_covered(np.concatenate([part["not_covered"] for part in parts])),
+    )
     rows = [run.parameters for run in study.results.runs]
     extensions = [" + ".join(f"{float(out or 0.0):.4g}" for out in rows[row].values()) for row in table.order]
     chart = LoadChart(table.place, least, which, shown_names, up_to, extensions)

@@ -28,7 +28,7 @@ from pmr.studies import tasks
 from pmr.studies.chart_draft import Range, check_at_rest, check_slewing, extension_rows
 from pmr.studies.chart_models import compute_postures, compute_richer_postures
 from pmr.studies.chart_points import Stop, replaced_mass_warnings
-from pmr.studies.charting import allow_row
+from pmr.studies.charting import allow_row, errors_not_covered
 from pmr.studies.duty import CLASSES, NOT_LIMITED, ChartLoads, DutyTable, Hoist, LeastLoads, LoadCase, hoisting_factor
 from pmr.studies.limits import STABILITY, STABILITY_WORDS, Limit
 from pmr.studies.study import StudyBase, StudyResults, csv_text
@@ -209,7 +209,9 @@ class Study(StudyBase):
             if self.error_bars
             else ""
         )
-        return f"{first}{carried} {where}, by all limits{less}; not contained: {table['not_covered'][0]}"
+        return (
+            f"{first}{carried} {where}, by all limits{less}; not contained: {errors_not_covered(table['not_covered'])}"
+        )
 
     @property
     def _in_service(self) -> list[LoadCase]:
