@@ -75,10 +75,10 @@ def scene_at_rest(
     slewing: Array | float,
     loads: Mapping[str, float],
 ) -> Scene:
-    """Scene at rest in P postures; the times 0, 1 ... P - 1 are the numbers of the postures.
+    """Scene at rest in P postures: at its times 0, 1 ... P - 1 it is in the posture with this number.
 
-    The weight acts in full.  The base keeps its constant inclination; its motions are removed.  All angles are in the
-    unit of the scene's frame, as in the scene itself.
+    The weight acts in full.  The base keeps its constant inclination; its motions are removed.  In the returned scene
+    all angles are in the unit of its frame, rad or degrees.
 
     Parameters
     ----------

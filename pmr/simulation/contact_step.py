@@ -41,7 +41,7 @@ PLACES = 65
 def contact_frequency(system: System, excitation: Excitation) -> float:
     """Largest omega in rad/s of contacts that only push, along the paths; 0 without such contacts or if they are rigid.
 
-    Raises the errors of `pmr.simulation.excitation.side_positions`.
+    It is computed at `PLACES` positions.  Raises the errors of `pmr.simulation.excitation.side_positions`.
     """
     x = side_positions(system, excitation, np.unique(np.linspace(0, len(excitation.s) - 1, PLACES).astype(int)))
     if not (system.on_one_path and system.paths):
@@ -166,19 +166,16 @@ def warnings(omega: float, stepping: TimeStepping) -> list[str]:
 
 @dataclass(frozen=True)
 class StepParts:
-    """Numbers (T,) of equal parts into which T steps are divided; the largest number is a multiple of all others.
-
-    All steps together have N - 1 parts.
-    """
+    """Numbers of equal parts into which T steps are divided; all steps together have N - 1 parts."""
 
     stepping: TimeStepping
-    parts: Indices
+    parts: Indices  # (T,): of each step; the largest number is a multiple of all others
 
     @classmethod
     def for_contacts(cls, stepping: TimeStepping, omega: float) -> StepParts:
-        """Numbers of parts of the schedule of `stepping`, or those that contacts of frequency `omega` in rad/s need.
+        """Numbers of parts in the schedule of `stepping`; without one, the number that `omega` in rad/s needs.
 
-        Each step has one part if `omega` is 0.
+        `omega` is the circular frequency of contacts that only push.  If it is 0, each step has one part.
         """
         if omega == 0.0:
             return cls(stepping, np.ones(stepping.steps, np.int64))

@@ -160,7 +160,10 @@ class Excitation:
         return self if stepping == self.stepping else replace(self, stepping=stepping)
 
     def on_grid(self, stepping: TimeStepping) -> Excitation:
-        """Excitation on another time grid `stepping`, with accelerations in loads and terms averaged over its steps."""
+        """Excitation on another time grid `stepping`, with accelerations in signals, except paths, averaged over steps.
+
+        The steps are those of the new grid.
+        """
         loads = {name: load.on_steps(stepping.step) for name, load in self.loads.items()}
         terms = {name: term.on_steps(stepping.step) for name, term in self.terms.items()}
         hoist = {name: signal.on_steps(stepping.step) for name, signal in self.hoist.items()}

@@ -88,7 +88,7 @@ def consistent_start(
         for row, held in body.held.items():
             largest = np.abs(starts[name].q).max()
             check_position(np.ones((1, 1)), starts[name].q[[held]], (body.row_names[row],), largest)
-        starts[name] = InitialState(starts[name].q, _release_supports(body, starts[name].v))
+        starts[name] = InitialState(starts[name].q, _stop_at_supports(body, starts[name].v))
     rows = assembly.contact_rows(x)
     rigid = rows.rigid
     C, names = rows.C[rigid], tuple(name for name, firm in zip(system.contact_names, rigid, strict=True) if firm)
@@ -101,14 +101,14 @@ def consistent_start(
     if drift is None:
         return starts
     sparse = any(sp.issparse(body.M) for body in bodies.values())
-    v = v - _impulse(assembly.M if sparse else assembly.M.toarray(), C, drift, names)
+    v = v - _velocity_change(assembly.M if sparse else assembly.M.toarray(), C, drift, names)
     for name, start in starts.items():
         start.v[assembly.free_coordinates[name]] = v[assembly.coordinate_slices[name]]
     return starts
 
 
-def _release_supports(body: SlidingBody, v: Array) -> Array:
-    """Velocities (n,) of a body: v, changed with least kinetic energy so that coordinates on supports are at rest."""
+def _stop_at_supports(body: SlidingBody, v: Array) -> Array:
+    """Velocities (n,) of a body: v (n,), with the change of least kinetic energy that stops coordinates on supports."""
     held, v = np.array(list(body.held.values()), np.int64), v.copy()
     if np.any(v[held]):
         free = np.setdiff1d(np.arange(body.size), held)
@@ -142,7 +142,7 @@ def check_position(C: Array, q: Array, names: tuple[str, ...], largest: float = 
             raise InputError("initial state", "q", None, allowed)
 
 
-def _impulse(M: Array | sp.csr_matrix, C: Array, drift: Array, names: tuple[str, ...]) -> Array:
+def _velocity_change(M: Array | sp.csr_matrix, C: Array, drift: Array, names: tuple[str, ...]) -> Array:
     """Change of velocity dv (n,) of least kinetic energy with C dv = `drift` (m,), for the mass matrix M (n, n).
 
     Raises InputError with the `names` of the rows if they depend on each other.
@@ -212,7 +212,7 @@ class Grip:
 
 
 def slide(law: Friction, old: Grip, sums: Array, s: Array, h: float, multipliers: Array, matrix: Array) -> Grip:
-    """Friction state after a step of h s.
+    """Friction of all pads with friction at the end of a step of h s, at the beginning of which it was `old`.
 
     Parameters
     ----------
@@ -220,14 +220,14 @@ def slide(law: Friction, old: Grip, sums: Array, s: Array, h: float, multipliers
     old : Grip
         State at the beginning of the step.
     sums : (J,) array, N
-        Sum of the friction in each joint, with which the step was solved.
+        Sum of the friction in each joint with which `multipliers` were computed.
     s : (J,) array, m
         Path coordinates at the end of the step.
     h : float, s
     multipliers : (m,) array, N
         Contact forces at the end of the step.
-    matrix : (m, m) array
-        Matrix of the equations for the multipliers; only its diagonal is used.
+    matrix : (m, m) array, m/N
+        How far contact forces move the contacts (A of `pmr.kernel.laws.solve_contact`); only its diagonal is used.
     """
     forces, limits = np.zeros((2, len(old.forces)))
     driven = np.where(law.cylinders < 0, 0.0, multipliers[law.cylinders])

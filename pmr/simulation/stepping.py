@@ -94,7 +94,7 @@ class TimeStepping:
         return round(self.end / self.step)
 
     def divide(self, parts: int) -> TimeStepping:
-        """Time grid each of whose steps is one of `parts` equal parts of a step of this grid."""
+        """Time grid on which each step of this grid is `parts` equal steps, which are not divided any further."""
         return self if parts == 1 else TimeStepping(self.end, self.end / (self.steps * parts), self.rho_inf, 1)
 
     @property
@@ -203,19 +203,17 @@ def _overshoot(signal: SignalBase, stepping: TimeStepping) -> list[float]:
 
 @dataclass(frozen=True)
 class SimulationEnd:
-    """Results at the end of a simulation: wall time of the solver in s, and `surplus` of energy of the trajectory.
+    """Results at the end of a simulation."""
 
-    The surplus is the energy that no work explains, over the largest energy .
-    """
-
-    seconds: float
-    surplus: float
+    seconds: float  # wall time of the solver
+    surplus: float  # energy that no work explains, over the largest energy
 
 
 class Recorder:
     """Callable that takes consecutive steps of a run and records those with the ascending numbers `steps` (S,)."""
 
     def __init__(self, steps: Indices) -> None:
+        """Begin without records of the `steps` (S,)."""
         self._steps = steps
         self._recorded: SystemTrajectory | None = None
 

@@ -92,7 +92,7 @@ class Contacts:
         return forces
 
     def _solve_flexibility(self, rows: ContactRows, right: Array) -> Array:
-        """Matrix F^-1 `right` (m', k), from `right` (m', k), with the flexibility F of the `rows`.
+        """Matrices F^-1 `right` (T, m', k), from `right` (T, m', k), with the flexibility F of the `rows` at T times.
 
         Raises SimulationError, with the contacts' names, if F is singular.
         """

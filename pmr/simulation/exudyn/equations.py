@@ -210,6 +210,7 @@ class _Path:
     """
 
     def __init__(self, path: Driving, h: float, mbs: exu.MainSystem) -> None:
+        """Store the `path` of an mbs, and the time step of h s over which a kink acts."""
         self._path: Any = path  # of any of these three kinds
         self._h, self._mbs = h, mbs
 
@@ -273,15 +274,14 @@ class Inputs(ABC):
         return self.state(t)[2]
 
     def function_of_time(self, evaluate: PositionFunction) -> Callable[[float], Array]:
-        """Function of t in s that returns the value of `evaluate` with the contacts' places at t, the side positions.
+        """Function of t in s that returns the first entry of ``evaluate(x)``, with the side positions x at t.
 
-        The value is computed once for each position.  `evaluate` is called with side positions (1, sides) in m, and the
-        first entry of its result is returned.
+        `evaluate` is called with x (1, sides) in m, and only if the sides have moved since the last call.
         """
         number, stored = -1, np.empty(0)
 
         def value(t: float) -> Array:
-            """First entry of the result of `evaluate` at the time t in s; it is computed once for each step."""
+            """First entry of the result of `evaluate` at t s, computed anew only if the sides have moved."""
             nonlocal number, stored
             if (k := self.number(t)) != number:
                 number, stored = k, evaluate(self.positions(t))[0]
@@ -339,6 +339,7 @@ class SignalInputs(Inputs):
         self._c = tuple(driving_value(term, self._mbs, t) for term in self._terms)
 
     def state(self, t: float) -> State:
+        """Index of the side positions, loads and amplitudes at t s, evaluated anew if t is not the last time."""
         if t != self._t:
             self.begin(t)
         return self._k, self._f, self._c
@@ -374,7 +375,9 @@ class TabulatedInputs(Inputs):
         """Do nothing, as all values are known."""
 
     def state(self, t: float) -> State:
+        """Index of the side positions, loads and amplitudes at t s, the end of a part of a step."""
         return self._states[round(t / self._step)]
 
     def positions(self, t: float) -> Array:
+        """Side positions x (1, sides) in m at t s, the end of a part of a step."""
         return np.asarray(self._places[[self.number(t)]])

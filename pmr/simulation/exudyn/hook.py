@@ -138,9 +138,9 @@ class UnloadedPoint(NamedTuple):
 class _Joint:
     """Constraint between the hook and the point of the boom where three loads act.
 
-    Its coordinates z (N,) are three each of the node w, without mass, and of the hook, then those of the base, of the
-    boom and of the nodes of extensions.  The first three represent the displacement by the immediate flexibility, see
-    the module.
+    Its coordinates z (N,) are w (3), the position of the hook (3), and the coordinates of the base, of the boom and of
+    the nodes of extensions.  The coordinates w have no mass, and represent the displacement of the boom's point by
+    immediate flexibility, as the module describes.
     """
 
     def __init__(self, base: Base, items: SystemItems, loads: tuple[str, str, str], start: Array) -> None:

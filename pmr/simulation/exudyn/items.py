@@ -232,6 +232,7 @@ class Steps:
     """
 
     def __init__(self, held: bool) -> None:
+        """Begin at t = 0 without an update; `held` says whether the system has constraints."""
         self._held, self._reached = held, 0.0
         self._update: PreStep = _do_nothing
 

@@ -219,6 +219,7 @@ class SystemObserver:
     """Outputs and contact forces of a system in one of Exudyn's configurations, and at the configuration's time."""
 
     def __init__(self, mbs: exu.MainSystem, items: SystemItems) -> None:
+        """Observe the system in the mbs to which the `items` belong."""
         self._mbs, self._items, self._contacts = mbs, items, Contacts(items.parts.equations, items.parts.inputs)
         self._held = list(items.contacts)
         self._rest = np.array([k not in items.contacts for k in range(len(self._contacts.gives))])
@@ -318,6 +319,7 @@ class BoomDrawing:
     """Drawing of a boom in the state that Exudyn shows."""
 
     def __init__(self, mbs: exu.MainSystem, items: SystemItems, scene: Scene, scale: float = 1.0) -> None:
+        """Draw the boom of `scene`, with the `items` in the mbs, with deflections `scale` times as large."""
         self._mbs, self._items, self._scene, self._scale = mbs, items, scene, scale
         self._watched, self.tubes = SystemObserver(mbs, items), section_tubes(scene, items.parts.equations.system)
         place = (0.0, 0.0, 0.0) if scene.frame is None else scene.frame.tail_position

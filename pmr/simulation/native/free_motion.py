@@ -354,9 +354,9 @@ LUFFING_REASONS = {
 
 
 def cylinder_numbers(cylinder: Fields) -> Array:
-    """Numbers (k,) of a luffing cylinder in the order of the kernel's ``pmr_actuator``, from its field ``foot`` on.
+    """Numbers (k,) of a cylinder in the order of the kernel's ``pmr_actuator``, from this structure's ``foot`` on.
 
-    `cylinder` has the values of the structure's fields by name.
+    `cylinder` has the values of the structure's fields by name; fields that are missing are zero.
     """
     first = ffi.offsetof("pmr_actuator", "foot")
     return np.frombuffer(ffi.buffer(ffi.new("pmr_actuator *", cylinder))[first:])

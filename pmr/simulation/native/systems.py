@@ -38,7 +38,7 @@ class Observation:
     """Selected outputs and contact forces of a simulation, at T recorded steps."""
 
     t: Array  # (T,) s
-    y: Array  # (T, o) m
+    y: Array  # (T, o), in the units of the outputs
     multipliers: Array  # (T, m) N
     seconds: float  # wall time of solver and outputs
 
@@ -171,9 +171,9 @@ class March:
     def observe(self, every: int, take: Callable[[int, Steps], None], progress: Progress | None = None) -> float:
         """Take all steps, and return the solver's time in s; records of each `every`-th step are passed to `take`.
 
-        `take` is called with the number of the first of some consecutive records, and with the records; the first one
-        is the last record of the call before, or the start.  The energy is not checked.  `progress`, if it is not None,
-        is called with the share of steps that are done.
+        `take` is called with the number of the first of some consecutive records, and with these records; their first
+        one is also the last one of the call before, or the start.  The energy is not checked.  `progress`, if it is not
+        None, is called with the share of steps that are done.
         """
         count = (len(self.t) - 1) // every
         most = max(1, min(BLOCK // every, RECORDED // (2 * self.form.kernel.modes), count))
@@ -334,10 +334,10 @@ def follow(
 ) -> SimulationEnd:
     """Take all steps of `march`, some thousand at a time; nothing is stored.
 
-    `take` is called with the number of the first of consecutive steps, which is the last one of the call before or the
-    start, and with their trajectory, whose arrays are valid until the next call.  If contacts only push, a step may be
-    divided (`pmr.simulation.contact_step`); the trajectory holds the states at the ends of steps.  Errors as
-    `pmr.simulation.SystemSimulator`; the error of a growing motion is raised at the end.
+    `take` is called with the trajectory of some consecutive steps, and before it with the number of the first of them:
+    the last step of the call before, or the start.  The arrays are valid until the next call.  If contacts only push, a
+    step may be divided (`pmr.simulation.contact_step`); the trajectory has the states at the ends of whole steps.
+    Errors as `pmr.simulation.SystemSimulator`; the error of a growing motion is raised at the end.
     """
     return march.run(lambda first, steps: take(first, _trajectory(march, first, steps)), progress)
 

@@ -135,7 +135,8 @@ class VisitedCarriers:
 class Layout:
     """Numbering of the D entries and c powers of all sides, one side after the other.
 
-    `starts` are the numbers of each contact's first power.
+    A side has one entry for each carrier that it touches in an interval, and one power for each power of its position.
+    `starts` (m,) are the numbers of the first power of each of m contacts.
     """
 
     def __init__(self, course: Course) -> None:
@@ -230,6 +231,7 @@ class PathCompliance:
     """
 
     def __init__(self, P: Sequence[Array], rows: PathRows) -> None:
+        """Store the blocks P (p, p) of all bodies, for the sides in `rows`."""
         self._P, self._interval = P, np.full_like(rows.interval, -1)
         self._of_powers = np.zeros((len(rows.layout.side_of_power),) * 2)
 

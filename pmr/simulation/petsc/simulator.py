@@ -296,6 +296,7 @@ class CheckpointFile:
     """Writes and reads the checkpoints of one simulation; all methods but `due` are collective."""
 
     def __init__(self, checkpoint: Checkpoint, system: FullSystem, identity: Mapping[str, object]) -> None:
+        """Prepare checkpoints of the simulation of `system` that has this `identity`, in the file of `checkpoint`."""
         self._checkpoint, self._identity = checkpoint, identity
         self._comm, self._system = system.comm, system
         self._last = time.monotonic()

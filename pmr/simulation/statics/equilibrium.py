@@ -336,6 +336,7 @@ class HeldSystem:
     """
 
     def __init__(self, assembly: Assembly, rows: ContactRows) -> None:
+        """Hold the system of `assembly` by the contact `rows`; nothing is factored yet."""
         self._assembly, self._rows = assembly, rows
 
     def factors(self, coefficients: Mapping[str, float], count: int = 1) -> Array:

@@ -356,6 +356,7 @@ class LoadedStructure:
     """
 
     def __init__(self, equations: Equations, may_float: bool = False) -> None:
+        """Begin with all contacts of `equations` closed and without stored forms; the class describes `may_float`."""
         self.equations, self._may_float = equations, may_float
         self._forms, self._states = dict[bytes, Form](), dict[float, LoadedState]()
         self._last = np.ones(len(equations.pushes), dtype=bool)
@@ -471,7 +472,8 @@ class LoadedStructure:
     def _search(self, closed: Mask, load: float) -> LoadedState:
         """Search the equilibrium under a load, beginning with the mask `closed` (m,), through sets of closed contacts.
 
-        The values are NaN if a set on the way has no equilibrium, or after `MOST_SETS` sets.
+        The values are NaN if a set on the way has no equilibrium, or after `MOST_SETS` sets.  The set of an equilibrium
+        is stored; the next call of `state` begins with it.
         """
         search = ContactSearch()
         for _ in range(MOST_SETS):

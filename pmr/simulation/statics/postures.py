@@ -163,8 +163,7 @@ class UnitLoads:
     def from_scene(cls, scene: Scene, system: System, postures: PostureSet) -> UnitLoads:
         """Loads of a scene made by `with_hook` on a system in these postures.
 
-        The values of each load of the scene are what one unit of it adds to the weight of the boom; the unit of the
-        hook's load is 1 kg.
+        f and c of a load of the scene are what one unit of this load adds to f and c of the boom's weight alone.
         """
         assert scene.gravity is not None
         names = _load_names(scene)
@@ -330,7 +329,10 @@ class PostureMatrices:
 
 
 def side_positions(system: System, postures: PostureSet) -> Array:
-    """Positions x (P, sides) in m of the sides of all contacts in each of P postures."""
+    """Positions x (P, sides) in m of the sides of all contacts in each of P postures.
+
+    A path that is neither an extension in `postures` nor the luffing angle is at 0.
+    """
     paths = {name: postures.extensions.get(name, np.zeros(postures.count)) for name in system.paths}
     paths |= {LUFFING: postures.luffing} if LUFFING in system.paths else {}
     x = np.broadcast_to(system.side_coordinates(paths), (postures.count, len(system.sides)))
