@@ -85,8 +85,8 @@ class Block:
     body that do not travel.
     """
 
-    part: Part
-    path: int
+    part: Part  # the body
+    path: int  # number of the path
     numbers: Indices  # (q,): numbers of the rows of the q sides
     stays: Indices  # (w,): numbers of the rows of the w sides
     rows: PPoly  # C (q, modes)

@@ -156,7 +156,7 @@ class ChosenOutputs:
     """Chosen outputs and loads of a linear model, by their numbers, as the kernel's `pmr_chosen` (src/pmr_kernel.h)."""
 
     columns: NDArray[np.int32]  # (q,) among outputs of the bodies, then forces of all contacts
-    orders: NDArray[np.int32]  # (q,): of rates with respect to time
+    orders: NDArray[np.int32]  # (q,): 0 for the quantity itself, 1 or 2 for its first or second rate
     loads: NDArray[np.int32]  # (i,) among the drivers
     at_modes: NDArray[np.int32]  # (r,): modes without padding
 

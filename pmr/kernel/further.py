@@ -339,17 +339,13 @@ class Frame(Protocol):
 
     @property
     def products(self) -> tuple[Products, ...]:
-        """Products whose sums follow from the frame's motions.
-
-        In this order, they are the loads on the i inputs, the amplitudes of the K terms, and the drivers of a hoist.
-        """
+        """Products whose sums are, in this order, loads on i inputs, amplitudes of K terms, and drivers of a hoist."""
 
 
 def frame_arrays(frame: Frame | None, paths: Sequence[str]) -> Arrays:
-    """Arrays of a frame for a system with these `paths`, by their names in the kernel's block.
+    """Arrays of a frame for a system with the paths named `paths`, by the arrays' names in the kernel's block.
 
-    `paths` are the names of the system's paths.  The result is empty if `frame` is None.  Raises InputError if the
-    frame has no motion for one of the paths.
+    The result is empty if `frame` is None.  Raises InputError if the frame has no motion for one of the paths.
     """
     if frame is None:
         return {}

@@ -56,7 +56,8 @@ def contact_frequency(system: System, excitation: Excitation) -> float:
 def contact_frequency_within(system: System, ranges: Mapping[str, tuple[float, float]]) -> float:
     """Largest omega in rad/s of contacts that only push while all paths go from one end of their range to the other.
 
-    `ranges` are the ends in m, by the paths' names.
+    All paths move at the same time; omega is computed at `PLACES` positions.  `ranges` are the ends in m, by the paths'
+    names.
     """
     x = system.side_coordinates({path: np.linspace(*ends, PLACES) for path, ends in ranges.items()})
     return contact_frequency_at(system, np.broadcast_to(x, (PLACES, len(system.sides))))
@@ -103,7 +104,7 @@ def count_parts(omega: float, stepping: TimeStepping) -> int:
 
 
 def part_counts(omega: float, stepping: TimeStepping) -> tuple[int, ...]:
-    """Ascending numbers of equal parts into which a step may be divided, by its error: powers of two.
+    """Ascending numbers of equal parts, powers of two, from which the error of a step chooses.
 
     The largest number is enough for contacts of the circular frequency `omega` in rad/s.  If `stepping` has a schedule
     or a number of parts, only the numbers of that schedule, or that number, are returned.

@@ -62,7 +62,8 @@ class Excitation:
         acts on the section, as the input `EXTENSION`.  In a scene with a frame, this load is one of the loads that
         `pmr.simulation.frame` derives from the frame's motion.
 
-        Raises InputError for a scene with a machine, whose motion is not known in advance.
+        Raises InputError for a scene with a motion that is not known in advance: of a machine, a free luffing angle or
+        a free extension.
         """
         if (key := scene.computed_key) is not None:
             value = "free" if key != "frame.machine" else None

@@ -162,9 +162,9 @@ def _velocity_change(M: Array | sp.csr_matrix, C: Array, drift: Array, names: tu
 
 
 def check_impulse(achieved: Array, drift: Array, names: tuple[str, ...]) -> None:
-    """Raise InputError if row values `achieved` (m,) differ from `drift` (m,), as rows that depend on each other do.
+    """Raise InputError if a correction changes m rows by `achieved` (m,) instead of by `drift` (m,), as it has to.
 
-    `names` are the names of the rows.
+    The rows, whose names are `names`, then depend on each other.
     """
     if not np.allclose(achieved, drift, rtol=0.0, atol=1e-6 * np.abs(drift).max()):
         raise InputError("initial state", "v", None, f"the rows {', '.join(names)} depend on each other")

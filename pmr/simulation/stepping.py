@@ -121,7 +121,7 @@ def describe_lost_features(signals: Sequence[tuple[str, SignalBase]], stepping: 
 def describe_overshoots(signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
     """Warnings, one line for each table whose curve exceeds the table's values by more than `UNSEEN` of their range.
 
-    `signals` are pairs of a name and a signal.
+    `signals` are pairs of a name and a signal, some with tables as parts; the time of the grid `stepping` counts.
     """
     return [
         f"{name}: {what}"
@@ -137,9 +137,9 @@ def is_aliased(signal: SignalBase, stepping: TimeStepping) -> bool:
 
 
 def _describe_loss(signal: SignalBase, stepping: TimeStepping) -> Iterator[str]:
-    """Yield a line for each tone of a signal that is too fast for the steps, then one for its largest overshoot.
+    """Yield a line for each tone of a signal that is too fast for the steps, then one for its overshoot at breaks.
 
-    An overshoot of at most the share `UNSEEN` of the signal's range has no line.
+    The overshoot is that of `_overshoot`; one of at most the share `UNSEEN` of the signal's range has no line.
     """
     h = stepping.step
     for part in signal.parts:

@@ -165,8 +165,8 @@ class Assembly:
     def contact_rows(self, x: Array, effects: bool = True) -> ContactRows:
         """Rows of the contacts with their places at x (sides,) in m, as `System.side_coordinates` returns them.
 
-        If `effects` is false, H and X are empty: effects of inputs on contacts, and of contacts on outputs, by the
-        residual flexibility.
+        If `effects` is false, H and X of the result are empty.  These are the effects of inputs on contacts, and of
+        contacts on outputs, by the residual flexibility.
         """
         return self.contact_rows_over_time(x[None], effects).at_time(0)
 
@@ -372,8 +372,8 @@ class Assembly:
         .. math::
             \zeta_k = \phi_k^T D \phi_k / (2 \omega_k), \qquad \phi_k^T M \phi_k = 1
 
-        Columns are in the order of ascending frequencies, and NaN beyond the last mode.  A small ratio is that of a
-        logarithmic decrement or a half-power width.
+        D is without terms that vary in time.  Columns are in the order of ascending frequencies, and NaN beyond the
+        last mode.  If a ratio is small, a logarithmic decrement or a half-power width gives the same.
         """
         ratios, D = np.full((len(x), count), np.nan), self.damping()
         for of_place, at in zip(ratios, x, strict=True):

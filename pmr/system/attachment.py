@@ -84,7 +84,7 @@ def with_cylinder_modes(model: ReducedModel) -> ReducedModel:
 
 
 def has_frame_matrices(model: ReducedModel) -> bool:
-    """Whether the matrices of a moving frame and of second order are known on the attachment modes of this model.
+    """Whether attachment modes that are added to the model get its matrices of a moving frame and of second order.
 
     The result is also true for a model that has no such matrices.
     """
@@ -97,12 +97,13 @@ def has_frame_matrices(model: ReducedModel) -> bool:
 def _extend_frame_matrices(
     extended_model: ReducedModel, model: ReducedModel, loads: Array, combinations: Array
 ) -> ReducedModel:
-    """Return `extended_model` with matrices of a moving frame and ports on its last a coordinates, new to `model`.
+    """Return `extended_model` with matrices of a moving frame, ports and reactions on all of its r + a coordinates.
 
-    The matrices include D if `model` has D on all vectors.  The new coordinates are the responses to `loads` (K + i, a)
-    on K carriers and i inputs, plus `combinations` (k, a) of the first k responses to the cylinder's force.  `loads`
-    are ignored if the carriers have no vectors that span responses to loads (`CarrierRows.spanned` is empty).  If the
-    carriers have no `matrices`, `extended_model` is returned unchanged.
+    `extended_model` is `model`, of r coordinates, with a more coordinates at the end.  D is among the matrices if
+    `model` has D on all vectors.  The new coordinates are the responses to `loads` (K + i, a) on K carriers and i
+    inputs, plus `combinations` (k, a) of the first k responses to the cylinder's force.  `loads` are ignored if the
+    carriers have no vectors that span responses to loads (`CarrierRows.spanned` is empty).  If the carriers have no
+    `matrices`, `extended_model` is returned unchanged.
     """
     carriers, modes, r, (count, a) = model.carriers, model.enrichment, model.size, combinations.shape
     assert carriers is not None
@@ -207,10 +208,10 @@ class _DiagonalForm(NamedTuple):
 
 
 def _diagonalise(K: Array, M: Array) -> _DiagonalForm:
-    """Combinations of vectors that are M-orthonormal with a diagonal stiffness, for their stiffness K and mass M.
+    """Combinations of k vectors that are M-orthonormal and have a diagonal stiffness.
 
-    K and M are (k, k).  Directions without stiffness or inertia are left out: such directions are round-off in a model
-    that has nearly all modes of its mesh.
+    K and M (k, k) are the stiffness and the mass of the vectors.  Directions without stiffness or inertia are left out:
+    such directions are round-off in a model that has nearly all modes of its mesh.
     """
     count = len(K)
     sound = np.flatnonzero((np.diagonal(K) > 0.0) & (np.diagonal(M) > 0.0))

@@ -171,7 +171,7 @@ class FullOrderBody(ABC):
 
     @property
     def lasting(self) -> tuple[str, ...]:
-        """Names of the rows that do not depend on s and that combine several coordinates."""
+        """Names of the fixed rows (`Row.is_fixed`) that combine several coordinates; others hold a single one."""
         return tuple(row.name for row in self.rows.rows if row.is_fixed and row.held_coordinate is None)
 
 

@@ -273,11 +273,12 @@ def first_singular(A: Array, B: Array) -> float:
 
 
 def natural_frequencies(M: Array, V: Array | None, K: Array) -> Array:
-    """Frequencies omega (n,) in rad/s, ascending, of M q'' + V q' + K q = 0; V is antisymmetric, or None for zero.
+    """Frequencies omega (n,) in rad/s, ascending, of M q'' + V q' + K q = 0, with matrices (n, n).
 
-    Directions in which K is not positive have omega = 0.  With the coordinates z of the modes of K, and z' and omega z
-    as unknowns, the equations have the antisymmetric matrix (0, W; -W, -V), W = diag(omega).  So round-off is relative
-    to the largest omega, not to its square.
+    M and K are symmetric, M is positive definite, and V is antisymmetric, or None for zero.  Directions in which K is
+    not positive have omega = 0.  With the coordinates z of the modes of K, and z' and omega z as unknowns, the
+    equations have the antisymmetric matrix (0, W; -W, -V), W = diag(omega).  So round-off is relative to the largest
+    omega, not to its square.
     """
     if V is None or not np.any(V):
         return np.sqrt(np.maximum(scipy.linalg.eigh(K, M, eigvals_only=True), 0.0))

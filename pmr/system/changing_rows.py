@@ -209,8 +209,8 @@ def _pad_to_shape(values: NDArray[Number], *shape: int) -> NDArray[Number]:
 class InputResponse:
     """Forces B f on n coordinates by inputs f (i,), and displacements B^T q + E f (i,) at the inputs' points."""
 
-    B: Array
-    E: Array
+    B: Array  # (n, i)
+    E: Array  # (i, i) m/N
     B_slope: Array  # d B / d s, (P, n, i)
     E_slope: Array  # (P, i, i)
 

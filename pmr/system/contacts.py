@@ -140,9 +140,9 @@ class Contact:
 
 
 def _check_constant(contact: Contact, key: str) -> None:
-    """Raise an InputError for a constant of friction that is negative or not finite.
+    """Raise an InputError unless the friction constant `key` of a contact is finite, and 0 or more.
 
-    The constant may be 0 only if the key of scenes with its name may be 0.
+    A constant for which scenes refuse 0, such as a Stribeck speed, has to be more than 0.
     """
     quantity, value = quantity_of(RingFriction, key), getattr(contact, key)
     assert quantity is not None  # every key of friction has a unit

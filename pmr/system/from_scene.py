@@ -217,9 +217,9 @@ def _ground_contacts(name: str, body: Body, joined_rows: set[tuple[str, str]], p
 
 
 def _luffing_place(name: str, body: Body) -> Place:
-    """Place of the luffing cylinder's row of the body `name`; its domain spans a turn of the angle.
+    """Place of the luffing cylinder's row of the body `name`, on the path `LUFFING`, the luffing angle in rad.
 
-    See `pmr.fullmodel.moving`.
+    The row's domain in m stands for one turn of the angle, with the angle 0 in its middle (`pmr.fullmodel.moving`).
     """
     assert body.carriers is not None
     breaks = body.carriers.row(body.row_names.index(LUFFING_CYLINDER), LUFFING_CYLINDER).breaks
@@ -320,10 +320,11 @@ def _relative_stiffness(pads: Sequence[Contact]) -> Array:
 
 
 def _ring_basis(bodies: Mapping[str, _BodyRows], pads: Sequence[Contact]) -> Array | None:
-    """Orthonormal basis (pads, c) of the pads' rows, each times the root of its pad's relative stiffness.
+    """Matrix S (pads, c) with orthonormal columns, by which the rows of the pads follow from c rows: S times these.
 
-    `bodies` have the rows of the bodies by name.  None is returned if c is the number of pads, so that nothing is
-    saved, or if the rows can't be combined.
+    The row of a pad is taken times the root of the pad's relative stiffness and times its direction.  `bodies` have the
+    rows of the bodies by name.  None is returned if c is the number of pads, so that nothing is saved, or if the rows
+    can't be combined.
     """
     measured = []
     for same in zip(*map(_contact_places, pads), strict=True):

@@ -90,7 +90,7 @@ def _sum_powers(table: PPoly, interval: Indices, powers: Array, x: Array) -> Arr
 
 
 def power_contributions(table: PPoly) -> Array:
-    """Coefficients (p, k, ...) of p powers on k intervals, each times its interval's length to the same power.
+    """Coefficients (p, k, ...) of p powers on k intervals, each times the interval's length raised to this power.
 
     Such a product is the largest contribution of a power to the values of `table` on the interval, in the unit of the
     values.

@@ -87,7 +87,7 @@ class Equations:
         return self.system.side_coordinates(s)[None]
 
     def rows(self, x: Array) -> ContactRows:
-        """All contacts with their sides at x (T, sides) m.
+        """Rows of all contacts with their sides at x (T, sides) m; those of the last call are stored.
 
         Raises SimulationError if a single body slides over a support, where its flexibility can't be inverted.
         """
@@ -251,7 +251,7 @@ class Inputs(ABC):
 
     @abstractmethod
     def state(self, t: float) -> State:
-        """Index of the side positions, loads and amplitudes at t s."""
+        """Return three things at t s: index of the side positions, loads, and amplitudes of terms."""
 
     @abstractmethod
     def begin(self, t: float) -> None:
@@ -339,7 +339,7 @@ class SignalInputs(Inputs):
         self._c = tuple(driving_value(term, self._mbs, t) for term in self._terms)
 
     def state(self, t: float) -> State:
-        """Index of the side positions, loads and amplitudes at t s, evaluated anew if t is not the last time."""
+        """Return index of the side positions, loads, and amplitudes at t s; evaluate them if t is not the last time."""
         if t != self._t:
             self.begin(t)
         return self._k, self._f, self._c
@@ -375,7 +375,7 @@ class TabulatedInputs(Inputs):
         """Do nothing, as all values are known."""
 
     def state(self, t: float) -> State:
-        """Index of the side positions, loads and amplitudes at t s, the end of a part of a step."""
+        """Return index of the side positions, loads, and amplitudes at t s, the end of a part of a step."""
         return self._states[round(t / self._step)]
 
     def positions(self, t: float) -> Array:

@@ -338,7 +338,8 @@ def terms_on_base(loads: Mapping[str, Driving], paths: Mapping[str, Driving], on
     """Amplitudes by name of the terms of the bodies `on` a base; only terms of loads that stress the boom are not zero.
 
     `loads` and `paths` are those of the bodies.  The base adds the other terms.  Terms of a cylinder are zero, too, if
-    its extension is a coordinate of a node.  Raises InputError for a path that is no extension.
+    its extension is a coordinate of a node.  Raises InputError for a path that is missing, or is neither a signal, nor
+    a function, nor a `NodeCoordinate`.
     """
     for name in dict.fromkeys((*on.scene.names[1:], *paths)):
         check_path(name, paths.get(name))

@@ -330,7 +330,7 @@ class BoomDrawing:
         return [rings[:, 0] for rings in self._rings([np.zeros((1, 1, 2))] * len(self.tubes))]
 
     def graphics(self) -> list[dict[str, object]]:
-        """Exudyn's graphics data of all sections."""
+        """Exudyn's graphics data of the boom in the state that is shown: one dict for each section."""
         triangulated = []
         for number, rings in enumerate(self._rings([tube.outline for tube in self.tubes])):
             k, c, _ = rings.shape

@@ -159,7 +159,7 @@ class ExtensionRun:
         """Take all steps and return the scene with the computed extension as a signal.
 
         Raises InputError if nothing holds the boom at the start, and SimulationError if a step fails or the extension
-        leaves its stroke.
+        leaves its stroke by more than the travel of its stops.
         """
         state, kernel, t = self.state, self.state.kernel, self._excitation.times
         name, inputs = self._scene.names[self._number], self._system.input_names
@@ -295,6 +295,7 @@ class LuffingRun(MachineRun):
         return self._scene.model_copy(update={"frame": frame.model_copy(update=computed)})
 
     def _motions_at(self, place: Array) -> Array:
+        """Motions (3, n) of the frame at t = 0 with the boom at rest at the angles of a machine at `place` (6,)."""
         motions = self._first.copy()
         angles = [self.frame.drivers.index(angle) for angle in OF_FRAME]
         motions[0, angles] = self.level - place[PITCH], place[PITCH + 1]
@@ -305,8 +306,8 @@ def stepped_frame(system: System, source: str) -> MovingFrame | None:
     """Frame of a system's scene for steps one by one, in which an angle or extension may be free.
 
     None is returned if the system has no scene, or the scene no frame.  Raises the errors of `MovingFrame.from_system`;
-    an InputError that names `source` is also raised for a free angle on a base that moves.  The system needs modes that
-    all have inertia.
+    an InputError that names `source` is also raised for a free angle on a base that is displaced.  With a free luffing
+    angle, all modes of the system need inertia.
     """
     stored = read_scene(system, source, free=True) if "scene" in system.provenance else None
     if stored is None or stored.free_scene is None or stored.scene is None:

@@ -282,11 +282,12 @@ class MachineRun:
         cylinder: Fields | None = None,
         reasons: Mapping[int, str] = REASONS,
     ) -> None:
-        """Prepare the kernel for the boom's `system` and the machine in the frame of `scene`, at rest.
+        """Prepare the kernel for the boom's `system` and for the machine in the frame of `scene`.
 
-        With a free luffing angle `luffing` is the scene in which the angle is prescribed, None otherwise; `level` is
-        then the luffing angle in rad at which the machine does not pitch, and `cylinder` has fields of the kernel's
-        machine about the cylinder.  `reasons` are the messages for the kernel's error codes.
+        Three arguments are only for a free luffing angle, which is simulated as a machine that pitches: `luffing`, the
+        scene in which the angle is prescribed; `level`, the luffing angle in rad at which the machine does not pitch;
+        and `cylinder`, the fields of the kernel's machine about a luffing cylinder.  `reasons` are the messages for the
+        kernel's error codes.
         """
         frame = scene.frame
         assert frame is not None and frame.machine is not None  # of a scene with a machine
@@ -316,7 +317,7 @@ class MachineRun:
         )
 
     def run(self) -> MachineMotion:
-        """Take all steps and return the motion; a SimulationError names the step that fails, 0 for the start."""
+        """Take all steps and return the motion; a SimulationError names the time at which a step or the start fails."""
         t, simulation, started = self._excitation.times, self.simulation, False
         try:
             self._start()
@@ -372,7 +373,7 @@ class MachineRun:
         return motions
 
     def _balance_springs(self, motion: Array) -> Array:
-        """The `motion` (3, 6) with the free directions on springs moved to where the springs balance weight and loads.
+        """Copy of `motion` (3, 6) with free directions on springs moved to where the springs balance weight and loads.
 
         Raises SimulationError if Newton's method finds no such equilibrium.
         """

@@ -76,7 +76,7 @@ class Steps(NamedTuple):
 
 
 class March:
-    """One simulation by the kernel; arguments and errors are those of `pmr.simulation.SystemSimulator`.
+    """One simulation by the kernel of a system in modal form; errors as `pmr.simulation.SystemSimulator`.
 
     If `initial` is None, the simulation starts as ``excitation.start`` says.
     """

@@ -119,7 +119,19 @@ class Course:
 
 
 class VisitedCarriers:
-    """Carriers that sides touch on their way: indices for each body, and this rank's columns of the body's E^T."""
+    """Carriers that sides touch anywhere on a course, as rows E^T of each body.
+
+    Attributes
+    ----------
+    numbers : list of (p,) integer arrays
+        For each body, the ascending numbers of its p visited carriers.
+    of_bodies : list of sparse (p, n_local) matrices
+        This rank's columns of each body's E^T.
+    first : (bodies + 1,) integer array
+        Number of each body's first visited carrier among those of all bodies.
+    local : sparse matrix
+        All of `of_bodies` as one block-diagonal matrix.
+    """
 
     def __init__(self, system: FullSystem, course: Course) -> None:
         """Collect the carriers of each body of `system` that sides touch anywhere on the `course`."""
@@ -340,7 +352,10 @@ def rows_on_paths(system: FullSystem, x: Array, step: int = 0) -> PathRows:
 
 
 class BodyStep:
-    """Solver for the next state of one body without its contacts."""
+    """Solver of the equations of a step of one body without contact forces, for b_free.
+
+    The equations are those of `pmr.simulation.petsc.integrate`.
+    """
 
     def __init__(self, model: FullModel, factor: MatrixFactor, v_gain: float, q_gain: float) -> None:
         """Prepare right-hand sides of the `model` for `factor`, the factor of its effective matrix.

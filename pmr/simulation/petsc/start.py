@@ -338,8 +338,8 @@ def _inputs(system: FullSystem) -> list[tuple[FullModel, slice]]:
 class HeldAcceleration(NamedTuple):
     """This rank's part of an acceleration, and the multipliers of the rigid contacts."""
 
-    value: Array
-    multipliers: Array
+    value: Array  # (n_local,)
+    multipliers: Array  # (rigid contacts,) N
 
 
 class _HeldMass:

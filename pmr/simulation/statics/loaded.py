@@ -389,8 +389,9 @@ class LoadedStructure:
     def _find_equilibrium(self, load: float) -> LoadedState:
         """Search the equilibrium under a load.
 
-        The search begins with the last closed contacts; if it fails, it is repeated from the closed contacts of
-        `_first_order`, then from these and all that touch.
+        The search begins with the last closed contacts.  If it fails, it is repeated with the closed contacts of
+        `_first_order`, then with further ones that touch, one after the other, then downhill (`_search_downhill`).
+        Contacts that all hold both ways need no search.  Errors as `state`.
         """
         closed, every = self._last, np.ones_like(self._last)
         if self.holds_both_ways:

@@ -74,7 +74,7 @@ class _ForcedMotion:
         self.period = 2.0 * np.pi * float(np.sqrt(inertia[-1]))
 
     def values(self, row: Array, t: Array) -> Array:
-        """Values of row . x at times t in s (T,), for a row (n,)."""
+        """Scalar products (T,) of a `row` (n,) and x at the times t (T,) in s."""
         of, angle = row @ self._shapes, self._w * (t[:, None] - self._since)
         free = np.cos(angle) @ (of * self._amplitude) + np.sin(angle) @ (of * self._rate)
         return np.asarray(free + of @ self._constant + t * (of @ self._growing))
