@@ -24,9 +24,6 @@ import rainflow
 from pmr.errors import InputError
 from pmr.files.arrays import Array
 
-#: Cycles with a range below this share of the largest range are left out.  Damage grows with the third power of the
-#: range or faster, so each of them does less than a millionth of the damage of the largest cycle.
-SMALLEST = 0.01
 #: Number of cycles at which the reference range of an S-N line leads to failure.
 REFERENCE_CYCLES = 2e6
 
@@ -34,7 +31,7 @@ REFERENCE_CYCLES = 2e6
 def rainflow_cycles(t: Array, x: Array) -> Array:
     """Return the rainflow cycles of a history x (T,) at times t (T,) in s, the largest first (ASTM E1049-85).
 
-    A cycle that does not close counts as half a cycle.  Ranges below a hundredth of the largest one are left out.
+    A cycle that does not close counts as half a cycle.
 
     Returns
     -------
@@ -43,7 +40,6 @@ def rainflow_cycles(t: Array, x: Array) -> Array:
     """
     loops = [(size, mean, count, t[i], t[k]) for size, mean, count, i, k in rainflow.extract_cycles(x) if size > 0.0]
     table = np.array(loops, dtype=float).reshape(-1, 5)
-    table = table[table[:, 0] >= SMALLEST * table[:, 0].max(initial=0.0)]
     return np.asarray(table[np.argsort(-table[:, 0], kind="stable")])
 
 
@@ -107,7 +103,6 @@ class RepeatedCycles:
 def damage(t: Array, stress: Array, line: SNLine, times: float = 1.0) -> float:
     """Return the damage by a stress (T,) in Pa at times t (T,) in s that occurs `times` times; 1 is failure.
 
-    `line` is the S-N curve of the material or weld.  Cycles with a range below a hundredth of the largest range are
-    left out (`rainflow_cycles`).
+    `line` is the S-N curve of the material or weld.
     """
     return RepeatedCycles.count(t, stress).damage(line).after(times)

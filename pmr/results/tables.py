@@ -40,6 +40,8 @@ FORCE_OF, REACTION_OF = force_name(""), reaction_name("")
 
 #: Name of the only region of a body without named regions.
 WHOLE = "whole body"
+#: Load cycles whose range is below this share of the largest range are not listed.
+LEAST_LISTED = 0.01
 
 
 @dataclass(frozen=True)
@@ -219,7 +221,8 @@ def load_cycle_table(result: RunResult) -> Table:
         for probe in _measured_probes(result, response):
             if probe["unit"] in ("Pa", "1"):
                 loops = rainflow_cycles(response.t, response.other(probe["name"]))
-                rows += [(model, probe["name"], probe["unit"], *cycle) for cycle in loops.tolist()]
+                listed = loops[loops[:, 0] >= LEAST_LISTED * loops[:, 0].max(initial=0.0)]
+                rows += [(model, probe["name"], probe["unit"], *cycle) for cycle in listed.tolist()]
     return Table(("model", "probe", "unit", "range", "mean", "count", "t_begin [s]", "t_end [s]"), tuple(rows))
 
 

@@ -20,6 +20,7 @@ from pmr.report.sections import section_force_block
 from pmr.results import BodyResult
 from pmr.results.field_stress import Envelope
 from pmr.results.response import Output
+from pmr.results.tables import load_cycle_table
 
 SPACE = "\u00a0"
 NAMES = ("weld stress along", "weld stress shear", "weld strain along", "weld displacement z")
@@ -58,6 +59,15 @@ def test_probes_have_extremes_and_load_cycles(probed: RunResult) -> None:
     )
     assert "weld stress at (1.50, 0, \u22120.200)\u00a0m, outer" in extremes.caption
     assert len(block.drawings) == 3  # of each measure the component that is largest
+
+
+def test_cycles_below_one_per_cent_are_not_listed(probed: RunResult) -> None:
+    of = probed.responses["reduced"]
+    number = np.arange(len(of.t))
+    history = np.where(number == 3, 60e6, 0.3e6 * (number % 2))  # one large cycle among ripples
+    rippled = replace(of, others=np.repeat(history[:, None], len(NAMES), axis=1))
+    listed = load_cycle_table(replace(probed, responses={"reduced": rippled})).rows
+    assert {row[3] for row in listed if row[1] == NAMES[0]} == {60e6}
 
 
 def test_axes_of_a_probe_name_the_measure_without_its_component(probed: RunResult) -> None:
