@@ -75,10 +75,10 @@ class Choice:
 
 
 def prepare_scene(scene: Scene) -> Scene:
-    """Scene whose reductions contain all models that the search can choose.
+    """Scene with `COORDINATES` coordinates, whose reduction contains all models that the search can choose.
 
-    The scene itself is returned if it has no tolerance or budget, and for booms of several sections: these have their
-    own coordinates and more enrichment modes (`pmr.reduction.from_scene`).
+    The scene is returned unchanged if it has no tolerance or budget, and for booms of several sections: these have
+    their own coordinates and more enrichment modes (`pmr.reduction.from_scene`).
     """
     if scene.goal is None or len(scene.bodies) > 1:
         return scene
@@ -147,8 +147,8 @@ class Search:
     def compare_meshes(self, other: other_runs.OtherMesh, on_other: Mapping[str, ReducedModel]) -> Search:
         """Compute the error of the mesh, and return this search, which subtracts it from the tolerance from then on.
 
-        `on_other` are models, by name of the body, of the scene that `scene_on_other_mesh` returns.  Raises InputError
-        or SimulationError as for `pmr.simulation.SystemSimulator`.
+        `other` is the result of `scene_on_other_mesh`, and `on_other` are the reductions of its scene's bodies by name.
+        Raises InputError or SimulationError as for `pmr.simulation.SystemSimulator`.
         """
         trial = self.trial
         theirs = trials_of(_with_step(self.scene, trial.steps), on_other)
@@ -270,7 +270,7 @@ def _goal_key(scene: Scene) -> str:
 
 
 def _outputs_error(scene: Scene, allowed: str) -> InputError:
-    """Return the error of the key of the outputs that the scene names; `allowed` says what is allowed."""
+    """Return the error of the key ``accuracy.outputs`` or ``budget.outputs``; `allowed` says what is allowed."""
     return InputError("scene", f"{_goal_key(scene)}.outputs", list(scene.goal.outputs if scene.goal else ()), allowed)
 
 

@@ -73,7 +73,7 @@ def _step_ratio(trials: Trials, sizes: Sizes, steps: int, allowed: Allowed) -> f
 def reduce_cost(trials: Trials, trial: Trial, allowed: Allowed, coarsest: int) -> Trial:
     """Trial whose errors are allowed, with the fewest coordinates possible and then with the fewest steps.
 
-    The search begins with `trial`; `coarsest` is the smallest number of steps.
+    The search begins with `trial`; `coarsest` is the smallest number of steps that is tried.
     """
 
     def suits(reduction: Mapping[str, float], step: Mapping[str, float]) -> bool:
@@ -193,8 +193,8 @@ def _longest_steps(
 def _balance_errors(trials: Trials, sizes: Sizes, coarsest: int) -> Trial:
     """Trial with the longest step whose error does not exceed the error of the reduction.
 
-    The models have the given `sizes`.  If no step is that accurate, the trial has the shortest step.  The run has at
-    least `coarsest` steps.
+    The models have the given `sizes`.  If no step is that accurate, the trial has the most steps that a run may have.
+    The run has at least `coarsest` steps.
     """
 
     def suits(reduction: Mapping[str, float], step: Mapping[str, float]) -> bool:
@@ -239,7 +239,8 @@ def _largest_sizes(trials: Trials, seconds: float) -> Sizes | None:
 def _most_coordinates(trials: Trials, allowed: int) -> Sizes:
     """Sizes with up to `allowed` coordinates; each coordinate is added to the body whose error it reduces most.
 
-    Raises InputError if the smallest model has more coordinates than are allowed.
+    Raises InputError if a boom's smallest model has more coordinates than are allowed; a single body then has that
+    model.
     """
     sizes, steps = trials.uniform_sizes(trials.least), trials.excitation.stepping.steps
     if allowed < (least := trials.coordinates(sizes)) and len(sizes) > 1:

@@ -128,8 +128,8 @@ def _driven_part(
     """Part of the summary on the drive of a computed motion, as `extension_part` describes it.
 
     `histories` (T,) are the drive's quantities by name.  `stop` (T,) in m is how far a stop gives way: above 0 at the
-    greatest length, below 0 at the smallest.  `along` (T, P) in m are the coordinates of P paths.  `warnings` come
-    before the part's own.
+    greatest length, below 0 at the smallest.  `along` (T,) in m is the path coordinate, or the reach of several
+    sections.  `warnings` come before the part's own.
     """
     stop = np.where(np.abs(stop) > ROUND_OFF, stop, 0.0)
     spans = _stop_spans(response.t, stop, histories)
@@ -196,8 +196,8 @@ def _cylinder_part(
 ) -> SummaryPart:
     """Part of the summary with the extremes of a cylinder's `histories` (T,), and a warning if its oil would boil.
 
-    `along` (T, P) in m are the coordinates of P paths at the times of the response; `warnings` are added to the part's
-    own.
+    `along` (T,) in m is the path coordinate, or the reach of several sections, at the times of the response.
+    `warnings` are added to the part.
     """
     extremes = {key: Extremes.from_history(history, response.t, along) for key, history in histories.items()}
     figures = {key.replace(" ", "_"): of.summary() for key, of in extremes.items()}
@@ -223,12 +223,13 @@ def luffing_warnings(scene: Scene, angles: Array) -> list[str]:
 
 
 def turning_warnings(scene: Scene, angles: Array) -> list[str]:
-    """Warnings about supports that stand in for a luffing cylinder but differ from it as the boom luffs.
+    """Warnings about supports of the base that stand in for a luffing cylinder but differ from it.
 
-    A support with a stiffness does not turn as a cylinder whose stiffness about the pivot varies by more than a factor
-    of `TURNED` over the luffing `angles` (T,) in rad.  Every support across the boom lacks a force along the boom that
-    exceeds `LEANING` times the cylinder's force across the boom.  The list is empty if the scene has no luffing
-    cylinder, or if no support differs from it.
+    Named are supports across the boom that are not at the cylinder's lug (`misplaced_supports`), a pin that is not at
+    the pivot or is lacking, and how a support at the lug differs as the boom luffs.  A support with a stiffness does
+    not turn as a cylinder whose stiffness about the pivot varies by more than a factor of `TURNED` over the luffing
+    `angles` (T,) in rad.  Every support across the boom lacks a force along the boom that exceeds `LEANING` times the
+    cylinder's force across the boom.  The list is empty if the scene has no luffing cylinder, or if nothing differs.
     """
     if scene.frame is None or scene.frame.cylinder is None:
         return []
@@ -295,8 +296,8 @@ def _pin_warnings(scene: Scene, held: PinAndCylinder | None) -> list[str]:
 def slack_spans(t: Array, force: Array) -> list[dict[str, float]]:
     """Spans in which a rope is slack: ``start`` and ``end`` in s, and the largest force ``snatch`` in N afterwards.
 
-    `force` (T,) in N is that of the rope at the times t (T,) in s.  The ``snatch`` is the largest force until the rope
-    is slack again or the run ends.
+    `force` (T,) in N is that of the rope at the times t (T,) in s.  The ``end`` is the first time at which the rope
+    pulls again, or the end of the run; the ``snatch`` is the largest force from then until the rope is slack again.
     """
     spans, listed = _spans(force <= 0.0), list[dict[str, float]]()
     for (start, end), (following, _) in pairwise([*spans, (len(t), len(t))]):

@@ -48,8 +48,8 @@ _UNITS = {"N": "m/N", "m/s^2": "m/(m/s²)"}
 def comparison_positions(scene: Scene, size: int) -> Array:
     """Path coordinates (S,) in m, evenly spaced over the path, at which frequencies of models are compared.
 
-    S is `POSITIONS`, or less if the full model has more than `LARGE` coordinates, `size` being their number, or 1 if
-    nothing moves.
+    `size` is the number of coordinates of the full model.  S is `POSITIONS`, or `FEWER_POSITIONS` for a `size` above
+    `LARGE`, or 1 if nothing moves.
     """
     low, high = scene.path_bounds
     return np.linspace(low, high, POSITIONS if size <= LARGE else FEWER_POSITIONS) if high > low else np.array([low])
@@ -97,10 +97,10 @@ def bending_frequencies(s: float, length: float, bending_stiffness: float, mass_
 
 
 def axial_frequencies(length: float, axial_stiffness: float, mass_per_length: float, count: int) -> Array:
-    """The `count` lowest frequencies (2 n - 1) pi / (2 L) sqrt(EA / rho A) in rad/s, n = 1, 2, ..., of a bar.
+    """The `count` lowest circular frequencies (count,) in rad/s of a bar that is held at one end.
 
-    The bar is held at one end; L is its `length` in m, EA its `axial_stiffness` in N, rho A its `mass_per_length` in
-    kg/m (Blevins 1979, table 8-16).
+    They are (2 n - 1) pi / (2 L) sqrt(EA / rho A) for n = 1, 2, ...; L is its `length` in m, EA its `axial_stiffness`
+    in N, rho A its `mass_per_length` in kg/m (Blevins 1979, table 8-16).
     """
     n = np.arange(1, count + 1)
     return (2 * n - 1) * np.pi / (2.0 * length) * np.sqrt(axial_stiffness / mass_per_length)

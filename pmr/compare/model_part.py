@@ -197,7 +197,7 @@ def model_budget(scene: Scene, motion: Motion, richer: Motion, richer_name: str)
 def _probe_errors(motion: Motion, richer: Motion) -> dict[str, float]:
     """Error of each probe that both models have, by its name, as a fraction (`pmr.compare.outputs.probe_errors`).
 
-    The error is that of `motion` against the motion `richer`.  A probe that is round-off in both counts as zero.
+    The error is that of `motion` against the motion `richer`.  A history that is round-off counts as zero.
     """
     mine, theirs = motion.histories("probe"), richer.histories("probe")
     names = [name for name in mine if name in theirs]

@@ -55,8 +55,7 @@ def force_rates(model: ReducedModel, trajectory: Trajectory, path_rate: Array, l
     """Contact forces z (T, m) in N of a trajectory, and their rates (T, m) in N/s by the equations of `output_rates`.
 
     `path_rate` (T,) is the rate of the path coordinate in m/s, and `loads` are the loads (T, i) with their rates.  Open
-    contacts have the rate 0.  Raises ValueError if the model has no residual
-    flexibility.
+    contacts have the rate 0.  Raises ValueError if the model has no residual flexibility.
     """
     tables, s = model.flexibility, trajectory.s
     if tables is None:
@@ -112,9 +111,9 @@ def output_rates(model: ReducedModel, trajectory: Trajectory, excitation: Excita
 def displacement_rates(system: System, run: SystemTrajectory, excitation: Excitation, displacement: Array) -> Array:
     r"""Rates (T, o) in m/s of the displacements `displacement` (T, o) in m, at all steps of the excitation.
 
-    For a body on one path with tables of residual flexibility they are `output_rates`.  In all other cases (several
-    bodies, attachment modes, or a hoist, whose rope's pulls have no rates) they are :math:`O \dot q` plus central
-    differences of y - O q, with the displacements y, the output matrix O and the coordinates q.
+    For a body on one path with tables of residual flexibility they are `output_rates`.  In all other cases (such as
+    several bodies, attachment modes, or a hoist, whose rope's pulls have no rates) they are :math:`O \dot q` plus
+    central differences of y - O q, with the displacements y, the output matrix O and the coordinates q.
     """
     tables = not system.hoist and all(map(_has_rate_tables, system.bodies.values()))
     if system.on_one_path and tables:

@@ -91,7 +91,7 @@ def _plane_buckling_warnings(scene: Scene, system: System) -> list[str]:
     """List a warning that names bodies whose model can't show buckling across the plane of luffing.
 
     No load acts on these bodies across the plane, so their reduced models do not move in that direction.  The list is
-    empty if all bodies can buckle in all directions.
+    empty if all bodies can buckle in all directions, and without second order.
     """
     assert scene.frame is not None  # only called for a scene with a frame
     held = []
@@ -240,7 +240,7 @@ def energy_in_space(scene: Scene, system: System, excitation: Excitation, run: S
         account.add_term(terms[term.name], term, c)
     for number, name in enumerate(scene.names):
         account.add_momentum(number, account.moments[name])
-    return SpaceEnergy(run.t, account.energy, _cumulative_work(account.drives), _cumulative_work(account.others))
+    return SpaceEnergy(run.t, account.energy, _running_sum(account.drives), _running_sum(account.others))
 
 
 def energy_part(scene: Scene, system: System, excitation: Excitation, run: SystemTrajectory | None) -> SummaryPart:
@@ -270,13 +270,13 @@ class _Moments:
 
 
 class _EnergyBalance:
-    """Balance over T steps: energy (T,) in J, and work of each of T - 1 steps in J.
+    """Balance at T times: `energy` (T,) in J, and work `drives` and `others` (T - 1,) in J in each step between them.
 
     Bodies are added first, then terms of second order, then momenta.
     """
 
     def __init__(self, scene: Scene, run: SystemTrajectory) -> None:
-        """Begin the balance of a scene's `run` of T steps with the energy and work in the moving frame."""
+        """Begin the balance of a scene's `run`, at T times, with the energy and work in the moving frame."""
         assert scene.frame is not None  # `energy_in_space` is for scenes with a frame
         self._scene, self._run = scene, run
         self._turning = FrameRotation.from_signals(*scene.frame.angles, run.t, scene.frame.base_angles)
@@ -381,7 +381,7 @@ def _pivot_velocity(frame: Frame, t: Array) -> Array:
             if axis in frame.base.motions:
                 velocity[:, k] += frame.base.motions[axis].rate(t)
             if axis in frame.base.accelerations:
-                velocity[:, k] += _cumulative_work(step_means(frame.base.accelerations[axis].value(t)) * np.diff(t))
+                velocity[:, k] += _running_sum(step_means(frame.base.accelerations[axis].value(t)) * np.diff(t))
     return velocity
 
 
@@ -390,6 +390,6 @@ def _contract(a: Array, b: Array) -> Array:
     return np.asarray(np.einsum("tij,tij->t", a, b))
 
 
-def _cumulative_work(work: Array) -> Array:
-    """Sum (T,) of the work of all steps, (T - 1,), up to each time."""
-    return np.append(0.0, np.cumsum(work))
+def _running_sum(increments: Array) -> Array:
+    """Sum (T,), up to each time, of the `increments` (T - 1,) in the steps before; 0 at the first time."""
+    return np.append(0.0, np.cumsum(increments))

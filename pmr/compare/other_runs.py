@@ -216,10 +216,10 @@ class VariedPlay:
     def summary(self, scene: Scene, response: Response, walls: Summary, varied_walls: Summary) -> dict[str, Any]:
         """Return ``budget.play`` of summary.json for the run of a scene that has this response.
 
-        ``gap`` in m is the play of the other run, and ``rows`` have the largest ``value`` of the run, and the one that
-        is ``varied``, the largest value of the other run; ``quantity`` is a key of `pmr.results.quantities.QUANTITIES`,
-        and ``name`` that of a part or a direction.  Values have the unit of their quantity.  `walls` and `varied_walls`
-        may have ``wall_stress``, the largest stress in walls at pads of both runs.
+        ``gap`` in m is the play of the other run.  Each of ``rows`` has a largest ``value`` of the scene's run, and as
+        ``varied`` that of the other run; ``quantity`` is a key of `pmr.results.quantities.QUANTITIES`, and ``name``
+        that of a part or a direction.  Values have the unit of their quantity.  `walls` of the scene's run, and
+        `varied_walls` of the other one, may have ``wall_stress``, the largest stress in walls at pads.
         """
         value, varied = largest_sizes(scene, response), largest_sizes(scene, self.simulation.response)
         for sizes, entries in ((value, walls), (varied, varied_walls)):

@@ -118,8 +118,8 @@ def differences(
 ) -> dict[str, float]:
     """Errors of outputs against a reference, as fractions, by kind, for each of `kinds`.
 
-    The measure is `pmr.compare.errors.relative_error`.  Columns that are round-off in both, according to the `floors`,
-    count as zero.
+    The measure is `pmr.compare.errors.relative_error`.  Columns that are round-off by the `floors` count as zero; so do
+    velocities of displacements that are round-off in both.
     """
     moves = zero_round_off(outputs.displacement, reference.displacement, floors.displacement)
     errors = dict[str, float]()
@@ -145,7 +145,7 @@ def differences(
 def probe_differences(outputs: Outputs, reference: Outputs, floors: RoundOffBounds) -> Array:
     """Error (k,) of each of k probes in `outputs` against `reference`, as fractions (`probe_errors`).
 
-    `floors` has the bounds of round-off; a probe that is round-off in both counts as zero.
+    `floors` has the bounds of round-off; a history that is round-off counts as zero.
     """
     y, r = zero_round_off(outputs.probe, reference.probe, floors.probe)
     refuse_infinite(y, r)
@@ -220,10 +220,10 @@ def boom_quantities(excitation: Excitation, response: Response) -> Mapping[str, 
 
 
 def _forces_at_steps(kind: str, steps: slice | NDArray[np.bool_], response: Response) -> Array:
-    """Forces of k contacts of one kind at `steps` (S,), (S, k) in N; negligible ones are set to 0.
+    """Forces (S, k) in N of the k contacts of one kind at S `steps`; negligible ones are set to 0.
 
-    A force is negligible if it is at most `RELATIVE_FLOOR` times the largest force of any kind, as for a cylinder that
-    holds still.
+    `steps` are a slice of all T steps, or a mask (T,).  A force is negligible if it is at most `RELATIVE_FLOOR` times
+    the largest force of any kind, as for a cylinder that holds still.
     """
     which = np.array(force_kinds(response)) == kind
     size = np.abs(response.slider_force).max(axis=0)

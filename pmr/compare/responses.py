@@ -259,7 +259,10 @@ def _march(
 
 
 def _with_shortest_time(response: Response, repeats: int, rerun: Callable[[], float]) -> Response:
-    """The response with the shortest solver time; `rerun` repeats a simulation of at most `SHORT` s and times it."""
+    """The response with the shortest solver time in s of `repeats` simulations, the one of the response included.
+
+    `rerun` simulates once more and returns the solver time; it is not called if the simulation took more than `SHORT`.
+    """
     more = repeats - 1 if response.seconds <= SHORT else 0
     return replace(response, seconds=min([response.seconds, *(rerun() for _ in range(more))]))
 

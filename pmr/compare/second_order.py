@@ -183,7 +183,7 @@ PIECES = 40
 
 
 class AxialForce(NamedTuple):
-    """Axial force in a body under one unit of the input called `load`: `at` returns it in N at places (k,) in m."""
+    """Axial force in N, tension positive, per unit of the input `load`; `at` returns it (k,) at places (k,) in m."""
 
     load: str
     at: Callable[[Array], Array]
@@ -229,7 +229,8 @@ def axial_part(scene: Scene, system: System, excitation: Excitation, masses: Map
 def axial_forces(member: Member, body: SlidingBody, mass: float) -> Iterator[AxialForce]:
     """Yield the axial force that each load along the axis of a body causes, and that of the body's weight.
 
-    In a frame, loads at the tip are left out.  `mass` in kg is that of the body without what is attached to it.
+    In a frame, loads at the tip and the weight are left out, which second order has.  `mass` in kg is that of the body
+    without what is attached to it.
     """
     part, tip = member.part, float(np.max(body.output_positions, initial=0.0))
 
@@ -245,7 +246,10 @@ def axial_forces(member: Member, body: SlidingBody, mass: float) -> Iterator[Axi
     holds = min((at for at in held if at is not None), default=0.0)
 
     def between(at: float, x: Array) -> Array:
-        """Axial force (k,) at places x under a unit force along x at `at`: 1 or -1 towards the support, else 0."""
+        """Axial force (k,), tension positive, at places x (k,) in m under a unit force along x at `at` in m.
+
+        It is 1 between the force and the support, -1 if the support is farther from the tail, and 0 elsewhere.
+        """
         return np.where((x > min(at, holds)) & (x < max(at, holds)), np.sign(at - holds), 0.0)
 
     for load in axis_loads(member):
@@ -260,7 +264,7 @@ def axial_forces(member: Member, body: SlidingBody, mass: float) -> Iterator[Axi
         weights = [(along * m, at) for m, at in [*pieces, *attached] if at is not None]
 
         def of_weight(x: Array) -> Array:
-            """Axial force (k,) at places x under the weight, for a unit of gravity."""
+            """Axial force (k,), tension positive, at places x (k,) in m under the weight, per m/s^2 of gravity."""
             return np.sum([m * between(at, x) for m, at in weights], axis=0)
 
         yield AxialForce(WEIGHT, of_weight)

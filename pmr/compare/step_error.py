@@ -99,7 +99,10 @@ class ConvergenceSeries(Generic[Compared]):
 
     @property
     def error_bound(self) -> float:
-        """Error of the given run, a fraction; the last difference replaces a `remainder` that is larger."""
+        """Error of the given run, a fraction: its difference to the last run, plus the `remainder`.
+
+        If the last difference is smaller than the remainder, it is added in its place.
+        """
         return self.difference_to_last + min(self.remainder, self.differences[-1])
 
     @property
@@ -278,7 +281,7 @@ def _force_series(
     """Series of differences between the forces of runs with smaller and smaller steps, by kind of force.
 
     The kinds are those of `force_errors`.  `initial` is the run whose error is asked for, and `samples` are those of
-    the runs with smaller steps.  If `in_the_mean` is true, the RMS values over time are compared.
+    all runs, that with the longest step first.  If `in_the_mean` is true, the RMS values over time are compared.
     """
     of_given, first, *finer = (_rms_forces(run.forces) if in_the_mean else run.forces for run in (initial, *samples))
     by_kind = dict[str, ConvergenceSeries[ForceHistories]]()

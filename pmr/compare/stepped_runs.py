@@ -87,10 +87,10 @@ class SteppedSystem:
         run: SystemTrajectory | None = None,
         complete: Callable[[Response], Response] | None = None,
     ) -> None:
-        """Prepare runs of the system under the excitation, whose time grid is the given one; nothing is simulated yet.
+        """Prepare runs of the system under the excitation, whose time grid is the given one.
 
-        `run` is the run on that grid, None if it is still to be simulated.  `complete` adds forces to a response; None
-        adds none.
+        The given run is simulated at once if it chooses the parts of its steps; otherwise nothing is.  `run` is the run
+        on that grid, None if it is still to be simulated.  `complete` adds forces to a response; None adds none.
         """
         self._form, self.excitation, self._known, self._complete = SystemForm.of(system), excitation, run, complete
         self.system = system = self._form.system
@@ -225,8 +225,8 @@ class Runs:
     def sample_initial_run(self, first: Sample) -> Sample:
         """Sample of the run with the given step and the given rho_inf.
 
-        `first` is the sample of the first run; this sample itself is returned if the first run has the given rho_inf
-        too.
+        `first` is the sample of the first run, the only one so far.  It is returned itself if that run had the given
+        rho_inf and parts of steps too.
         """
         grid, stepping = self._stepped.given, self.last_grid
         if self._stepped.run is None and (stepping.rho_inf, stepping.parts) == (grid.rho_inf, grid.parts):

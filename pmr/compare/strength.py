@@ -193,8 +193,8 @@ def fatigue_part(scene: Scene, response: Response) -> SummaryPart:
 def _endured_spectra(damages: Sequence[tuple[float, Damage]]) -> float | None:
     """Return the number of times that a spectrum may occur until its damage is 1; None if a spectrum does no damage.
 
-    `damages` are the numbers n_l of times that each line of the spectrum occurs, and the damage by a history.  Each
-    history but the first does the damage of a further one.
+    `damages` has for each line of the spectrum the number of times that it occurs, and the damage by its history.  Each
+    time but the first, a history does the damage `further`.
     """
     growth = sum(times * damage.further for times, damage in damages)
     first = sum(damage.once - damage.further for times, damage in damages if times > 0.0)

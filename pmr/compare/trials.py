@@ -238,7 +238,10 @@ class Trials:
         return run_error is not None and run_error.settled and max(self.step_errors(sizes, steps).values()) <= RESOLVED
 
     def fewest_resolving_steps(self, steps: int) -> int:
-        """Smallest number of steps, at most `steps`, with which one of the runs so far has resolved the motion."""
+        """Smallest number of steps, at most `steps`, with which one of the runs so far has resolved the motion.
+
+        It is `steps` itself if none with fewer steps has.
+        """
         return min(
             (count for sizes, count in self._step_errors if count < steps and self.is_resolved(sizes, count)),
             default=steps,

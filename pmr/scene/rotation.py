@@ -57,7 +57,7 @@ class FrameRotation:
 
     @classmethod
     def about_axis(cls, axis: int, angle: Angle) -> FrameRotation:
-        """Rotation about an axis, numbered from 0, by an angle (T,) in rad with its rates."""
+        """Rotation about the axis x, y or z (`axis` 0, 1 or 2) by an `angle` with its rate and second rate."""
         value, rate, second = (np.asarray(part)[:, None] for part in angle)
         e = np.eye(3)[axis]
         along, sine, cosine = np.outer(e, e), np.sin(value)[..., None], np.cos(value)[..., None]
@@ -81,7 +81,11 @@ class FrameRotation:
 
     @cached_property
     def gradient(self) -> Array:
-        """Gradient A (T, 3, 3) in 1/s^2 of the acceleration field: skew(alpha) + skew(omega)^2."""
+        """Gradient A (T, 3, 3) in 1/s^2 of the acceleration field: skew(alpha) + skew(omega)^2.
+
+        A point of the frame at r (3,) from the pivot has the acceleration A r relative to the pivot, in the frame's
+        axes.
+        """
         spin = skew(self.velocity)
         return skew(self.acceleration) + spin @ spin
 
