@@ -239,12 +239,12 @@ def _largest_sizes(trials: Trials, seconds: float) -> Sizes | None:
 def _most_coordinates(trials: Trials, allowed: int) -> Sizes:
     """Sizes with up to `allowed` coordinates; each coordinate is added to the body whose error it reduces most.
 
-    Raises InputError if a boom's smallest model has more coordinates than are allowed; a single body then has that
-    model.
+    Raises InputError if the smallest model has more coordinates than are allowed.
     """
     sizes, steps = trials.uniform_sizes(trials.least), trials.excitation.stepping.steps
-    if allowed < (least := trials.coordinates(sizes)) and len(sizes) > 1:
-        needed = f"at least {least} are needed: rigid-body motions, one mode of each section, those of cylinders"
+    if allowed < (least := trials.coordinates(sizes)):
+        needed = f"at least {least} are needed: rigid-body motions"
+        needed += ", one mode of each section, those of cylinders" * (len(sizes) > 1)
         raise InputError("scene", "budget.coordinates", allowed, needed)
     while trials.coordinates(sizes) < allowed and (more := trials.neighbouring_sizes(sizes, 1)):
         alone = len(more) == 1

@@ -209,6 +209,9 @@ def test_a_budget_of_coordinates_has_a_step_that_suits_them(monkeypatch: pytest.
     tried = trials(MODEL, driven())
     few, more = (find_best_affordable(tried, Budget(coordinates=count), 62) for count in (6, 18))
     assert few.sizes == (6,) and few.steps == 250 and more.sizes == (18,) and more.steps == 2000
+    free = replace(MODEL, K=np.diag([0.0, 0.0, *np.diagonal(MODEL.K)[2:]]))
+    with pytest.raises(InputError, match="at least 2 are needed: rigid-body motions"):
+        find_best_affordable(trials(free, driven()), Budget(coordinates=1), 62)
 
 
 def test_steps_follow_path_and_loads() -> None:
