@@ -156,7 +156,7 @@ class Search:
         return self
 
     def choose(self, mesh_reason: str | None) -> Choice:
-        """Return the choice: the best trial, without coordinates and steps that its errors do not need.
+        """Return the best trial as the choice; with a tolerance, without coordinates and steps that it does not need.
 
         `mesh_reason` says why the error of the mesh is unknown; None if it is known.  Raises InputError or
         SimulationError as for `pmr.simulation.SystemSimulator`.

@@ -122,8 +122,8 @@ def estimate_error(models: Models, first: SimulatedSystem) -> Estimate:
     """Estimate the error of a system of reduced bodies by a second run with enrichment modes and attachment modes.
 
     `models` are the reduced bodies by name, on their modes alone; the bodies of the system in the run `first` have
-    further coordinates if there are cylinders (`pmr.system.attachment`).  The second run makes each step in the same
-    substeps as the first.  If pads lift off, a third run without enrichment modes shows for which kinds of outputs
+    further coordinates if there are cylinders (`pmr.system.attachment`).  The second run divides each step into the
+    same parts as the first.  If pads lift off, a third run without enrichment modes shows for which kinds of outputs
     richer models disagree; these kinds have no estimate.  The errors of the result are fractions with margin; its
     history `error` is the plain difference between the displacements of the second run and those of the first.
 

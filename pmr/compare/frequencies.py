@@ -139,7 +139,7 @@ def frequency_response(
     ----------
     system : System
     places : (S, sides) array, m
-        Path coordinates of all sides of the contacts in S positions.
+        Path coordinates in S positions; each contact has a side on each body that it joins.
     abscissa : (S,) array, m
         One coordinate of each position, such as the reach, by which results name it.
     tips : collection of str
@@ -209,7 +209,7 @@ class WayPoints:
     t: Array  # (S,) s: first time at which the run is there; axial forces of this time stress the system
 
     def sides(self, system: System) -> Array:
-        """Path coordinates (S, sides) in m of the sides of all contacts of a system."""
+        """Path coordinates (S, sides) in m in a system; each contact has a side on each body that it joins."""
         return system.side_coordinates(dict(zip(system.paths or (SLIDER,), self.s.T, strict=True)))
 
 

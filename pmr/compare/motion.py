@@ -239,7 +239,7 @@ def system_with_attachment_modes(system: System, x: Array, forces: Sequence[Arra
     system : System
         System of reduced bodies.
     x : (P, sides) array, m
-        Path coordinates of all sides of the contacts in P positions.
+        Path coordinates in P positions; each contact has a side on each body that it joins.
     forces, loads : sequences of arrays, (P, m) and (P, i) in N
         Forces of the m contacts, and loads on the i inputs, with one array for each load case.
 

@@ -45,8 +45,8 @@ def dynamic_factors_part(scene: Scene, system: System | SystemForm, response: Re
     values is within the round-off.  Forces at the pivot and on the ground are left out, as supports and outriggers
     share them.
 
-    The entry is missing for scenes without a frame, with a hoist, or with a base that moves or is inclined, and for
-    those that compute the motion of their machine, luffing angle or extension.
+    The entry is missing for scenes without a frame, with a hoist or with ``frame.base``, and for those that compute the
+    motion of their machine, luffing angle or extension.
     """
     frame = scene.frame
     if frame is None or scene.hoist is not None or scene.computed_key is not None or frame.base is not None:

@@ -270,7 +270,7 @@ def seats(scene: Scene, number: int) -> Iterator[Seat]:
 
 
 def footprint(scene: Scene, ring: JointPads) -> str:
-    """Return the name that the pads of a ring have in the models of the two sections in contact.
+    """Return the name, such as ``pads 1``, that a ring has in the models of the two sections in contact.
 
     Rings with equal faces, positions and size share one name, unless walls give way: each ring then has a name of its
     own.

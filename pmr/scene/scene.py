@@ -85,7 +85,7 @@ class CommonTables(Surroundings):
     @model_validator(mode="before")
     @classmethod
     def _fill_in_start(cls, data: object) -> object:
-        """Fill in the default start, and for a start in equilibrium a weight that acts from t = 0."""
+        """Fill in the default start and, for several sections, the weight; in equilibrium it acts from t = 0 on."""
         if not isinstance(data, Mapping):
             return data
         sections = data.get("sections", ())
