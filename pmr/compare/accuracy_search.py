@@ -122,7 +122,7 @@ def explain_trial(trials: Trials, trial: Trial, coarsest: int, allowed: Allowed)
     coarse = trials.fewest_resolving_steps(steps)
 
     def error_of_fewer(sizes: Sizes) -> float:
-        """Largest difference (a fraction) over all outputs of models of these `sizes` to those of the trial."""
+        """Largest difference, a fraction, in any kind of output between models of these `sizes` and the trial."""
         return max(trials.difference_to_trial(trial, sizes, coarse).values())
 
     if fewer := min(trials.neighbouring_sizes(trial.sizes, -1), key=error_of_fewer, default=None):
@@ -208,7 +208,7 @@ def _balance_errors(trials: Trials, sizes: Sizes, coarsest: int) -> Trial:
 
 
 def _real_time_trials(trials: Trials, ratio: float, coarsest: int) -> Iterator[Trial]:
-    """Yield, for each number of steps from `coarsest` on, the trial with the largest model that is fast enough.
+    """Yield, for `coarsest` steps, twice as many and so on, the trial with the largest model that is fast enough.
 
     A model is fast enough if it is simulated `ratio` times as fast as real time.
     """

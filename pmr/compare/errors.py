@@ -44,8 +44,8 @@ LEAST = 1e-130
 def largest_absolute(values: Array, axis: int | None = 0) -> Any:
     """Largest absolute value of `values` (any shape) along `axis`; NaN if an entry is NaN.
 
-    An `axis` of 0 stands for each column, None for all entries.  The value is computed from maximum and minimum, which
-    saves the memory of an array of absolute values.
+    With an `axis` of 0 the result has a value for each column, with None one for all entries.  The value is computed
+    from maximum and minimum, which saves the memory of an array of absolute values.
     """
     return np.maximum(values.max(axis=axis, initial=0.0), -values.min(axis=axis, initial=0.0))
 

@@ -172,8 +172,8 @@ def _residuals(body: SlidingBody, motion: Trajectory, part: SystemTrajectory) ->
 def append_friction(response: Response, contacts: Sequence[Contact], friction: Array | None) -> Response:
     """Append the total friction force in N of each joint to the other outputs of a response.
 
-    `friction` (T, n) in N is the friction of each of n pads among the `contacts`.  If `friction` is None or no contact
-    has friction, the response is returned unchanged.
+    `friction` (T, n) in N is that of the n pads with friction among the `contacts`, in the order of `Friction`.  If
+    `friction` is None or no contact has friction, the response is returned unchanged.
     """
     joint_friction = Friction.from_contacts(contacts)
     if joint_friction is None or friction is None:

@@ -239,8 +239,8 @@ def _computed_motion(scene: Scene) -> str | None:
 def _push_clause(rings: str, computed: str | None, sideways: bool = False) -> str:
     """Clause that says which key of `rings` to change if pads can only push.
 
-    `computed` names the motion that is computed, None if all motion is prescribed (`_computed_motion`); `sideways` says
-    that only pads at the left and at the right pull.
+    `rings` names the rings in the clause.  `computed` names the motion that is computed, None if all motion is
+    prescribed (`_computed_motion`); `sideways` says that only pads at the left and at the right pull.
     """
     if computed is None:
         return f"; if they can only push, set unilateral = true in {rings}"
@@ -309,7 +309,7 @@ def _joints_warning(
 
 
 def cylinder_impulses(boom: Scene, system: System) -> dict[str, list[dict[str, float]]]:
-    r"""Impulses of each cylinder at each kink of any extension, by its name: ``t`` in s, ``impulse`` in N s.
+    r"""Impulses of each cylinder at each kink of any extension, by cylinder: ``t`` in s, ``impulse`` in N s.
 
     .. math:: I_i = \sum_{k \ge i} m_k\, \Delta \dot X_k, \qquad \Delta \dot X_k = \sum_{j \le k} \Delta \dot s_j
 
@@ -355,7 +355,7 @@ def _kink_warnings(kinks_of_cylinders: Mapping[str, Sequence[Mapping[str, float]
 
 
 def rope_forces(scene: Scene, response: Response) -> dict[str, Array]:
-    r"""Force (T,) in N on each section that ropes move or that such sections follow, by name; positive pushes out.
+    r"""Force (T,) in N on each section that has a rope, follows another or is followed, by name; positive pushes out.
 
     Section k has the extension :math:`s_k = r_k s_j + c_k`, with the ratio r_k and the offset c_k, if it is moved by a
     rope that the joint j drives.  Let :math:`F_k` be the force along the boom between section k and the next outer one
@@ -368,7 +368,7 @@ def rope_forces(scene: Scene, response: Response) -> dict[str, Array]:
     The power with which a cylinder moves its section and all sections that follow it is :math:`T_j \dot s_j`.  The
     friction of the joints' pads is included, the friction of sheaves is not.
 
-    The result is empty if there are no ropes, or if forces along the boom are unknown.
+    The result is empty if there are no such sections, or if forces along the boom are unknown.
     """
     shares = rope_shares(scene)
     if any(force_name(cylinder_name(name)) not in response.force_names for name in shares):
@@ -379,12 +379,12 @@ def rope_forces(scene: Scene, response: Response) -> dict[str, Array]:
 
 
 def ropes_part(scene: Scene, response: Response) -> SummaryPart:
-    """Entry ``ropes`` of summary.json, a row for each section: extremes of the ``force`` in N that moves it.
+    """Entry ``ropes`` of summary.json, a row for each section in `rope_forces`: extremes of the ``force`` in N.
 
     A row has the ``name`` of the section and the section that it ``follows``, or None.  A section that follows no other
     also has the ``power`` in W: that for moving it and all its followers.  A rope with a stiffness EA also has its
     largest ``length`` in m on the way, and the ``stiffness`` in N/m of all its strands together at that length.  There
-    is a warning about ropes that would have to push.  The part is empty if the scene has a single body.
+    is a warning about ropes that would have to push.  The part is empty without such sections.
     """
     if len(scene.sections) < 2:
         return SummaryPart()

@@ -331,7 +331,7 @@ def frequency_map(boom: Scene, system: System) -> FrequencyMap | None:
     """Map of the lowest frequency over the extensions of the first two joints that move on paths of their own.
 
     Every contact is closed.  Other joints with paths of their own are at their start; joints that follow others move
-    with them.  With second order, the boom rests at its steepest angle.  None is returned if fewer than two joints
+    with them.  With second order, the boom rests at its steepest angle.  None is returned if fewer than two such joints
     move.
     """
     ends = {

@@ -72,7 +72,10 @@ class Simulations:
     form: SystemForm | None  # of the system; None: the compiled simulator did not simulate it
 
     def simulated_system(self, system: System, excitation: Excitation) -> SimulatedSystem:
-        """The system with motion and response of the first simulator, and the parts of each of its steps."""
+        """The system under the excitation, with the motion and response of the first simulator if it kept the motion.
+
+        The excitation then has that simulator's parts of each step.
+        """
         if self.first.run is None:
             return SimulatedSystem(system, excitation, form=self.form)
         stepped = excitation.with_stepping(self.time_grid)
@@ -188,7 +191,10 @@ def compared_quantities(scene: Scene, response: Response) -> Mapping[str, Respon
 
 
 def full_simulator(scene: Scene, size: int) -> str:
-    """Name of the simulator for a full model of `size` coordinates: the one that the scene names, or the fastest."""
+    """Name of the simulator for a full model of `size` coordinates: that of the scene, or by default the fastest.
+
+    With a hoist it is by default ``march``.
+    """
     if scene.simulation.full != "auto":
         return scene.simulation.full
     if scene.hoist is not None:

@@ -116,7 +116,7 @@ def second_order_effect(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Seco
 def stiffness_changes(
     system: System, excitation: Excitation, signals: Mapping[str, SignalBase], axial: Sequence[str]
 ) -> SecondOrderEffect:
-    """Effect of the terms of a `system` on its stiffness, as in `second_order_effect`, which has the errors.
+    """Effect of the terms of a `system` on its stiffness, as in `second_order_effect`; errors are raised as there.
 
     `signals` are the amplitudes of the terms by their names, `axial` the names of the terms of axial forces.
     """

@@ -194,7 +194,8 @@ def _endured_spectra(damages: Sequence[tuple[float, Damage]]) -> float | None:
     """Return the number of times that a spectrum may occur until its damage is 1; None if a spectrum does no damage.
 
     `damages` has for each line of the spectrum the number of times that it occurs, and the damage by its history.  Each
-    time but the first, a history does the damage `further`.
+    time but the first, a history does the damage `further`.  If a line does not occur once until then, the result is
+    the reciprocal of the damage of one spectrum.
     """
     growth = sum(times * damage.further for times, damage in damages)
     first = sum(damage.once - damage.further for times, damage in damages if times > 0.0)

@@ -154,7 +154,10 @@ def theory_part(scene: Scene, responses: Mapping[str, Response]) -> SummaryPart:
 
 
 def masses_part(masses_of_bodies: Summary) -> SummaryPart:
-    """Entry ``masses`` of summary.json: the ``name`` of each body, with `pmr.fullmodel.model.Masses.summary`."""
+    """Entry ``masses`` of summary.json: the ``name`` of each body, with `pmr.fullmodel.model.Masses.summary`.
+
+    A body whose masses are None is left out.
+    """
     rows = [{"name": name, **masses.summary()} for name, masses in masses_of_bodies.items() if masses is not None]
     return SummaryPart({"masses": rows} if rows else {})
 

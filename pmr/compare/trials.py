@@ -194,7 +194,10 @@ class Trials:
         return max(size - rigid for size, rigid in zip(sizes, self._rigid, strict=True))
 
     def double_sizes(self, sizes: Sizes) -> Sizes:
-        """Return `sizes` with twice the number of elastic modes of each body, or with all where a body has fewer."""
+        """Return `sizes` with twice the number of elastic modes of each body, or with all where a body has fewer.
+
+        A body without elastic modes gets one.
+        """
         of_bodies = zip(sizes, self._rigid, self.most, strict=True)
         return tuple(max(size, min(rigid + max(2 * (size - rigid), 1), most)) for size, rigid, most in of_bodies)
 
@@ -248,7 +251,7 @@ class Trials:
         )
 
     def difference_to_trial(self, trial: Trial, sizes: Sizes, steps: int) -> dict[str, float]:
-        """Error by kind of models of the given sizes, which are smaller than a trial's, by the difference of two runs.
+        """Error, by kind of output, of models of these `sizes`, smaller than the trial's: the difference of two runs.
 
         Both runs have `steps` steps.  Modes that neither model has are not in this difference, so the trial's own error
         is added as the root of the sum of squares.  If contacts only push, both runs divide their steps alike, so that

@@ -223,7 +223,10 @@ class Box(BoxProfile):
         return [self._stretch(a, b) for a, b in pairwise(self.breaks)]
 
     def profile_at(self, x: float) -> BoxProfile:
-        """Return the profile at x in m with its doublers; at a break, the profile of the stretch that begins there."""
+        """Return the profile at x in m with its doublers; at a break, that of the stretch which begins there.
+
+        At the tip it is that of the last stretch.
+        """
         pairs = list(pairwise(self.breaks))
         return self._stretch(*next((pair for pair in pairs if x < pair[1]), pairs[-1])).profile_at(x)
 

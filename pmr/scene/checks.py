@@ -70,7 +70,7 @@ def _check_single_body(scene: Scene) -> None:
 
 
 def _check_computed_motions(scene: Scene) -> None:
-    """Refuse simulators without the equations of a payload that swings, or of a motion computed with the boom's.
+    """Refuse simulators that lack equations which the scene needs: of a hoist, or of a motion that is computed.
 
     With a computed motion, a comparison with a richer model is refused, too.
     """

@@ -245,7 +245,7 @@ def _has_rotary_inertia(member: Member) -> bool:
 
 
 def is_planar(member: Member) -> bool:
-    """Whether a body is modelled as a planar beam, or is a mover on one."""
+    """Whether a body is modelled as a planar beam or as a mover."""
     return traits_of(member).is_planar
 
 

@@ -379,7 +379,10 @@ def _in_draft_7(node: object) -> Any:
 
 
 def _without_required_keys(node: object) -> Any:
-    """Return a node of a schema in which no key is required and tables may change single entries of lists of tables."""
+    """Return a node of a schema as files have it that extend others: no key is required.
+
+    Where a list of tables is allowed, a table may stand that changes some of the entries, by their names or numbers.
+    """
     if isinstance(node, list):
         return [_without_required_keys(entry) for entry in node]
     if not isinstance(node, dict):

@@ -222,7 +222,7 @@ def _unusual_in_value(
 def _unusual_number(
     value: float, key: str, usual: tuple[Usual, ...], unit: str, scales: Scales
 ) -> Iterator[_UnusualNumber]:
-    """Yield the number `value` of a key if its magnitude is outside of all that its `usual` ranges have in common.
+    """Yield the number `value` of a key if its magnitude is outside of the range that its `usual` ranges share.
 
     `unit` is its unit if the last range has none.  0 is never unusual.  A range in multiples of a scale is left out if
     `scales` lacks this scale or has it as 0.

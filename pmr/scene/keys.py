@@ -176,7 +176,7 @@ def _nested_tables(tables: Sequence[Schema], parts: Schema) -> Iterator[tuple[st
 
 
 def _unique_key_paths(schema: Schema) -> dict[str, str]:
-    """Return the dotted paths of the keys that only one table of a file's schema has, by key."""
+    """Return the dotted path of each key that only one table in a file's schema has, by the key."""
     prefixes_of, visited, ahead = dict[str, list[str]](), list[Schema](), [("", schema)]
     for prefix, node in ahead:  # the list grows in the loop
         for table in _table_schemas(node, schema.get("$defs", {})):
@@ -189,7 +189,10 @@ def _unique_key_paths(schema: Schema) -> dict[str, str]:
 
 
 def _table_schemas(node: object, parts: Schema) -> Iterator[Schema]:
-    """Yield the schema of each table with keys that can be reached from `node`; `parts` are schemas by name."""
+    """Yield the schema of each table that `node` allows: itself, or as an entry of a list or of a table of names.
+
+    `parts` are the schemas by name to which a node may refer.
+    """
     if isinstance(node, dict):
         if "properties" in node:
             yield node
@@ -408,7 +411,7 @@ LUFFING, LUFFING_CYLINDER = "luffing", "luffing cylinder"
 
 
 def path_unit(path: str) -> str:
-    """Return the unit of a coordinate on a path, m or rad."""
+    """Return the unit of the coordinate on the path of this name: rad for `LUFFING`, else m."""
     return "rad" if path == LUFFING else "m"
 
 

@@ -308,7 +308,7 @@ def _cylinder_term(scene: Scene, number: int, beyond: int, field: str) -> FrameT
 
 
 def tail_outputs(member: Member) -> tuple[str, ...]:
-    """Return the names of the outputs of the tail's displacements across the boom.
+    """Return the names of the outputs that are displacements of the tail across the boom.
 
     The outputs exist in a moving frame if a cylinder acts on the tail; otherwise the result is empty.
     """

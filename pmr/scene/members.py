@@ -102,7 +102,7 @@ class Member:
 
     @property
     def carries_carriages(self) -> bool:
-        """Whether all pads of joints on this body belong to a carriage: a section without pads at a mouth."""
+        """Whether the body is in a joint and none of its joints has pads at a mouth: only carriages slide there."""
         return self.has_joint and not any(self.scene.joint(seat.joint).mouth for seat in self._seats)
 
     @property
@@ -311,7 +311,7 @@ class PadOnFace(NamedTuple):
 
 
 def pads_on_faces(scene: Scene) -> dict[str, PadOnFace]:
-    """Ring and face of each pad of a scene that is on a face, by the name of the pad."""
+    """Ring and face of each pad of a scene that is on a face, by the pad's name, such as ``fly tail bottom left``."""
     pads = dict[str, PadOnFace]()
     for body, part in scene.bodies.items():
         for key, ring in part.keyed_rings.items():

@@ -46,7 +46,7 @@ class ModelTraits:
 
     @property
     def has_line(self) -> bool:
-        """Whether the body is nodes on its axis, or a mass there: rigid walls and no cells."""
+        """Whether the body consists of nodes on its axis, or of a mass there, and has no cells."""
         return self.kind in ("beam", "mass")
 
     @property

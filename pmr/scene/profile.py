@@ -265,9 +265,9 @@ class BoxProfile(SceneTable):
     @model_validator(mode="wrap")
     @classmethod
     def _resolve_sizes(cls, data: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        """Validate a table with `sizes` as a table with the dimensions of the mid-surface that follow from these.
+        """Validate a table; dimensions of one with `sizes` are replaced by those of the mid-surface.
 
-        Other words than those of `SURFACES` are refused.
+        Other words for `sizes` than those of `SURFACES` are refused.
         """
         if not (isinstance(data, dict) and "sizes" in data):
             return handler(data)
@@ -381,8 +381,8 @@ class BoxProfile(SceneTable):
 def _check_chamfers(profile: BoxProfile) -> None:
     """Refuse chamfers that do not fit into the profile.
 
-    A chamfer has to cut along y and along z, or not at all, at most half the width along y; along z, those at bottom
-    and top together must not exceed the height.
+    A chamfer has to cut off something along y and along z, or nothing.  Along y it is at most half the width; along z,
+    those at bottom and top together are at most the height.
     """
     cuts = profile.cut("bottom"), profile.cut("top")
     wide = any(bool(y) != bool(z) or y > profile.width / 2.0 + profile.negligible for y, z in cuts)

@@ -51,7 +51,7 @@ class FrameRotation:
 
     @classmethod
     def from_rocking(cls, rocking: Sequence[Angle]) -> FrameRotation:
-        """Rotation :math:`R_Z(c) R_Y(b) R_X(a)` of a base by `rocking` = (roll a, pitch b, yaw c), in its own axes."""
+        """Rotation :math:`R_Z(c) R_Y(b) R_X(a)` of a base, whose angles `rocking` are roll a, pitch b and yaw c."""
         roll, pitch, yaw = (cls.about_axis(axis, angle) for axis, angle in enumerate(rocking))
         return yaw.carry(pitch).carry(roll)
 
@@ -64,7 +64,10 @@ class FrameRotation:
         return cls(rate * e, second * e, along + cosine * (np.eye(3) - along) + sine * skew(e))
 
     def carry(self, inner: FrameRotation) -> FrameRotation:
-        """Rotation of a frame that turns by `inner` relative to a frame that turns by this rotation."""
+        """Rotation of a frame that turns by `inner` relative to a frame that turns by this rotation.
+
+        Velocity and acceleration are in the axes of the inner frame.
+        """
         velocity, acceleration = (
             np.einsum("tji,tj->ti", inner.rotation, vectors) for vectors in (self.velocity, self.acceleration)
         )

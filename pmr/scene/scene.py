@@ -410,7 +410,7 @@ class Scene(SectionTables):
 
     @property
     def computed_key(self) -> str | None:
-        """Key of the motion that is computed with the boom's; None if all motion is prescribed."""
+        """Key of the motion that is computed with the boom's, such as ``frame.machine``; None if all is prescribed."""
         if self.extension_keys:
             return self.extension_keys[0]
         key = None if self.frame is None else self.frame.computed_key
@@ -436,7 +436,7 @@ class Scene(SectionTables):
     def without_loads(self) -> Self:
         """Return the scene with zero loads of sections, full weight at t = 0 and no recovery of stresses.
 
-        Scenes that differ only in these three have the same modes, and the same scene is returned for each of them.
+        Scenes that differ only in these three have the same modes; for all of them equal scenes are returned.
         """
         gravity = self.gravity.with_keys(rise=0.0) if self.gravity else None
         return self.vary_sections(

@@ -62,7 +62,7 @@ def check_structure(member: Member) -> None:
 
 
 def _check_ground_loads(member: Member) -> None:
-    """Refuse moments about ground axes, and loads along these without a moving frame or motion of the body along x."""
+    """Refuse moments about axes of the ground; forces along them need a frame, and a body that moves along x."""
     for i, load in enumerate(member.part.loads):
         if load.axes == "body":
             continue
