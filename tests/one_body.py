@@ -17,7 +17,7 @@ from pmr.results import Energy
 from pmr.scene.keys import ALONE
 from pmr.scene.signals import Chirp, Sine, Step
 from pmr.simulation import Excitation, InitialState, Progress, TimeStepping, exudyn
-from pmr.simulation.modal import ModalForm, support_forces
+from pmr.simulation.modal import ModalForm
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.systems import Observation
@@ -25,6 +25,7 @@ from pmr.simulation.stepping import half_form, load_potential, row_products, ste
 from pmr.system.body import SlidingBody, Trajectory
 from pmr.system.polynomials import evaluate
 from pmr.system.states import BodyStates, SystemTrajectory
+from pmr.system.supports import SupportForces
 
 Simulate = Callable[..., "Motion"]
 
@@ -110,7 +111,7 @@ def motion(body: SlidingBody, found: SystemTrajectory, excitation: Excitation) -
         assert body.reactions is not None
         held = Trajectory(found.t, alone.q, alone.v, multipliers, s, found.seconds)
         of_rows = [body.reactions.names.index(body.row_names[k]) for k in body.held]
-        multipliers[:, list(body.held)] = support_forces(body, held, found.loads)[:, of_rows]
+        multipliers[:, list(body.held)] = SupportForces.of(body, True).on_one_path(held, found.loads)[:, of_rows]
     peaks = None
     if not np.isnan(body.row_clearance).all():
         peaks = multipliers.copy()

@@ -17,19 +17,20 @@ from pmr.kernel.further import (
     Arrays,
     Frame,
     Modal,
-    Supports,
     frame_arrays,
     frame_output_arrays,
     further_names,
     ground_arrays,
     ground_outputs,
     support_arrays,
-    supports_of,
-    with_reactions,
 )
+from pmr.scene.built import reaction_name
 from pmr.scene.mechanism import CYLINDER
+from pmr.system.contacts import qualified_name
 from pmr.system.from_scene import CombinedRings, combine_rings
+from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Row
+from pmr.system.supports import SupportForces, with_support_forces
 from pmr.system.system import System
 
 
@@ -53,7 +54,10 @@ def system_data(
     contacts of a ring are combined, None to convert `system` here.  If it is given, the reactions of rigid supports are
     not among the outputs.
     """
-    supports = [supports_of(system, name, form, reduced is None) for name, form in forms.items()]
+    supports = [
+        SupportForces.of(body, system.on_one_path, reduced is None and isinstance(body, ReducedModel))
+        for body in system.bodies.values()
+    ]
     reduced = reduced or combine_rings(system_in_modes(system, forms, supports))
     modal, rows = reduced.system, arrange(reduced.system)
     used = np.concatenate([part.modes.start + np.arange(part.body.size) for part in rows.parts])
@@ -67,7 +71,9 @@ def system_data(
         | _friction_arrays(rows)
     )
     arrays |= frame_arrays(frame, rows.paths) | _hoist_arrays(system, rows.paths)
-    modes, reactions = [part.modes for part in rows.parts], [name for of in supports for name in of.names]
+    of_bodies = zip(system.bodies, supports, strict=True)
+    reactions = [reaction_name(qualified_name(body, name)) for body, of in of_bodies for name in of.names]
+    modes = [part.modes for part in rows.parts]
     arrays |= support_arrays(system, supports, [*forms.values()], modes, round_up(len(reactions)) + LANES)
     scene = None if frame is None else frame.scene
     arrays |= frame_output_arrays(scene, system, rows.paths, reactions, motions)
@@ -104,7 +110,7 @@ class Outputs:
     counts: tuple[int, ...]  # number of outputs of each body that are no reactions
 
     @classmethod
-    def of(cls, rows: Arrangement, supports: Sequence[Supports]) -> Outputs:
+    def of(cls, rows: Arrangement, supports: Sequence[SupportForces]) -> Outputs:
         """Split the outputs of the bodies in `rows`; the last outputs of each body are reactions of its `supports`."""
         outputs, reactions = list[NDArray[np.int64]](), list[NDArray[np.int64]]()
         for part, of in zip(rows.parts, supports, strict=True):
@@ -130,7 +136,7 @@ class Outputs:
         return [int(np.searchsorted(numbers, part.outputs.start)) for numbers in (self.outputs, self.reactions)]
 
 
-def system_in_modes(system: System, forms: Mapping[str, Modal], supports: Sequence[Supports] = ()) -> System:
+def system_in_modes(system: System, forms: Mapping[str, Modal], supports: Sequence[SupportForces] = ()) -> System:
     """System of the bodies in their modal `forms`; if the system is on one path, its bodies have no carriers.
 
     If `supports` has an entry for each body, the reactions of each body are additional outputs after its own.
@@ -139,7 +145,7 @@ def system_in_modes(system: System, forms: Mapping[str, Modal], supports: Sequen
     for number, (name, form) in enumerate(forms.items()):
         carriers = None if system.on_one_path else system.bodies[name].carriers
         modal = replace(form.body, carriers=carriers and carriers.project(form.X).with_rows(form.rows))
-        bodies[name] = with_reactions(system, name, form, modal, supports[number]) if supports else modal
+        bodies[name] = with_support_forces(modal, form.X, form.rows, supports[number]) if supports else modal
     motions = {name: form.X for name, form in forms.items()}
     terms = tuple(term.project(motions) for term in system.terms)
     return System(bodies, system.contacts, terms=terms)

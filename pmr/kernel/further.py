@@ -1,16 +1,7 @@
-r"""Arrays of a moving frame and of further outputs: reactions of rigid supports, the tip, the luffing cylinder.
+"""Arrays of a moving frame and of further outputs: forces on rigid supports, the tip, the luffing cylinder.
 
 The last part of the module is a machine on outriggers: its data, and names and units of its outputs (src/ground.c).
-
-A body with the modes X, whose coordinates z give the coordinates X z, has the motions Phi of `pmr.system.body_matrices`
-and :math:`P = \Phi^T M X X^T`.  It presses on its rigid supports with
-
-.. math::
-    \lambda_f = (\Phi^T - P) B f - (\Phi^T D - P D) X \dot z - (\Phi^T K - P K) X z - (C \Phi - C P^T)^T \lambda
-        - \sum_k c_k (\Phi^T - P) (G_k X z + V_k X \dot z)
-
-under loads f, multipliers lambda and terms with amplitudes c_k.  So each of these forces is an output of modes, loads
-and multipliers, plus contributions of rates and terms.  `pmr_frame_outputs` of src/frame.c has the equations of the tip
+`pmr.system.supports` has the equations of forces on rigid supports, `pmr_frame_outputs` of src/frame.c those of the tip
 and the cylinder.
 """
 
@@ -23,7 +14,6 @@ from typing import Any, Protocol
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
-from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array
@@ -41,10 +31,8 @@ from pmr.scene.mechanism import (
 )
 from pmr.scene.scene import Scene
 from pmr.system.body import kinds_of
-from pmr.system.carriers import CarrierFlexibility, Flexibility
-from pmr.system.contacts import qualified_name
-from pmr.system.polynomials import add_tables, common_breaks, refine_table, same_degree, select_columns, transpose
 from pmr.system.reduced_model import ReducedModel
+from pmr.system.supports import SupportForces
 from pmr.system.system import System
 
 Arrays = dict[str, NDArray[Any] | str]
@@ -68,92 +56,8 @@ class Modal(Protocol):
         """Numbers, among the rows of the original body, of the rows that `body` has."""
 
 
-@dataclass(frozen=True)
-class Supports:
-    """Reactions of a body's h rigid supports, as linear functions of its modes, rates of modes and i inputs.
-
-    The body has n coordinates and r modes.  The number h is 0 if the body does not store how its supports carry its
-    contact forces.
-    """
-
-    names: tuple[str, ...]  # names of the reactions as outputs
-    units: tuple[str, ...]
-    inertia: Array  # P (h, n), on the body's coordinates
-    of_modes: Array  # (h, r): by unit coordinates of the modes
-    of_rates: Array  # (h, r): by unit rates of the modes
-    inputs: Array  # (h, i): by unit inputs
-
-
-def supports_of(system: System, name: str, form: Modal, output: bool) -> Supports:
-    """Reactions of the rigid supports of the body `name` of a system, in the modes of its modal `form`.
-
-    There are no reactions, h = 0, if `output` is false or if the body does not store any; in a system on several paths
-    also if it does not store how its supports carry contact forces (`Reactions.carried`).
-    """
-    body, X, r = system.bodies[name], form.X, form.body.size
-    reactions = body.reactions if isinstance(body, ReducedModel) else None
-    carried = reactions is not None and reactions.carried is not None and body.carriers is not None
-    if not output or not isinstance(body, ReducedModel) or reactions is None or not (system.on_one_path or carried):
-        nothing = np.zeros((0, r))
-        return Supports((), (), np.zeros((0, body.size)), nothing, nothing, np.zeros((0, len(body.input_names))))
-    n = body.size
-    P = reactions.inertia[:, :n] @ X @ X.T
-    return Supports(
-        names=tuple(reaction_name(qualified_name(name, support)) for support in reactions.names),
-        units=reactions.units,
-        inertia=P,
-        of_modes=-(reactions.stiffness[:, :n] - P @ body.K) @ X,
-        of_rates=-(reactions.damping[:, :n] - P @ body.D) @ X,
-        inputs=reactions.inputs - P @ body.B,
-    )
-
-
-def with_reactions(system: System, name: str, form: Modal, modal: ReducedModel, supports: Supports) -> ReducedModel:
-    """Return `modal`, the body `name` in its modes, with the reactions of its `supports` as further outputs.
-
-    The reactions come after the body's own outputs.  `form` says which rows of the original body `modal` has.  `modal`
-    is returned unchanged if `supports` has no reactions or if the body is a full model.
-    """
-    body = system.bodies[name]
-    if not supports.names or not isinstance(body, ReducedModel):
-        return modal
-    reactions = body.reactions
-    assert reactions is not None  # the body has supports
-    outputs, i, o = np.vstack([modal.outputs, supports.of_modes]), len(modal.input_names), len(modal.outputs)
-    if system.on_one_path:
-        pressed = select_columns(
-            add_tables(reactions.rows, transpose(body.rows_on(supports.inertia.T)), -1.0), list(form.rows)
-        )
-        flexibility = modal.flexibility or _no_flexibility(modal)
-        breaks = common_breaks([flexibility.outputs, pressed], modal.domain)
-        c = same_degree(refine_table(flexibility.outputs, breaks).c, refine_table(pressed, breaks).c)
-        direct = np.vstack([flexibility.direct, supports.inputs])
-        with_pressed = replace(flexibility, outputs=PPoly(np.concatenate(c, axis=2), breaks), direct=direct)
-        return replace(modal, outputs=outputs, flexibility=with_pressed)
-    carriers = modal.carriers
-    assert carriers is not None and body.carriers is not None and reactions.carried is not None
-    K = len(carriers.values)
-    residual = carriers.flexibility or CarrierFlexibility(
-        *(np.zeros(shape) for shape in ((K, K), (K, i), (o, K), (o, i), (i, i)))
-    )
-    carried = reactions.carried - body.carriers.values @ supports.inertia.T
-    residual = replace(
-        residual, outputs=np.vstack([residual.outputs, carried.T]), direct=np.vstack([residual.direct, supports.inputs])
-    )
-    return replace(modal, outputs=outputs, carriers=replace(carriers, flexibility=residual))
-
-
-def _no_flexibility(body: ReducedModel) -> Flexibility:
-    """Residual flexibility of zeros for a body that has none, on the breaks of the body's rows."""
-    m, i, o = len(body.row_names), len(body.input_names), len(body.outputs)
-    rows, inputs, outputs = (
-        PPoly(np.zeros((1, len(body.rows.x) - 1, *shape)), body.rows.x) for shape in ((m, m), (m, i), (o, m))
-    )
-    return Flexibility(rows, inputs, outputs, np.zeros((o, i)), np.zeros((i, i)))
-
-
 def support_arrays(
-    system: System, supports: Sequence[Supports], forms: Sequence[Modal], modes: Sequence[slice], width: int
+    system: System, supports: Sequence[SupportForces], forms: Sequence[Modal], modes: Sequence[slice], width: int
 ) -> Arrays:
     """Arrays from which the kernel computes those parts of support reactions that rates of modes and terms cause.
 
@@ -167,21 +71,16 @@ def support_arrays(
     """
     r = modes[-1].stop
     rates, first = np.zeros((r, width)), np.cumsum([0, *(len(of.names) for of in supports)])
-    for of, place, at in zip(supports, modes, first, strict=False):
-        rates[place.start : place.start + of.of_rates.shape[1], at : at + len(of.names)] = of.of_rates.T
+    for of, form, place, at in zip(supports, forms, modes, first, strict=False):
+        rates[place.start : place.start + form.X.shape[1], at : at + len(of.names)] = (of.rates @ form.X).T
     names, entries, values, counts = list(system.bodies), [np.zeros((0, 2), np.int64)], [np.zeros(0)], [0]
     for term in system.terms:
-        bodies = [names.index(name) for name in term.bodies]
-        X, count = scipy.linalg.block_diag(*(forms[k].X for k in bodies)), 0
+        bodies, count = [names.index(name) for name in term.bodies], 0
+        X = scipy.linalg.block_diag(*(forms[k].X for k in bodies))
         numbers = np.concatenate([modes[k].start + np.arange(forms[k].X.shape[1]) for k in bodies])
-        for key, A in term.arrays.items():
-            before = 0
-            for k in bodies:
-                held, before = A[before : before + len(forms[k].X)], before + len(forms[k].X)
-                work = term.supports.get(names[k])
-                if work is None or not supports[k].names:
-                    continue
-                table = np.asarray((work - supports[k].inertia @ held) @ X)
+        for k in bodies:
+            for key, by_coordinates in supports[k].by_term(system, term, names[k]).items():
+                table = by_coordinates @ X
                 at = np.argwhere(np.abs(table) > NEGLIGIBLE * np.abs(table).max(initial=0.0))
                 entries.append(np.column_stack([first[k] + at[:, 0], numbers[at[:, 1]] + r * (key == "damping")]))
                 values.append(table[tuple(at.T)])

@@ -25,16 +25,13 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
-import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.sparse.linalg import spsolve
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array
 from pmr.simulation.start import InitialState, dense
-from pmr.system.body import SlidingBody, Trajectory, projected
-from pmr.system.body_matrices import Rayleigh, Reactions, symmetric_part
-from pmr.system.polynomials import add_tables, apply_table, transpose
+from pmr.system.body import SlidingBody, projected
+from pmr.system.body_matrices import Rayleigh, symmetric_part
 from pmr.system.reduced_model import ReducedModel
 
 Long = NDArray[np.longdouble]
@@ -134,47 +131,6 @@ def modal_form(body: SlidingBody) -> ModalForm:
         quasi_static=np.arange(inner, len(free)),
     )
     return ModalForm(modal, X, np.asarray((body.M @ X).T), tuple(free_rows))
-
-
-def support_forces(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
-    r"""Forces (T, h) in N or N m of a body on its h rigid supports, under loads (T, i).
-
-    `trajectory` has the body's coordinates, rates and contact forces.  The equations and symbols are those of
-    `pmr.system.body_matrices`, with the accelerations from the equations of motion:
-
-    .. math::
-        \lambda_f = (\Phi^T - P V^T) B f - (\Phi^T D V - P D_r) \dot p - (\Phi^T K V - P K_r) p
-        - (C \Phi - C_r P^T)^T \lambda, \qquad P = \Phi^T M V M_r^{-1}
-
-    Column j belongs to ``body.reactions.names[j]`` and has the unit ``body.reactions.units[j]``.  The result is (T, 0)
-    if `body.reactions` is None.
-    """
-    reactions = body.reactions
-    if reactions is None:
-        return np.empty((len(trajectory.t), 0))
-    P = inertia_share(body, reactions)
-    rows = add_tables(reactions.rows, transpose(body.rows_on(P.T)), -1.0)
-    pressed = apply_table(rows, trajectory.s, trajectory.multipliers)
-    return forces_without_rows(body, reactions, trajectory, loads) - pressed
-
-
-def inertia_share(body: SlidingBody, reactions: Reactions) -> Array:
-    """Matrix P (h, n) in the equation of `support_forces`: share of inertia forces on n coordinates in h reactions.
-
-    The columns of coordinates that supports hold are zero.
-    """
-    free, P = np.setdiff1d(np.arange(body.size), list(body.held.values())), np.zeros((len(reactions.names), body.size))
-    M, right = body.M[np.ix_(free, free)], reactions.inertia[:, free].T
-    shares = spsolve(sp.csc_matrix(M), right).reshape(right.shape) if sp.issparse(M) else np.linalg.solve(M, right)
-    P[:, free] = shares.T
-    return P
-
-
-def forces_without_rows(body: SlidingBody, reactions: Reactions, trajectory: Trajectory, loads: Array) -> Array:
-    """Forces (T, h) of `support_forces` under `loads` (T, i), without the part of the multipliers lambda."""
-    r, P = body.size, inertia_share(body, reactions)
-    forces = loads @ (reactions.inputs - P @ body.B).T - trajectory.v @ (reactions.damping[:, :r] - P @ body.D).T
-    return np.asarray(forces - trajectory.q @ (reactions.stiffness[:, :r] - P @ body.K).T)
 
 
 class Modes(NamedTuple):

@@ -1,6 +1,6 @@
 r"""Forces on the supports of a boom and on its machine, as columns of a response.
 
-Forces on the rigid supports of a system's bodies follow from their motion (equations: `pmr.system.body_matrices`).
+Forces on the rigid supports of a system's bodies follow from their motion (equations: `pmr.system.supports`).
 
 The force and the moment about the pivot by which a boom acts on its machine, in the boom's own axes, are
 
@@ -55,11 +55,11 @@ from pmr.scene.members import members
 from pmr.scene.rotation import boom_rotation
 from pmr.scene.signals import Constant
 from pmr.simulation.frame import base_accelerations
-from pmr.simulation.modal import forces_without_rows, inertia_share, support_forces
 from pmr.system.body import FullBody, SlidingBody, Trajectory, kinds_of, names_of, units_of
 from pmr.system.contacts import Contact, qualified_name
 from pmr.system.reduced_model import ReducedModel
-from pmr.system.states import SystemTrajectory
+from pmr.system.states import SystemTrajectory, outputs_by_carriers
+from pmr.system.supports import SupportForces
 from pmr.system.system import BodySystem, System
 
 Supports = Sequence[tuple[str, str]]  # names and units of rigid supports
@@ -76,33 +76,30 @@ def with_support_reactions(response: Response, system: System, trajectory: Syste
     For reduced bodies, these follow from matrices; supports of full bodies are contacts with forces in the trajectory.
     Bodies whose reactions are not known are left out.
     """
-    of_bodies, reactions, first = dict[str, Supports](), dict[str, Array](), 0
-    for name, body in system.bodies.items():
-        loads = trajectory.loads[:, first : first + len(body.input_names)]
-        first += len(body.input_names)
-        body_reactions, motion = body.reactions, trajectory.bodies[name]
+    of_bodies, reactions = dict[str, Supports](), dict[str, Array]()
+    for name, columns in system.load_columns.items():
+        body, motion, loads = system.bodies[name], trajectory.bodies[name], trajectory.loads[:, columns]
         held = [k for k, contact in enumerate(system.contacts) if contact.inner.body == name and is_reaction(contact)]
         alone = name == ALONE and not system.terms
         if isinstance(body, FullBody) and held and not alone:
             rows = [body.rows.rows[body.row_names.index(system.contacts[k].inner.row)] for k in held]
             of_bodies[name], reactions[name] = [(row.name, row.unit) for row in rows], trajectory.forces[:, held]
-        if body_reactions is None or not (alone or isinstance(body, ReducedModel)):
+        supports = SupportForces.of(body, name == ALONE, alone or isinstance(body, ReducedModel))
+        if not supports.names:
             continue
         if name == ALONE:
-            forces = support_forces(body, with_row_multipliers(system, body, motion), loads)
-        elif body.carriers is None or body_reactions.carried is None:
-            continue
+            forces = supports.on_one_path(with_row_multipliers(system, body, motion), loads)
         else:
-            carried = body_reactions.carried - body.carriers.values @ inertia_share(body, body_reactions).T
-            forces = forces_without_rows(body, body_reactions, motion, loads)
-            body_sides = [side for side in system.sides if side.place.body == name]
-            for side, x, force in zip(body_sides, motion.s.T, motion.multipliers.T, strict=True):
-                forces -= force[:, None] * (system.row(side.place).weights(x) @ carried)
-                if trajectory.moments is not None:
-                    turned = system.row(side.place).weights(x, 1) @ carried
-                    forces += side.sign * trajectory.moments[:, side.contact, None] * turned
-        forces = forces - _term_forces(system, name, inertia_share(body, body_reactions), trajectory)
-        of_bodies[name], reactions[name] = body_reactions.supports, forces
+            moments = None if trajectory.moments is None else system.side_multipliers(name, trajectory.moments)
+            pressed = outputs_by_carriers(system, name, motion.s, motion.multipliers, supports.carried, moments)
+            forces = supports.without_contacts(motion, loads) - pressed
+        amplitudes = trajectory.amplitudes
+        for term, c in () if amplitudes is None else zip(system.terms, amplitudes.T, strict=True):
+            for key, table in supports.by_term(system, term, name).items():
+                motions = [trajectory.bodies[member] for member in term.bodies]
+                states = np.hstack([of.q if key == "stiffness" else of.v for of in motions])
+                forces = forces - c[:, None] * (states @ table.T)
+        of_bodies[name], reactions[name] = list(zip(supports.names, supports.units, strict=True)), forces
     return with_reactions(response, of_bodies, reactions)
 
 
@@ -115,26 +112,6 @@ def with_row_multipliers(system: System, body: SlidingBody, motion: Trajectory) 
         moving = k if side.place.path is not None else moving
     s = motion.s[:, moving] if motion.s.shape[1] else np.full(len(motion.t), body.domain[0])
     return replace(motion, s=s, multipliers=multipliers)
-
-
-def _term_forces(system: System, name: str, P: Array, trajectory: SystemTrajectory) -> Array | float:
-    """Part (T, h), in N or N m, of the forces on the h rigid supports of the body `name` that the system's terms cause.
-
-    Terms are matrices whose amplitudes vary in time; `trajectory` has these amplitudes.  P (h, n) is the matrix that
-    `inertia_share` returns.  The result is 0.0 if the system has no terms.
-    """
-    total: Array | float = 0.0
-    if trajectory.amplitudes is None:
-        return total
-    for term, c in zip(system.terms, trajectory.amplitudes.T, strict=True):
-        if (work := term.supports.get(name)) is not None:
-            motions = [trajectory.bodies[member] for member in term.bodies]
-            before = term.bodies.index(name) and system.bodies[term.bodies[0]].size
-            for key, A in term.arrays.items():
-                inertia_part = A[before : before + system.bodies[name].size]
-                states = np.hstack([motion.q if key == "stiffness" else motion.v for motion in motions])
-                total = total + c[:, None] * (states @ (work - P @ inertia_part).T)
-    return total
 
 
 def with_reactions(response: Response, of_bodies: Mapping[str, Supports], forces: Mapping[str, Array]) -> Response:

@@ -323,8 +323,8 @@ def deformation(
         derivative X' of X by the position.
     """
     body = system.bodies[name]
-    points = [side.place for side in system.sides if side.place.body == name]
     if system.on_one_path:  # all rows are at the position of the one that moves
+        points = [side.place for side in system.sides if side.place.body == name]
         if body.flexibility is None:
             return None
         rows, moving = (
@@ -337,9 +337,21 @@ def deformation(
     residual = None if body.carriers is None else body.carriers.flexibility
     if residual is None:
         return None
-    direct, X = np.asarray(loads @ residual.direct[chosen].T), residual.outputs.T[:, chosen]
+    pressed = outputs_by_carriers(system, name, x, multipliers, residual.outputs.T[:, chosen], moments)
+    return np.asarray(loads @ residual.direct[chosen].T - pressed)
+
+
+def outputs_by_carriers(
+    system: System, name: str, x: Array, multipliers: Array, X: Array, moments: Array | None = None
+) -> Array:
+    """Outputs X b lambda (T, o) of one body by contact forces lambda on its K carriers, with X (K, o) and weights b.
+
+    The other arguments are those of `deformation`; `moments` subtract X b' times the moments.
+    """
+    pressed = np.zeros((len(x), X.shape[1]))
     if not X.shape[1]:
-        return direct
+        return pressed
+    points = [side.place for side in system.sides if side.place.body == name]
     shares, touched = list[Array](), list[Indices]()
     for derivative, acting in ((0, multipliers), *([] if moments is None else [(1, -moments)])):
         staying = np.zeros((len(points), X.shape[1]))
@@ -351,8 +363,8 @@ def deformation(
             else:
                 shares.append(weights * acting[:, k, None])
                 touched.append(on)
-        direct -= acting @ staying
-    return direct - _weighted_sum(np.hstack(shares), np.hstack(touched), X) if shares else direct
+        pressed += acting @ staying
+    return pressed + _weighted_sum(np.hstack(shares), np.hstack(touched), X) if shares else pressed
 
 
 def _weighted_sum(weights: Array, touched: Indices, X: Array) -> Array:
