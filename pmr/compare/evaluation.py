@@ -11,19 +11,19 @@ import numpy as np
 
 from pmr.compare.errors import refuse_infinite
 from pmr.compare.motion import force_round_off, round_off
-from pmr.compare.outputs import Outputs, output_contacts, outputs_of_run, run_from_start
+from pmr.compare.outputs import Outputs, outputs_of_run, run_from_start
 from pmr.files.arrays import Array
 from pmr.results import Energy, Response
 from pmr.results.response import LUFFING_ANGLE, Output
 from pmr.scene import Scene
-from pmr.scene.built import force_name, friction_name, reaction_name
+from pmr.scene.built import friction_name, reaction_name
 from pmr.scene.hoist import KINDS, OUTPUTS
 from pmr.scene.keys import ALONE, LUFFING_CYLINDER
 from pmr.simulation import Excitation
 from pmr.simulation.frame_motion import ComputedMotion, MotionSamples
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.free_motion import ACCELERATION, CYLINDER_UNITS, STOP, column_name
-from pmr.simulation.reactions import outputs_of, with_row_multipliers, with_support_reactions
+from pmr.simulation.reactions import response_to_motion, with_row_multipliers, with_support_reactions
 from pmr.simulation.stepping import SimulationEnd, load_potential, row_blocks
 from pmr.system.body import SlidingBody, Trajectory, clear_rates_without_inertia
 from pmr.system.contacts import Contact, Friction
@@ -186,52 +186,6 @@ def hoist_outputs(system: BodySystem[Any]) -> list[Output]:
     """Descriptions of the outputs of a system's hoist, which belong to the section with the hoist's head."""
     section = [*system.bodies][len(system.hoist.reach[0])]  # each section before it travels along a path but the first
     return [Output(name, KINDS[name], section, unit=unit) for name, unit in OUTPUTS.items()]
-
-
-def response_to_motion(
-    system: BodySystem[Any],
-    t: Array,
-    simulated: Mapping[str, Array],
-    forces: Array,
-    peaks: Array | None,
-    energy: Energy,
-) -> Response:
-    """Response to any simulator's motion at the times t (T,) in s; its solver time and residuals are set to NaN.
-
-    `simulated` are the outputs (T, o) of each body by name, `forces` and `peaks` (T, m) in N those of all contacts.
-    `peaks` are the largest forces within each step, None if no step has parts; `energy` has the energies at all times.
-    """
-    outputs, contacts = outputs_of(system), output_contacts(system)
-    y = np.hstack([simulated[name] for name in system.bodies])
-    x = np.concatenate([body.output_positions for body in system.bodies.values()])
-    lengths = [k for k, output in enumerate(outputs) if output.is_displacement]
-    springs = [k for k, output in enumerate(outputs) if output.is_force]
-    others = [k for k, output in enumerate(outputs) if not (output.is_displacement or output.is_force)]
-    joined = [system.contacts[k] for k in contacts]
-    shown = [outputs[k] for k in [*lengths, *springs]]
-    shown += [Output(force_name(contact.name), contact.kind, contact.inner.body, unit="N") for contact in joined]
-    shown += [outputs[k] for k in others]
-    names, last = tuple(output.name for output in shown), len(lengths) + len(springs) + len(contacts)
-    not_known = np.full(len(t), np.nan)
-    return Response(
-        t=t,
-        x=x[lengths],
-        displacement=y[:, lengths],
-        energy=energy,
-        slider_force=np.hstack([y[:, springs], forces[:, contacts]]),
-        residual_position=not_known,
-        residual_velocity=not_known,
-        seconds=np.nan,
-        output_names=names[: len(lengths)],
-        output_units=("m",) * len(lengths),
-        force_names=names[len(lengths) : last],
-        force_peaks=None if peaks is None else np.hstack([y[:, springs], peaks[:, contacts]]),
-        others=y[:, others] if others else None,
-        other_names=names[last:],
-        other_units=tuple(output.unit for output in shown[last:]),
-        kinds=tuple(output.text for output in shown),
-        bodies=tuple(output.body for output in shown),
-    )
 
 
 MACHINE = "machine"

@@ -26,11 +26,11 @@ from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.contact_step import contact_frequency, with_schedule
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.reactions import is_reaction, outputs_of
+from pmr.simulation.reactions import output_contacts, outputs_of
 from pmr.system.body import force_outputs, length_outputs, other_outputs
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import SystemTrajectory, displacements
-from pmr.system.system import AnyBody, BodySystem, System
+from pmr.system.system import System
 
 #: Names of the kinds of outputs in scenes and summaries, and name of the kind that only sections have.
 OUTPUT_KINDS = ("beam", "tip", "pad_force", "velocity", "probe")
@@ -191,8 +191,6 @@ def lifts_off(forces: Array) -> bool:
     return bool(np.any(pushed.any(axis=0) & ~pushed.all(axis=0)))
 
 
-#: Kind of contacts that keep overlapping sections parallel: they bear moments, not forces of pads.
-STRAIGHT = "straight"
 #: Number of steps, before a kink and after it, whose forces are left out.
 BESIDE_KINK = 2.0
 
@@ -237,19 +235,6 @@ def force_kinds(response: Response) -> list[str]:
     A ``support_force`` is the force of a support with a stiffness.
     """
     return [f"{output.kind}_force" for output in response.outputs if output.is_force]
-
-
-def output_contacts(system: BodySystem[AnyBody]) -> list[int]:
-    """Numbers of the contacts whose forces are outputs.
-
-    Rigid supports are left out, since their forces are reactions, and so are contacts of the kind `STRAIGHT`.  For a
-    single body, contacts that neither move nor only push are left out too.
-    """
-    contacts, numbers = system.contacts, range(len(system.contacts))
-    bearing = [k for k in numbers if contacts[k].kind != STRAIGHT and not is_reaction(contacts[k])]
-    if ALONE not in system.bodies:
-        return bearing
-    return [k for k in bearing if contacts[k].inner.path is not None or contacts[k].clearance is not None]
 
 
 def force_kinds_of_system(system: System) -> tuple[str, ...]:

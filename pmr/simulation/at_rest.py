@@ -17,19 +17,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pmr.files.arrays import Array
-from pmr.results import Energy, Response
+from pmr.results import Energy
 from pmr.results.response import Output
 from pmr.scene import Scene
-from pmr.scene.built import force_name
 from pmr.scene.frame import BaseMotion
 from pmr.scene.keys import SLIDER
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.signals import Constant, SignalBase
 from pmr.simulation.excitation import term_signals
-from pmr.simulation.reactions import is_reaction, outputs_of, with_forces_at_pivot, with_support_reactions
+from pmr.simulation.reactions import response_to_motion, with_forces_at_pivot, with_support_reactions
 from pmr.system.assembly import Assembly
-from pmr.system.body import Trajectory
-from pmr.system.states import ContactRows, SystemTrajectory
+from pmr.system.states import SystemTrajectory, displacements
 
 #: Number of angles among which the steepest angle is searched.
 ANGLES = 1001
@@ -184,7 +182,7 @@ class RestRows:
         return cls((), *map(np.array, zip(*(at.arrays for at in rows), strict=True)))
 
 
-def rest_rows(scene: Scene, assembly: Assembly, place: int, x: Array, rows: ContactRows, amplitudes: Array) -> RestRows:
+def rest_rows(scene: Scene, assembly: Assembly, place: int, x: Array, amplitudes: Array) -> RestRows:
     """Coefficients of the forces on supports and on the machine, in one posture of a scene made by `scene_at_rest`.
 
     Parameters
@@ -193,75 +191,37 @@ def rest_rows(scene: Scene, assembly: Assembly, place: int, x: Array, rows: Cont
         Number of the posture.
     x : (sides,) array, m
         Positions of the sides of all contacts.
-    rows : ContactRows
-        The contacts at these positions.
     amplitudes : (w, k) array
         Amplitudes of the system's k terms by a unit of each of w components of the load.
     """
-    n, m, i, parts = assembly.size, len(rows.C), assembly.B.shape[1], len(amplitudes)
-    ends = np.cumsum([n, m, i])
-    states = np.zeros((int(ends[-1]) + parts * n, n + m + i))
-    states[: ends[-1]] = np.eye(n + m + i)
-    c = np.zeros((len(states), amplitudes.shape[1]))
+    system, n, m, parts = assembly.system, assembly.size, len(assembly.system.contacts), len(amplitudes)
+    ends = np.cumsum([n, m, assembly.B.shape[1]])
+    states = np.zeros((int(ends[-1]) + parts * n, ends[-1]))  # coordinates, contact forces and loads
+    states[: ends[-1]] = np.eye(ends[-1])
+    c, none = np.zeros((len(states), amplitudes.shape[1])), np.zeros(len(states))
     for number, amplitude in enumerate(amplitudes):
         body_states = slice(ends[-1] + number * n, ends[-1] + (number + 1) * n)
         states[body_states, :n], c[body_states] = np.eye(n), amplitude
-    response = _response_at_rest(scene, assembly, place, x, rows, states, c)
-    values = np.empty((0, len(states))) if response.others is None else response.others.T
-    q, forces, loads = np.split(values[:, : ends[-1]], ends[:2], axis=1)
-    more = values[:, ends[-1] :].reshape(len(values), parts, n).transpose(1, 0, 2) - q
-    return RestRows(response.outputs[len(response.force_names) :], q, forces, loads, more)
-
-
-def _response_at_rest(
-    scene: Scene, assembly: Assembly, place: int, x: Array, rows: ContactRows, states: Array, c: Array
-) -> Response:
-    """Response at rest in the posture `place`: forces of springs and contacts, on supports and on the machine.
-
-    Each of the T `states` (T, n + m + i) consists of coordinates, contact forces and loads, and c (T, k) are amplitudes
-    of k terms at these states.  x and `rows` are the sides' positions and the contacts as in `rest_rows`.  The response
-    has no displacements and no energies.
-    """
-    system, (n, m), count = assembly.system, (assembly.size, len(rows.C)), len(states)
-    q, forces, loads = np.split(states, [n, n + m], axis=1)
-    t, none = np.full(count, float(place)), np.zeros(count)
-    bodies = dict[str, Trajectory]()
-    for name, body in system.bodies.items():
-        coordinates = np.zeros((count, body.size))
-        coordinates[:, assembly.free_coordinates[name]] = q[:, assembly.coordinate_slices[name]]
-        at = np.broadcast_to(x[system.sides_of(name)], (count, len(system.sides_of(name))))
-        bodies[name] = Trajectory(
-            t, coordinates, np.zeros_like(coordinates), system.side_multipliers(name, forces), at, 0.0
-        )
-    trajectory = SystemTrajectory(
-        t=t,
-        bodies=bodies,
-        forces=forces,
-        peaks=forces,
+    q, forces, loads = np.split(states, ends[:2], axis=1)
+    coordinates = {name: assembly.body_coordinates(name, q) for name in system.bodies}
+    trajectory = SystemTrajectory.from_states(
+        system,
+        none + place,
+        {name: (q, np.zeros_like(q)) for name, q in coordinates.items()},
+        np.broadcast_to(x, (len(states), len(x))),
+        forces,
+        None,
+        np.zeros((2, len(states))),
         loads=loads,
-        energy=none,
-        work=none,
         seconds=0.0,
         surplus=np.nan,
         amplitudes=c if system.terms else None,
     )
-    outputs = outputs_of(system)
-    springs = [k for k, output in enumerate(outputs) if output.is_force]
-    held = [k for k, contact in enumerate(system.contacts) if not is_reaction(contact)]
-    shown = [outputs[k] for k in springs]
-    shown += [Output(force_name(c.name), c.kind, c.inner.body, unit="N") for c in (system.contacts[k] for k in held)]
-    y = (assembly.outputs[springs] @ q.T).T - forces @ rows.X[springs].T + loads @ assembly.direct[springs].T
-    response = Response(
-        t=t,
-        x=np.empty(0),
-        displacement=np.empty((count, 0)),
-        energy=Energy(none, none, none),
-        slider_force=np.hstack([y, forces[:, held]]),
-        residual_position=none,
-        residual_velocity=none,
-        seconds=0.0,
-        force_names=tuple(force.name for force in shown),
-        kinds=tuple(force.kind for force in shown),
-        bodies=tuple(force.body for force in shown),
-    )
-    return with_forces_at_pivot(scene, with_support_reactions(response, system, trajectory))
+    own = displacements(system, trajectory)
+    response = response_to_motion(system, trajectory.t, own, forces, None, Energy(none, none, none))
+    first = len(response.other_names)
+    response = with_forces_at_pivot(scene, with_support_reactions(response, system, trajectory))
+    values = np.empty((0, len(states))) if response.others is None else response.others.T[first:]
+    q, forces, loads = np.split(values[:, : ends[-1]], ends[:2], axis=1)
+    more = values[:, ends[-1] :].reshape(len(values), parts, n).transpose(1, 0, 2) - q
+    return RestRows(response.outputs[len(response.outputs) - len(values) :], q, forces, loads, more)

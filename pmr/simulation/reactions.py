@@ -36,10 +36,10 @@ import numpy as np
 from pmr.files.arrays import Array
 from pmr.kernel.further import DIRECTIONS, ground_outputs
 from pmr.kernel.laws import Stand, masses_wrench
-from pmr.results import Response
+from pmr.results import Energy, Response
 from pmr.results.response import Output
 from pmr.scene import Scene
-from pmr.scene.built import reaction_name
+from pmr.scene.built import force_name, reaction_name
 from pmr.scene.choice import motion_directions
 from pmr.scene.hoist import WINCH_PULLS
 from pmr.scene.keys import ALONE
@@ -291,3 +291,66 @@ def outputs_of(system: BodySystem[Any]) -> list[Output]:
         for name, body in system.bodies.items()
         for label, kind, unit in zip(names_of(body), kinds_of(body), units_of(body), strict=True)
     ]
+
+
+#: Kind of contacts that keep overlapping sections parallel: they bear moments, not forces of pads.
+STRAIGHT = "straight"
+
+
+def output_contacts(system: BodySystem[Any]) -> list[int]:
+    """Numbers of the contacts whose forces are outputs.
+
+    Rigid supports are left out, since their forces are reactions, and so are contacts of the kind `STRAIGHT`.  For a
+    single body, contacts that neither move nor only push are left out too.
+    """
+    contacts, numbers = system.contacts, range(len(system.contacts))
+    bearing = [k for k in numbers if contacts[k].kind != STRAIGHT and not is_reaction(contacts[k])]
+    if ALONE not in system.bodies:
+        return bearing
+    return [k for k in bearing if contacts[k].inner.path is not None or contacts[k].clearance is not None]
+
+
+def response_to_motion(
+    system: BodySystem[Any],
+    t: Array,
+    simulated: Mapping[str, Array],
+    forces: Array,
+    peaks: Array | None,
+    energy: Energy,
+) -> Response:
+    """Response to any simulator's motion at the times t (T,) in s; its solver time and residuals are set to NaN.
+
+    `simulated` are the outputs (T, o) of each body by name, `forces` and `peaks` (T, m) in N those of all contacts.
+    `peaks` are the largest forces within each step, None if no step has parts; `energy` has the energies at all times.
+    """
+    outputs, contacts = outputs_of(system), output_contacts(system)
+    y = np.hstack([simulated[name] for name in system.bodies])
+    x = np.concatenate([body.output_positions for body in system.bodies.values()])
+    lengths = [k for k, output in enumerate(outputs) if output.is_displacement]
+    springs = [k for k, output in enumerate(outputs) if output.is_force]
+    others = [k for k, output in enumerate(outputs) if not (output.is_displacement or output.is_force)]
+    joined = [system.contacts[k] for k in contacts]
+    shown = [outputs[k] for k in [*lengths, *springs]]
+    shown += [Output(force_name(contact.name), contact.kind, contact.inner.body, unit="N") for contact in joined]
+    shown += [outputs[k] for k in others]
+    names, last = tuple(output.name for output in shown), len(lengths) + len(springs) + len(contacts)
+    not_known = np.full(len(t), np.nan)
+    return Response(
+        t=t,
+        x=x[lengths],
+        displacement=y[:, lengths],
+        energy=energy,
+        slider_force=np.hstack([y[:, springs], forces[:, contacts]]),
+        residual_position=not_known,
+        residual_velocity=not_known,
+        seconds=np.nan,
+        output_names=names[: len(lengths)],
+        output_units=("m",) * len(lengths),
+        force_names=names[len(lengths) : last],
+        force_peaks=None if peaks is None else np.hstack([y[:, springs], peaks[:, contacts]]),
+        others=y[:, others] if others else None,
+        other_names=names[last:],
+        other_units=tuple(output.unit for output in shown[last:]),
+        kinds=tuple(output.text for output in shown),
+        bodies=tuple(output.body for output in shown),
+    )

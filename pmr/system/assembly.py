@@ -66,6 +66,12 @@ class Assembly:
         """Number n of coordinates."""
         return sum(map(len, self.free_coordinates.values()))
 
+    def body_coordinates(self, name: str, q: Array) -> Array:
+        """All coordinates (T, n') of the body `name`, from the free coordinates q (T, n) of all; zero where held."""
+        coordinates = np.zeros((len(q), self.system.bodies[name].size))
+        coordinates[:, self.free_coordinates[name]] = q[:, self.coordinate_slices[name]]
+        return coordinates
+
     @cached_property
     def M(self) -> sp.csr_matrix:
         """Mass matrix (n, n)."""

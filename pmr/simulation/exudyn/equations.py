@@ -99,12 +99,6 @@ class Equations:
                 check_determined(F, names, lambda k: f"slider at {x[k, self._travelling[0]]:g} m")
         return self._rows
 
-    def body_coordinates(self, name: str, values: Array) -> Array:
-        """Coordinates (T, n') of the body `name`, all n' of them, from the `values` (T, n) of all; zero where held."""
-        coordinates = np.zeros((len(values), self.system.bodies[name].size))
-        coordinates[:, self.assembly.free_coordinates[name]] = values[:, self.assembly.coordinate_slices[name]]
-        return coordinates
-
     def start(
         self, s: Mapping[str, float], rates: Mapping[str, float], initial: Mapping[str, InitialState]
     ) -> dict[str, InitialState]:

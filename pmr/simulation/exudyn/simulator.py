@@ -254,7 +254,7 @@ class SystemRun:
         surplus = energy_surplus(balanced.stored, balanced.work, least, since_start=bool(pushes.any()))
         refuse_growth(surplus, "Exudyn", list(self._needs.rigid_moving_rows))
         within = np.maximum.reduceat(motion.forces[1:], ends[:-1], axis=0)
-        of_body = self._equations.body_coordinates
+        of_body = self._equations.assembly.body_coordinates
         states = {name: (of_body(name, motion.q[ends]), of_body(name, motion.v[ends])) for name in system.bodies}
         return SystemTrajectory.from_states(
             system,

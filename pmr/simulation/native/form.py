@@ -228,12 +228,9 @@ def rest_states(assembly: Assembly, x: Array, f: Array, c: Array) -> dict[str, I
     The sides of contacts are at x (sides,) in m; the loads are f (i,), and c (k,) are the amplitudes of k terms.
     Raises InputError as `equilibrium`.
     """
-    states, coordinates = dict[str, InitialState](), equilibrium(assembly, x, f, c).q
-    for name, body in assembly.system.bodies.items():
-        q = np.zeros(body.size)
-        q[assembly.free_coordinates[name]] = coordinates[assembly.coordinate_slices[name]]
-        states[name] = InitialState(q, np.zeros(body.size))
-    return states
+    q = equilibrium(assembly, x, f, c).q[None]
+    coordinates = {name: assembly.body_coordinates(name, q)[0] for name in assembly.system.bodies}
+    return {name: InitialState(of_body, np.zeros_like(of_body)) for name, of_body in coordinates.items()}
 
 
 def start_of(system: System, excitation: Excitation) -> dict[str, InitialState]:

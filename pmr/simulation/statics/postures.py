@@ -233,7 +233,7 @@ class PostureMatrices:
             if output.kind in ("probe", "support") or (output.kind, output.body) == ("tip", last)
         ]
         still = _still_scene(scene, postures)
-        machine = [rest_rows(still, assembly, k, x[k], rows.at_time(k), loads.c[:, k]) for k in range(postures.count)]
+        machine = [rest_rows(still, assembly, k, x[k], loads.c[:, k]) for k in range(postures.count)]
         outputs = [*(described[k] for k in shown), *machine[0].outputs]
         outputs += [Output(contact.name, contact.kind, contact.inner.body, unit="N") for contact in system.contacts]
         used = [k for k, term in enumerate(assembly.terms) if term.stiffness is not None and np.any(loads.c[:, :, k])]
