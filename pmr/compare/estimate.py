@@ -77,7 +77,8 @@ class Estimate:
     the motion.  `by` is the method: ``attachment`` modes, or an ``other model``.
     """
 
-    errors: Mapping[str, float]  # fractions by kind of output (`pmr.compare.outputs`); `unknown` kinds are missing
+    #: Fractions by kind of output (`pmr.compare.outputs`), without `unknown` kinds, and by name of a probe or reaction
+    errors: Mapping[str, float]
     probes: Mapping[str, float]  # fractions by name of the probe (`probe_differences`)
     error: Array  # (T, o) m: error of the displacements as far as these runs show it, without margin
     seconds: float  # wall time of the estimate, all runs included

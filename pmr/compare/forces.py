@@ -152,9 +152,9 @@ def reaction_rows(scene: Scene, response: Response, path: Array) -> dict[str, ob
     """Entry ``reactions`` of summary.json: rows with ``name``, ``unit`` and the keys of `Extremes.summary`.
 
     There is a row for each force or moment of a support, one for each direction that it holds, whether it is rigid or
-    not, and for each reaction at the pivot and on the ground.  Without these the result is empty.  In a boom, names of
-    supports begin with that of the section.  `path` (T,) in m is the path coordinate, or the reach of the sections, at
-    the times of the response.
+    not, and for each reaction at the pivot, on the ground and of a machine.  Without these the result is empty.  In a
+    boom, names of supports begin with that of the section.  `path` (T,) in m is the path coordinate, or the reach of
+    the sections, at the times of the response.
     """
     extremes_of = reaction_extremes(response, path)
     rows = [{"name": of.support, "unit": of.unit, **extremes.summary()} for of, extremes in extremes_of.items()]

@@ -195,7 +195,8 @@ def axial_part(scene: Scene, system: System, excitation: Excitation, masses: Map
     Without a frame these are all axial forces.  With a frame they are those of loads that do not act at a tip.  Of a
     boom of several sections, only the section that a load acts on is looked at, not those whose cylinders hold it.
     `masses` are those of the bodies in kg by name, without what is attached to them; a body that is missing among them
-    has no weight here.
+    has no weight here.  The part is empty if a motion of the scene is computed, if nothing acts along a body, or if
+    contacts do not hold the bodies.
     """
     if scene.computed_key is not None:
         return SummaryPart()

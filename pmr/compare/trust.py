@@ -257,6 +257,8 @@ def reduction_warnings(summary: Summary) -> list[str]:
 def budget_warnings(scene: Scene, budget: Summary) -> Iterator[str]:
     """Yield a warning for each part of the error budget, ``model`` and ``mesh``, above `compare.model_tolerance`.
 
+    A further warning says if the stress in walls at pads is above the yield stress.
+
     With `[accuracy]` or `[budget]`, warnings about the mesh come from `pmr.compare.accuracy.accuracy_warnings`.
     """
     allowed = scene.compare.model_tolerance

@@ -174,7 +174,7 @@ def _refused_body_keys(member: Member) -> Iterator[UnusedKey]:
 def unused_body_keys(member: Member) -> Iterator[UnusedKey]:
     """Yield keys without effect on a body, with the key that takes away their effect and the reason.
 
-    Keys of walls have an effect if the body is compared with a richer model, which is a shell.
+    Keys of walls have an effect on a beam if its walls give way, or if it is compared with a richer model, a shell.
     """
     model, compared = model_of(member), member.scene.compare.richer not in ("auto", "none")
     for key in traits_of(member).without_effect:
