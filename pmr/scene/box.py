@@ -151,8 +151,9 @@ class Box(BoxProfile):
     def mid_dimensions(self, sign: float) -> dict[str, Any]:
         """Return those dimensions of a box with `sizes` that change, by key, as dimensions of its mid-surface.
 
-        The keys are those of `BoxProfile.mid_dimensions`, and ``tail_taper`` and ``tip_taper`` with all keys of the
-        taper.  `sign` is -1 if the box has the dimensions of the outer surface, 1 if those of the inner one.
+        The keys are those of `BoxProfile.mid_dimensions`, and ``tail_taper`` and ``tip_taper``, tables with the
+        dimensions at the end of the taper.  `sign` is -1 if the box has the dimensions of the outer surface, 1 if those
+        of the inner one.
         """
         dimensions = super().mid_dimensions(sign)
         for key, taper in self._tapers.items():
