@@ -18,9 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError, SimulationError, call_on_first_rank
+from pmr.fem.distributed import local_csr
 from pmr.fem.factor import factor_of, product
 from pmr.files import npz
-from pmr.files.arrays import Indices
+from pmr.files.arrays import Array, Indices
 from pmr.files.whole import NotWrittenError
 from pmr.fullmodel.model import FullSystem
 from pmr.scene.choice import REFERENCE, refuse_unsupported
@@ -195,7 +196,7 @@ def sample_excitation(system: FullSystem, excitation: Excitation) -> SampledExci
 _log = logging.getLogger(__name__)
 
 FORMAT = "pmr-checkpoint"
-FORMAT_VERSION = 3
+FORMAT_VERSION = 4
 #: Relative agreement of numbers that describe the same model, assembled on any number of ranks.
 SAME = 1e-9
 _DAMAGE = (KeyError, TypeError, ValueError, OverflowError, RecursionError)
@@ -248,20 +249,20 @@ def identity(
 ) -> dict[str, Any]:
     """Digests and numbers that distinguish this simulation from others, by name; collective.
 
-    Each matrix A is represented by x^T A x with a fixed random vector x.  `at` are paths, loads and terms at the steps,
-    `recorder` has the times of recorded states, and `initial` are the initial states of bodies by name.  As steps may
-    be divided into parts, paths, loads and terms in the middle of each step count, too.
+    Each matrix A is represented by x^T A y with fixed random vectors x and y.  `at` are paths, loads and terms at the
+    steps, `recorder` has the times of recorded states, and `initial` are the initial states of bodies by name.  As
+    steps may be divided into parts, paths, loads and terms in the middle of each step count, too.
     """
     stepping, between = excitation.stepping, 0.5 * (excitation.times[:-1] + excitation.times[1:])
     forms = []
     for model in system.models:
-        x = np.random.default_rng(3).standard_normal(model.size)[model.share]
-        forms += [x @ product(A, x) for A in (model.M, model.D, model.K)]
-    rows = [
-        value
-        for side, row in zip(system.sides, system.side_rows, strict=True)
-        for value in (np.abs(row.coefficients).sum(), abs(row.carriers).sum(), side.sign)
-    ]
+        x, y = _random((2, model.size))[:, model.share]
+        forms += [x @ product(A, y) for A in (model.M, model.D, model.K, *model.matrices.values())]
+        forms.append(x @ (local_csr(model.inputs) @ _random((len(model.input_names),))))
+    rows = list[float]()
+    for side, row in zip(system.sides, system.side_rows, strict=True):
+        parts = row.coefficients, row.touched, row.carriers @ _random((row.carriers.shape[1],))
+        rows += [side.sign, *(float(np.sum(part * _random(part.shape))) for part in parts)]
     start, compliance = stacked_start(system, initial), system.compliance
     varying = [term.value(between) for term in excitation.terms.values()]
     of_terms = {"terms": _digest(repr(system.term_names).encode(), at.c, *varying)} if at.c.size else {}
@@ -272,7 +273,7 @@ def identity(
         "time grid": [stepping.end, stepping.step, stepping.rho_inf],
         "states": recorder.state_steps.tolist(),
         "initial state": _digest(start.q, start.v),
-        "rows": [float(value) for value in rows],
+        "rows": rows,
         "contacts": _digest(compliance.constant, compliance.slopes, system.clearance, *_friction_arrays(system)),
         "matrices": [float(value) for value in system.comm.allreduce(np.array(forms))],
     }
@@ -384,6 +385,11 @@ def _friction_arrays(system: FullSystem) -> list[NDArray[np.generic]]:
     """List the arrays (pads,) that define the friction of a system's pads; empty without friction."""
     friction = Friction.from_contacts(system.contacts)
     return [] if friction is None else [friction.pads, friction.laws, friction.stiffness, friction.arms]
+
+
+def _random(shape: tuple[int, ...]) -> Array:
+    """Random numbers in the given `shape`, always the same."""
+    return np.random.default_rng(3).standard_normal(shape)
 
 
 def _digest(*parts: bytes | NDArray[np.generic]) -> str:

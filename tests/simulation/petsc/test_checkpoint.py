@@ -112,11 +112,18 @@ def test_another_simulation_does_not_go_on_from_it(model: FullModel, tmp_path: P
     observe(model, driven(PATH, LOADS, STEPPING), checkpoint=checkpoint)
     stiffer = replace(model, K=model.K.copy())
     stiffer.K.scale(1.01)
+    pushed_elsewhere = replace(model, inputs=model.inputs.copy())
+    pushed_elsewhere.inputs.scale(-1.0)
+    *others, slider = model.rows.rows
+    turned = replace(slider, carriers=-slider.carriers)  # as of a pad on the opposite face
+    held_elsewhere = replace(model, rows=replace(model.rows, rows=(*others, turned)))
     slower, longer = Sine(amplitude=0.7, frequency=3.0, offset=2.0), TimeStepping(0.02, 1e-3, 0.8)
     between = Ramp(times=(0.0, 2e-3, 2.5e-3, 3e-3), values=(30.0, 30.0, 40.0, 30.0))  # the same at all steps
     assert np.array_equal(between.value(1e-3 * np.arange(11)), np.full(11, 30.0))
     for arguments, what in [
         ((stiffer, driven(PATH, LOADS, STEPPING)), "matrices"),
+        ((pushed_elsewhere, driven(PATH, LOADS, STEPPING)), "matrices"),
+        ((held_elsewhere, driven(PATH, LOADS, STEPPING)), "rows"),
         ((model, driven(slower, LOADS, STEPPING)), "path"),
         ((model, driven(PATH, LOADS[::-1], STEPPING)), "loads"),
         ((model, driven(PATH, (between, LOADS[1]), STEPPING)), "loads"),
