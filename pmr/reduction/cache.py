@@ -160,7 +160,8 @@ class SystemCache:
     def _system_files(self, scene: Scene) -> SystemFiles:
         """Paths of the files of a scene's system."""
         path = scene.travel if ALONE in scene.bodies else None  # joints are part of the structure
-        request = {"scene": structure_text(scene), "path": path}
+        files = [sorted(part.file_digests.items()) for part in scene.sections]
+        request = {"scene": structure_text(scene), "path": path, "files": files}
         return SystemFiles(self._file("system", request), self._file("unheld", request | {"end": scene.time.end}))
 
     def _file(self, kind: str, request: Mapping[str, object]) -> Path:

@@ -17,7 +17,7 @@ from pmr.errors import NotHeldError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build, full_model
 from pmr.fullmodel.model import FullModel
-from pmr.reduction.cache import cache_in, model_digest
+from pmr.reduction.cache import SystemCache, cache_in, model_digest
 from pmr.reduction.from_scene import build_basis, take_snapshots
 from pmr.scene.keys import ALONE
 
@@ -188,11 +188,20 @@ def test_free_modes_from_a_file_are_the_model_of_free_modes(load_scene, tmp_path
     assert found.provenance["scene"]["reduction"]["file"] == "basis.npz"
 
 
-def test_the_content_of_the_file_decides_the_scenes_hash(load_scene, tmp_path: Path) -> None:
-    hashes = []
+def test_the_content_of_a_file_decides_hash_and_stored_system(load_scene, tmp_path: Path) -> None:
+    hashes, cache = [], SystemCache(tmp_path, "", MPI.COMM_SELF)
+
+    def refuse() -> System:
+        raise NotHeldError("scene", "free_motions", "refused", "it is free", "it can turn")
+
     for factor in (1.0, 2.0):
         given = f"reduction={{{saved(tmp_path, factor * np.ones((3, 3)))},coordinates=3}}"
-        hashes.append(load_scene("evolved_residual", [*SMALL, given]).hash)
+        scene = load_scene("evolved_residual", [*SMALL, given])
+        hashes.append(scene.hash)
+        assert not cache.has_system(scene)
+        with pytest.raises(NotHeldError):
+            cache.system_of(scene, refuse)
+        assert cache.has_system(scene)
     assert hashes[0] != hashes[1]
 
 
