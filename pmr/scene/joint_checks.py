@@ -13,7 +13,7 @@ from pmr.scene.box import Box
 from pmr.scene.choice import SimulatorNeeds, has_axial_motion, has_driven_tail, is_planar, refuse_unsupported
 from pmr.scene.joints import BoomSection, JointPads, ScaledSignal
 from pmr.scene.mechanism import Drive, longest_rope, rope_length, rope_shares
-from pmr.scene.members import EXTENSION, Seat, footprint, member_at, members, seats
+from pmr.scene.members import EXTENSION, Seat, member_at, members, ring_name, seats
 from pmr.scene.profile import gaps
 from pmr.scene.scene import Scene
 from pmr.scene.structure_checks import (
@@ -389,7 +389,7 @@ def check_section(scene: Scene, number: int) -> None:
         key, ring = scene.section_key(number, error.key), re.match(r"pads\[(\d+)\]", error.key)
         if ring and int(ring[1]) >= len(part.pads):  # a ring of a joint
             name = member.pads[int(ring[1])].name
-            seat = next(seat for seat in seats(scene, number) if footprint(scene, seat.ring) == name)
+            seat = next(seat for seat in seats(scene, number) if ring_name(scene, seat.ring) == name)
             key = f"sections[{seat.joint}].joint.{seat.key}{error.key[ring.end() :]}"
         raise scene_error(key, error.value, error.allowed) from None
 

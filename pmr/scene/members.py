@@ -46,7 +46,7 @@ class Seat:
 class MovingPads:
     """Ring of pads of a joint in the model of a section along which the pads move.
 
-    The ring stands for all rings with the same name (`footprint`).  The pads' centres are within `positions` over the
+    The ring stands for all rings with the same name (`ring_name`).  The pads' centres are within `positions` over the
     simulated time; rows of the pads are defined over `travel`.
     """
 
@@ -121,7 +121,7 @@ class Member:
         faced, rings = dict[str, list[Seat]](), dict[str, MovingPads]()
         for seat in self._seats:
             if seat.ring.faces is not None:
-                faced.setdefault(footprint(self.scene, seat.ring), []).append(seat)
+                faced.setdefault(ring_name(self.scene, seat.ring), []).append(seat)
         for name, alike in faced.items():
             ring, positions, half = body_ring(alike[0].ring, name), _common_range(alike), alike[0].ring.length / 2.0
             everywhere = _common_range([seat for of_name in faced.values() for seat in of_name])
@@ -269,7 +269,7 @@ def seats(scene: Scene, number: int) -> Iterator[Seat]:
             yield Seat(k, ring, f"mouth[{i}]", at)
 
 
-def footprint(scene: Scene, ring: JointPads) -> str:
+def ring_name(scene: Scene, ring: JointPads) -> str:
     """Return the name, such as ``pads 1``, that a ring has in the models of the two sections in contact.
 
     Rings with equal faces, positions and size share one name, unless walls give way: each ring then has a name of its

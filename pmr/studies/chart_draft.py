@@ -23,7 +23,7 @@ from pmr.scene.ground import Ground
 from pmr.scene.hints import boom_scales
 from pmr.scene.joint_checks import check_extension
 from pmr.scene.keys import SceneTable, key_error
-from pmr.scene.members import footprint, members, pads_on_faces, seats
+from pmr.scene.members import members, pads_on_faces, ring_name, seats
 from pmr.scene.signals import Constant
 from pmr.studies.study import Count
 from pmr.system.from_scene import force_names
@@ -342,7 +342,7 @@ def _check_pads(scene: Scene, still: Scene, key: str) -> None:
         for seat in seats(still, number) if member.has_joint else ():
             if seat.ring.faces is None:
                 continue
-            (low, high), at = member.ring_ranges[footprint(scene, seat.ring)], seat.positions.low
+            (low, high), at = member.ring_ranges[ring_name(scene, seat.ring)], seat.positions.low
             slack = BEYOND_ENDS * (high - low)
             if not low - slack <= at <= high + slack:
                 beyond = at - min(max(at, low), high)

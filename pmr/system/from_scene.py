@@ -32,7 +32,7 @@ from pmr.scene.choice import has_driven_tail, motion_directions, pad_faces
 from pmr.scene.joints import BoomSection, JointPads, RingFriction
 from pmr.scene.keys import ALONE, LUFFING, LUFFING_CYLINDER, cylinder_name, qualified_name
 from pmr.scene.mechanism import Drive, rope_shares
-from pmr.scene.members import AROUND, POINT, TAIL, WITHIN, body_ring, footprint, member_at, members
+from pmr.scene.members import AROUND, POINT, TAIL, WITHIN, body_ring, member_at, members, ring_name
 from pmr.system.body import SlidingBody
 from pmr.system.carriers import CarrierFlexibility, CarrierRows
 from pmr.system.contacts import Contact, Place, pad_at_mouth, pad_at_tail
@@ -97,7 +97,7 @@ def force_names(scene: Scene) -> Mapping[str, Sequence[str]]:
             assert joint is not None  # as the scene's checks say
             for at in ("tail", "mouth"):
                 for ring in getattr(joint, at):
-                    faces = body_ring(ring, footprint(scene, ring)).named_pads if ring.faces else ()
+                    faces = body_ring(ring, ring_name(scene, ring)).named_pads if ring.faces else ()
                     rows = {row for row, face, _ in faces if face in felt}
                     names["pad"] += [pad.name for pad in _pad_contacts(scene, number, ring, f"{name} {at}", rows)]
             if has_driven_tail(member):
@@ -182,7 +182,7 @@ def _pad_contacts(scene: Scene, number: int, ring: JointPads, prefix: str, rows:
             place = Place(section, POINT, ring.at)
             yield Contact(prefix + way, place, None, direction, compliance, clearance, arm=arm, **law)
         return
-    pads = body_ring(ring, footprint(scene, ring))
+    pads = body_ring(ring, ring_name(scene, ring))
     named = pads.model_copy(update={"name": prefix})  # contacts have these names too
     for (row, *_), (name, face, _) in zip(pads.named_pads, named.named_pads, strict=True):
         if row in rows:

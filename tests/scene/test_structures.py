@@ -14,7 +14,7 @@ from pmr import scene as scenes
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
 from pmr.scene.choice import choose_model, has_giving_walls, has_walls_that_could_give
-from pmr.scene.members import footprint, member_at
+from pmr.scene.members import member_at, ring_name
 from pmr.scene.structures import BoxProfile, Material, PointMass
 
 
@@ -156,5 +156,5 @@ def test_each_ring_of_a_joint_dents_a_wall_of_its_own() -> None:
     own = scenes.load_any(WORKFLOWS / "boom_three.toml", ["section.body.walls=give"])
     for scene, count in ((alike, 1), (own, 4)):
         rings = [ring for number in (1, 2) for ring in scene.joint(number).rings]
-        assert len({footprint(scene, ring) for ring in rings}) == count
+        assert len({ring_name(scene, ring) for ring in rings}) == count
         assert len(member_at(scene, 1).pads) == count
