@@ -198,7 +198,7 @@ def _body_parts(system: System) -> tuple[Part, ...]:
 
 
 def _block_of_tables(system: System, part: Part) -> Block:
-    """Block of a system that has a single body and one path: the body's own tables describe all contacts."""
+    """Block of a system that has a single body, `part`, and one path: the body's own tables describe all contacts."""
     body, flexibility = part.body, part.body.flexibility
     tables = (
         [body.rows] if flexibility is None else [body.rows, flexibility.rows, flexibility.inputs, flexibility.outputs]

@@ -273,7 +273,7 @@ def _clear_cylinder_flexibility(model: ReducedModel, answers: CylinderResponses)
 
 
 def _load_matrix(part: CarrierFlexibility) -> Array:
-    """Whole matrix (K + i, K + i) of a flexibility, or of R M R, between K carriers and i inputs."""
+    """Matrix (K + i, K + i) of R, or of R M R, between K carriers and i inputs, joined from the arrays of `part`."""
     return np.block([[part.rows, part.inputs], [part.inputs.T, part.energy]])
 
 

@@ -192,7 +192,7 @@ def _pad_contacts(scene: Scene, number: int, ring: JointPads, prefix: str, rows:
 
 
 def _arm(part: BoomSection, face: str) -> float:
-    """Distance in m of a face from the section's axis; 0 for a section that has no faces in the scene."""
+    """Distance in m of a `face` of the section `part` from its axis; 0 if the section has no such face in the scene."""
     side = None if part.body.box is None else part.body.box.faces.get(face)
     return 0.0 if side is None else float(side.normal @ side.start)
 

@@ -260,7 +260,8 @@ class ReducedModel:
     def with_rows(self, numbers: Sequence[int]) -> ReducedModel:
         """Return the model with only the rows of these `numbers`; all other rows are dropped and hold nothing any more.
 
-        If rows are left out, the result has no enrichment modes, and its errors can't be estimated.
+        If rows are left out or their order changes, the result has no enrichment modes, and its errors can't be
+        estimated.  Otherwise the model itself is returned.
         """
         chosen = list(numbers)
         if chosen == list(range(len(self.row_names))):

@@ -101,7 +101,7 @@ def curvature(cable: Cable, q: Array, x: Array) -> Array:
 
 
 def _curvature(cable: Cable, q: Array, x: Array, elements: Indices) -> Array:
-    """Material curvature (T, o) in 1/m at material points x (o,) in m, from the coordinates q (T, N, 4) of all nodes.
+    """Material curvature (T, o) in 1/m of a `cable` at points x (o,) in m, by the coordinates q (T, N, 4) of its nodes.
 
     `elements` (o,) are the numbers of the elements whose shape functions are used, one for each point.
     """
@@ -112,9 +112,10 @@ def _curvature(cable: Cable, q: Array, x: Array, elements: Indices) -> Array:
 
 
 def _interpolation(cable: Cable, x: Array, elements: Indices, derivative: int) -> Array:
-    """Matrix (o, 2 N) from values and slopes at N nodes to a derivative of order `derivative` at points x (o,).
+    """Matrix (o, 2 N) from values and slopes at the N nodes of a `cable` to a derivative at material points x (o,).
 
-    `elements` (o,) are the numbers of the elements whose shape functions are used.
+    `derivative` is its order, 0 for the value.  `elements` (o,) are the numbers of the elements whose shape functions
+    are used, one for each point.
     """
     h = cable.element_length
     matrix = np.zeros((len(x), 2 * (cable.elements + 1)))
@@ -303,7 +304,7 @@ def _fix(mbs: exu.MainSystem, mGround: exu.MarkerIndex, node: exu.NodeIndex, coo
 def _add_joint(
     mbs: exu.MainSystem, cable: Cable, elements: list[exu.ObjectIndex], nSlider: exu.NodeIndex, s: float
 ) -> exu.ObjectIndex:
-    """Add the sliding joint between the slider's node at s (m) and the elements, and return its number."""
+    """Add the sliding joint between the slider's node `nSlider` at s (m) and all `elements`; return its number."""
     markers = [mbs.AddMarker(MarkerBodyCable2DCoordinates(bodyNumber=element)) for element in elements]
     first = int(cable.left_elements(np.array(s)))
     return mbs.AddObject(

@@ -39,7 +39,7 @@ AddItems: TypeAlias = Callable[[exu.MainSystem, Equations, Inputs, Start], Syste
 
 
 def add_with_springs(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
-    """Add the items of a system; contact rows, travelling springs and loads are set once a step.
+    """Add the items of a system in the states `start`; contact rows, travelling springs and loads are set once a step.
 
     Sparse systems with contacts that give way, none of which only pushes or rubs, use `add_with_multipliers` instead:
     springs would fill the sparse stiffness anew in every step.
@@ -103,7 +103,7 @@ class ContactFunctions(NamedTuple):
 def _contact_functions(
     pads: Pads, equations: Equations, inputs: Inputs, steps: Steps, start: Start
 ) -> ContactFunctions:
-    """Return the user functions of ObjectGenericODE2 for contacts that push or rub, and a function `finish`.
+    """Return the user functions of ObjectGenericODE2 for `pads`, contacts that push or rub, and a function `finish`.
 
     ``finish(mbs, items, t)`` is to be called before each step, with the time t in s at which that step will end.
     `finish` ends the friction of the step before; at t = 0 friction begins anew in the bodies' states `start`.  The
@@ -168,7 +168,7 @@ def _contact_functions(
 
 
 def add_with_multipliers(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
-    r"""Add the items of a system with constraints for all contacts, including those that give way.
+    r"""Add the items of a system in the states `start`, with constraints for all contacts, flexible ones too.
 
     Each contact has a coordinate w without mass:
 
@@ -221,7 +221,10 @@ def add_with_multipliers(mbs: exu.MainSystem, equations: Equations, inputs: Inpu
 
 
 def add_with_callbacks(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
-    """Add the items of a system of rigid contacts, with Python callbacks in every iteration as in Weyrer et al."""
+    """Add the items of a system of rigid contacts in the states `start`, with Python callbacks in every iteration.
+
+    This is the way of Weyrer et al.
+    """
     m = len(equations.system.contacts)
     rows = inputs.function_of_time(lambda x: equations.rows(x).C)
 

@@ -65,7 +65,7 @@ from pmr.system.system import System
 
 
 def add_extended(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
-    """Add nodes and items of the bodies without contacts, and return them; the contacts are added with the base."""
+    """Add nodes and items of the bodies in the states `start`, without contacts; these are added with the base."""
     steps = Steps(held=bool(Contacts(equations, inputs).rigid.any()))
     jacobian, force = zero_jacobian(equations, steps), equations.B @ np.array(inputs.loads(0.0))
     items = add_bodies(mbs, equations, inputs, start, forceVector=force, jacobianUserFunction=jacobian)
@@ -365,7 +365,11 @@ def _cylinder_load(load: Driving, extension: Driving, mbs: exu.MainSystem, t: fl
 
 
 def with_base(mbs: exu.MainSystem, items: SystemItems, base: Base, inputs: Inputs) -> SystemItems:
-    """Add the object that couples a boom's items with the body below it; return the items and this object together."""
+    """Add the object by which the boom and the body below it act on each other; return the items with it.
+
+    `base` computes its mass, force and stiffness.  Rigid contacts along extensions that are coordinates of nodes get a
+    connector, too.
+    """
     nodes = [base.node, *items.nBodies.values(), *base.paths.nodes]
     count = sum(len(mbs.GetNode(node)["referenceCoordinates"]) for node in nodes)
     evaluated_at, evaluated = None, AddedEquations(*(np.empty(0),) * 3)
@@ -400,7 +404,10 @@ def with_base(mbs: exu.MainSystem, items: SystemItems, base: Base, inputs: Input
 
 
 def _with_rows(mbs: exu.MainSystem, items: SystemItems, base: Base, extending: ExtendingBoom) -> SystemItems:
-    """Add a connector for rigid contacts along extensions that are coordinates of nodes; return the items with it."""
+    """Add a connector for rigid contacts along extensions that are coordinates of nodes; return the items with it.
+
+    `extending` computes the gaps of these contacts, on the boom of `base`.
+    """
     k, n = base.count, base.boom.size
 
     def gap(t: float, z: Array) -> Array:

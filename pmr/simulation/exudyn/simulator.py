@@ -148,8 +148,9 @@ def simulate_system(
 ) -> SystemTrajectory:
     """Simulate bodies that contacts join; arguments and errors as `pmr.simulation.SystemSimulator`.
 
-    All formulations follow the same trajectory, to Newton's tolerance; each refuses what it can't do.  The option
-    `newton` of the excitation holds Exudyn's settings of Newton's method by their own names.
+    `formulation` is as for `add_system`.  All formulations follow the same trajectory, to Newton's tolerance; each
+    refuses what it can't do.  The option `newton` of the excitation holds Exudyn's settings of Newton's method by their
+    own names.
 
     The initial accelerations are Exudyn's, which leave out the terms of moving rows (2 s' C' v and more).  These
     accelerations are exact if paths start at rest, or bodies undeformed and at rest; otherwise the method is still of

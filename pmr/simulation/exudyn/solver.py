@@ -46,7 +46,8 @@ _NO_CONVERGENCE = (
 def solver_settings(stepping: TimeStepping, linear_solver: exu.LinearSolverType) -> exu.SimulationSettings:
     """Exudyn's settings for generalized-alpha with a constant step and index-3 constraints.
 
-    The step is that of `stepping`.  Sensors store every step; no file is written.
+    The step is that of `stepping`, and `linear_solver` solves the equations.  Sensors store every step; no file is
+    written.
     """
     chosen = exu.SimulationSettings()
     chosen.solution.file.write = False

@@ -239,12 +239,18 @@ def start_of(system: System, excitation: Excitation) -> dict[str, InitialState]:
 
 
 def step_failure(where: str, form: SystemForm, error: StepError, x: Array) -> SimulationError:
-    """Error of a failed step for the user; `where` names the step, x (sides,) in m are the positions of the sides."""
+    """Error for the user about a step that failed with the kernel's `error`; `where` names the step.
+
+    The sides of contacts are at x (sides,) in m.
+    """
     return SimulationError(f"march failed at {where}: {failure_reason(form.modal, error, x)}")
 
 
 def failure_reason(system: System, error: StepError, x: Array) -> str:
-    """Text that says why a step failed, for a system in modal form with sides at x (sides,) m."""
+    """Text that says why a step failed with the kernel's `error`.
+
+    `system` is in modal form, and the sides of its contacts are at x (sides,) in m.
+    """
     if error.failure == lib.PMR_UNSETTLED:
         return describe_unsettled(system.contact_names, ~np.isnan(system.clearance))
     if error.failure == lib.PMR_UNCONVERGED:

@@ -124,7 +124,7 @@ def with_extension_data(frame: MovingFrame, scene: Scene, system: System, form: 
 
 
 def column_name(section: str, of: str) -> str:
-    """Name of a column of the free extension of a `section`; `of` is a name in `CYLINDER_COLUMNS`."""
+    """Name of a column of the free extension of a `section`; `of` is in `CYLINDER_COLUMNS`, or is `ACCELERATION`."""
     motion = {"length": "extension", "speed": "rate of extension", ACCELERATION: "second rate of extension"}
     return f"{motion[of]} of {section}" if of in motion else f"extension cylinder of {section} {of}"
 
@@ -331,7 +331,8 @@ def stepped_frame(system: System, source: str) -> MovingFrame | None:
 def luffing_arrays(machine: Fields, frame: MovingFrame) -> dict[str, Array]:
     """Arrays of a free luffing angle for the kernel, by the names that `read_luffing` in src/system.c reads.
 
-    `machine` is the dict of the machine's data.  The keys begin with ``luffing_``.
+    `machine` has the fields of the kernel's machine that stands for the angle, in the `frame`.  The keys begin with
+    ``luffing_``.
     """
     cylinder = machine.get("cylinder", {})
     drive = next((k for k, name in enumerate(frame.loads) if name.startswith(DRIVE)), None)

@@ -284,10 +284,10 @@ class MachineRun:
     ) -> None:
         """Prepare the kernel for the boom's `system` and for the machine in the frame of `scene`.
 
-        Three arguments are only for a free luffing angle, which is simulated as a machine that pitches: `luffing`, the
-        scene in which the angle is prescribed; `level`, the luffing angle in rad at which the machine does not pitch;
-        and `cylinder`, the fields of the kernel's machine about a luffing cylinder.  `reasons` are the messages for the
-        kernel's error codes.
+        Three arguments are None except for a free luffing angle, which is simulated as a machine that pitches:
+        `luffing`, the scene in which the angle is prescribed; `level`, the luffing angle in rad at which the machine
+        does not pitch; and `cylinder`, the fields of the kernel's machine about a luffing cylinder.  `reasons` are the
+        messages for the kernel's error codes.
         """
         frame = scene.frame
         assert frame is not None and frame.machine is not None  # of a scene with a machine

@@ -337,7 +337,8 @@ def follow(
     `take` is called with the trajectory of some consecutive steps, and before it with the number of the first of them:
     the last step of the call before, or the start.  The arrays are valid until the next call.  If contacts only push, a
     step may be divided (`pmr.simulation.contact_step`); the trajectory has the states at the ends of whole steps.
-    Errors as `pmr.simulation.SystemSimulator`; the error of a growing motion is raised at the end.
+    `progress`, if not None, is called with the share of the run that is done.  Errors as
+    `pmr.simulation.SystemSimulator`; the error of a growing motion is raised at the end.
     """
     return march.run(lambda first, steps: take(first, _trajectory(march, first, steps)), progress)
 

@@ -366,9 +366,9 @@ class DividedSteps:
         }
 
     def step(self, number: int, state: State, due: bool, recorder: Recorder) -> Stepped:
-        """Take step `number` in all its parts.
+        """Take step `number` in all its parts, from the `state` before it; `recorder` follows each part.
 
-        Returns the new state, and whether any rank is due for a checkpoint.
+        Returns the new state, and whether any rank is `due` for a checkpoint.
 
         Raises
         ------

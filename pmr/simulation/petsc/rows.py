@@ -323,7 +323,7 @@ class CarrierAnswers(NamedTuple):
 
 
 def solve_for_carriers(factor: MatrixFactor, E: sp.csr_matrix, comm: MPI.Comm, stored: bool) -> CarrierAnswers:
-    """Response to unit forces on p carriers, by a `factor` of S; collective.
+    """Response to unit forces on p carriers, by a `factor` of S; collective on the ranks of `comm`.
 
     `E` (p, n_local) are the rows of the carriers, with the columns of this rank.  Displacements are part of the result
     only if `stored` is true.
@@ -340,7 +340,7 @@ def solve_for_carriers(factor: MatrixFactor, E: sp.csr_matrix, comm: MPI.Comm, s
 
 
 def compliances(system: FullSystem, factor: BlockFactor, visited: VisitedCarriers) -> Sequence[Array]:
-    """Matrices P = E^T S^{-1} E (p, p) of all bodies, for p `visited` carriers E each, from factors of matrices S."""
+    """Matrices P = E^T S^{-1} E (p, p) of all bodies, for p `visited` carriers E each, by `factor`; collective."""
     parts = zip(factor.of_bodies, visited.of_bodies, strict=True)
     return [solve_for_carriers(S, E, system.comm, False).compliance for S, E in parts]
 
@@ -395,7 +395,7 @@ class _RayleighCoefficients:
 
     @classmethod
     def from_damping(cls, rayleigh: Rayleigh, v_gain: float, q_gain: float) -> _RayleighCoefficients:
-        """Coefficients of a Rayleigh damping with the gains dv = `v_gain` and dq = `q_gain`."""
+        """Coefficients of a `rayleigh` damping with the gains dv = `v_gain` and dq = `q_gain`."""
         at_once = rayleigh.beta / (q_gain + v_gain * rayleigh.beta)
         return cls(rayleigh.alpha - at_once * (1.0 + v_gain * rayleigh.alpha), at_once)
 

@@ -307,9 +307,10 @@ class CheckpointFile:
         return self._comm.rank == 0 and time.monotonic() - self._last >= self._checkpoint.seconds
 
     def save(self, reached: ReachedState, recorder: Recorder) -> None:
-        """Write a checkpoint after a step, in place of the earlier checkpoint, in one operation; collective.
+        """Write a checkpoint of the state `reached` after a step, and of what `recorder` has so far; collective.
 
-        If the disk is full, a warning is logged, and the earlier checkpoint is kept.
+        It replaces the earlier checkpoint in one operation.  If the disk is full, a warning is logged, and the earlier
+        checkpoint is kept.
         """
         gathered, state, file = self._system.gather_vectors, reached.state, self._checkpoint.file
         arrays = {name: gathered(getattr(state, name)[None])[0] for name in _SPREAD}

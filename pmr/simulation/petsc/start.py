@@ -123,7 +123,7 @@ class Terms:
         return PadFriction(force, sums, friction.compressions_by_totals(sums), at_limits)
 
     def slide(self, old: Grip, rubbed: PadFriction, c: Array, h: float, multipliers: Array, matrix: Array) -> Grip:
-        """Friction of the pads after a step of h s, from `old` at its beginning.
+        """Friction of the pads after a step of h s, from `old` at its beginning; `old` itself if no pad rubs.
 
         `rubbed` is the friction of the last iteration.  c (K + J,) are the amplitudes of the K terms, followed by the
         path coordinates of the J joints at the step's end; `multipliers` (m,) and `matrix` (m, m) as in
