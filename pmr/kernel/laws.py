@@ -274,7 +274,7 @@ class Stand:
     def _call_kernel(self, function: Any, loads: Array, width: int) -> Array:
         """Return the results (T, width) of a `function` of the kernel for these outriggers under T loads.
 
-        `loads` has a row for each of the T steps.  Raises SimulationError as `columns` does.
+        `loads` (T, any) has a row for each of the T steps.  Raises SimulationError as `columns` does.
         """
         counts = {"outriggers": len(self.places), "corners": len(self.corners), "height": self.height}
         arrays = {"places": self.places, "stiffness": self.stiffness, "at_corners": self.corners, "edges": self.edges}

@@ -193,7 +193,7 @@ class State:
         """Begin at t = 0 with the n motions that drive the frame, (3, n): values, rates and second rates.
 
         Only the first rows[k] of the three numbers of motion k are prescribed; None stands for all three.  The bodies
-        begin as `kind` says; z and v are the modal coordinates and rates of a ``given`` state, as for `start`.
+        begin as `kind` says; z and v (modes,) are the coordinates and rates of a ``given`` state.  Errors as `start`.
         """
         at = self._check_array("motions", np.ravel(motions), 3 * self.kernel.motions)
         arrays = (at, _ensure_integers("rows", rows, self.kernel.motions), *self._initial_modes(kind, z, v))

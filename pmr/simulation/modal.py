@@ -143,11 +143,12 @@ class Modes(NamedTuple):
 def diagonalise(M: Array, K: Array) -> Modes:
     """Eigenvalues omega^2 (r,), ascending, and modes X (r, r) with X^T M X = I and X^T K X = diag(omega^2).
 
-    LAPACK leaves in the low eigenvalues an error of the machine precision times the largest eigenvalue.  In a fine beam
-    this error would give a rigid rotation a stiffness and low modes a relative error of 1e-7.  Corrections to first
-    order in the remaining couplings bring all pairs to round-off.  Their products are in extended precision if the
-    machine has it (Ogita, Aishima: Iterative refinement for symmetric eigenvalue decomposition, Japan Journal of
-    Industrial and Applied Mathematics 35, 2018).  An InputError is raised if M is not positive definite.
+    M and K are (r, r) and symmetric.  LAPACK leaves in the low eigenvalues an error of the machine precision times the
+    largest eigenvalue.  In a fine beam this error would give a rigid rotation a stiffness and low modes a relative
+    error of 1e-7.  Corrections to first order in the remaining couplings bring all pairs to round-off.  Their products
+    are in extended precision if the machine has it (Ogita, Aishima: Iterative refinement for symmetric eigenvalue
+    decomposition, Japan Journal of Industrial and Applied Mathematics 35, 2018).  An InputError is raised if M is not
+    positive definite.
     """
     try:
         _, X = scipy.linalg.eigh(K, M)
@@ -162,13 +163,14 @@ def diagonalise(M: Array, K: Array) -> Modes:
 
 
 def _refine_modes(M: Array, K: Array, X: Array) -> Modes:
-    """Eigenvalues (r,) and modes X (r, r) corrected to first order, with products in the precision of M and K.
+    """Eigenvalues (r,) and modes (r, r) of M and K, from X (r, r), modes with errors, by a correction of first order.
 
-    The correction E has two parts.  Its antisymmetric part A turns modes, and has the couplings divided by gaps between
-    eigenvalues.  Its symmetric part scales modes by half the defect from orthonormality.  Gaps between rigid motions
-    are round-off, so couplings are made symmetric before the division.  An asymmetric part by round-off, divided by the
-    gap, would cause an error of 1e-11 in X^T M X. The factor I + E would cause an error A^T A in X^T M X, and A may be
-    as large as 1 / CLOSE; the factor I + E + E^2 / 2 causes A^4 / 4.
+    Products are in the precision of M and K (r, r).  The correction E has two parts.  Its antisymmetric part A turns
+    modes, and has the couplings divided by gaps between eigenvalues.  Its symmetric part scales modes by half the
+    defect from orthonormality.  Gaps between rigid motions are round-off, so couplings are made symmetric before the
+    division.  An asymmetric part by round-off, divided by the gap, would cause an error of 1e-11 in X^T M X.  The
+    factor I + E would cause an error A^T A in X^T M X, and A may be as large as 1 / CLOSE; the factor I + E + E^2 / 2
+    causes A^4 / 4.
     """
     X = X.astype(M.dtype)
     defect = np.asarray(symmetric_part(np.eye(len(M)) - product(X.T, product(M, X))), float)  # of X^T M X from I
@@ -186,8 +188,8 @@ def _refine_modes(M: Array, K: Array, X: Array) -> Modes:
 def modal_damping(D: Array, remainder: Array, omega2: Array, X: Array, rayleigh: Rayleigh | None) -> Array:
     """Matrix X^T D X (r, r) for r modes X (n, r), exactly diagonal if damping is Rayleigh's or couples no modes.
 
-    Couplings that are round-off count as none.  `omega2` (r,) are the squared frequencies of the modes.  `remainder` is
-    D - alpha M - beta K of the `rayleigh` damping; all of D if `rayleigh` is None.
+    Couplings that are round-off count as none.  `omega2` (r,) are the squared frequencies of the modes.  `remainder`
+    (n, n) is D - alpha M - beta K of the `rayleigh` damping; all of D (n, n) if `rayleigh` is None.
     """
     classical = np.zeros_like(omega2) if rayleigh is None else rayleigh.modal_damping(omega2)
     if np.linalg.norm(remainder) <= CLASSICAL * np.linalg.norm(D):

@@ -171,7 +171,10 @@ def check_impulse(achieved: Array, drift: Array, names: tuple[str, ...]) -> None
 
 
 def _magnitude(C: Array, q: Array, largest: float = 0.0) -> Array:
-    """Upper bound (m,) of |C q| for coordinates as large as the largest of q, or as `largest` if that is larger."""
+    """Upper bound (m,) of the values of rows C (m, n) on coordinates as large as the largest in q (n,), or `largest`.
+
+    The larger one of the two counts.
+    """
     return np.asarray(np.abs(C).sum(axis=1) * np.abs(q).max(initial=largest))
 
 

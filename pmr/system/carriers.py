@@ -387,9 +387,9 @@ def _triangle_kind(A: Array) -> str | None:
 
 
 def _unpack_triangle(triangle: Array, sign: float) -> Array:
-    """Matrix (n, n) with the lower triangle `triangle`, row by row; `sign` is 1 if symmetric, -1 if antisymmetric.
+    """Matrix (n, n) from its lower triangle, row by row: `triangle` (n (n + 1) / 2,).
 
-    Raises ValueError if `triangle` has another length than n (n + 1) / 2.
+    `sign` is 1 for a symmetric and -1 for an antisymmetric matrix.  Raises ValueError if `triangle` has another length.
     """
     n = int((np.sqrt(8.0 * triangle.size + 1.0) - 1.0) / 2.0 + 0.5)
     if triangle.shape != (n * (n + 1) // 2,):

@@ -246,7 +246,7 @@ def fixed_row(name: str, carrier: sp.csr_matrix, domain: tuple[float, float]) ->
 
 
 def sparse_row(dofs: ArrayLike, entries: ArrayLike, size: int) -> sp.csr_matrix:
-    """Sparse row (1, size) with the `entries` at the coordinates with the numbers `dofs`."""
+    """Sparse row (1, size) with the `entries` (k,) at the coordinates numbered `dofs` (k,), or with a single entry."""
     columns, values = np.atleast_1d(np.asarray(dofs, np.int64)), np.atleast_1d(np.asarray(entries, float))
     return sp.csr_matrix((values, (np.zeros(len(columns), np.int64), columns)), (1, size))
 

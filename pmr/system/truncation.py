@@ -133,7 +133,10 @@ def _round_off(A: Array) -> float:
 
 
 def _extend_matrix(A: Array, on_all_modes: Array | None, count: int) -> Array:
-    """Matrix A (r, r) extended to `count` more modes, from its values `on_all_modes`; None stands for zeros."""
+    """Matrix A (r, r) extended to `count` more modes, from `on_all_modes`, its values on these and further modes.
+
+    If `on_all_modes` is None, zeros are appended.
+    """
     r = len(A) + count
     return np.pad(A, (0, count)) if on_all_modes is None else np.ascontiguousarray(on_all_modes[:r, :r])
 

@@ -147,11 +147,11 @@ class ExtendingBoom:
         return ForcesAndStiffness(total, K)
 
     def gap(self, s: Array, q: Array) -> Array:
-        """Gaps C(s) q (m,) in m of rigid contacts."""
+        """Gaps C(s) q (m,) in m of m rigid contacts, at extensions s (S,) in m and coordinates q (n,)."""
         return np.asarray(self._along.evaluate(s).rows.C[self.rigid] @ q)
 
     def gap_derivative(self, s: Array, q: Array) -> Array:
-        """Derivative (m, n + S) of the gaps of rigid contacts by q and s."""
+        """Derivative (m, n + S) of the gaps of rigid contacts by coordinates q (n,) and extensions s (S,), at these."""
         near, numbers = self._along.evaluate(s), self._numbers
         derivative = np.hstack([near.rows.C[self.rigid], np.zeros((len(self.rigid), len(s)))])
         derivative[:, len(q) + numbers] = (near.slopes.C[numbers][:, self.rigid] @ q).T
@@ -411,7 +411,7 @@ def _with_rows(mbs: exu.MainSystem, items: SystemItems, base: Base, extending: E
     k, n = base.count, base.boom.size
 
     def gap(t: float, z: Array) -> Array:
-        """Gaps (m,) in m of the m contacts at the time t in s and the coordinates z of the marker."""
+        """Gaps (m,) in m of the m contacts at t s, at the c coordinates z (c,) of the marker."""
         at = base.split(t, np.array(z))
         return extending.gap(at.s, at.boom)
 

@@ -212,8 +212,8 @@ class _Joint:
     def start(self, z: Array, z_t: Array) -> Array:
         """Position in m and velocity in m/s, (2, 3), that the boom's point has in space at t = 0 without the hook.
 
-        z and z_t are coordinates and rates of base, boom and nodes of extensions, in this order.  Coordinates of the
-        hook, and of w, by which the boom's point gives way to the hook, are left out.
+        z and z_t (N - 6,) are coordinates and rates of base, boom and nodes of extensions, in this order.  Coordinates
+        of the hook, and w, by which the boom's point gives way to the hook, are left out.
         """
         base, k, n = self._base, self._base.count, self._base.boom.size
         x, q, s = base.split_displacements(0.0, z)

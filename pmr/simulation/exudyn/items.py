@@ -312,7 +312,7 @@ def with_quasi_static(mbs: exu.MainSystem, items: SystemItems, equations: Equati
         return items
 
     def diagonal(values: Array | float) -> exu.MatrixContainer:
-        """Diagonal matrix (n, n) with `values` at the coordinates without inertia and zero elsewhere."""
+        """Diagonal matrix (n, n) with `values` (q,), or one number, at the q coordinates without inertia, else zero."""
         entries = np.zeros(equations.size)
         entries[still] = values
         return equations.matrix(sp.diags(entries, format="csr"))

@@ -167,8 +167,9 @@ def driver_signals(form: SystemForm, excitation: Excitation) -> list[SignalBase]
 def start_modes(form: SystemForm, x: Array, x_rate: Array, initial: Mapping[str, InitialState]) -> Array:
     """Modal coordinates and rates of initial states, (2, modes) with the kernel's padding.
 
-    x (sides,) in m are the positions of the contacts' sides and `x_rate` in m/s their rates.  A velocity that violates
-    rigid contacts is corrected (`pmr.simulation.start`); errors as there.
+    x (sides,) in m are the positions of the contacts' sides, and `x_rate` (sides,) in m/s their rates; `initial` has
+    the states by the bodies' names.  A velocity that violates rigid contacts is corrected (`consistent_start`); errors
+    as there.
     """
     modes = np.zeros((2, form.kernel.modes))
     states = consistent_start(Assembly(form.system), x, x_rate, initial)

@@ -189,7 +189,7 @@ class Recorder:
         """This rank's contributions to kinetic energy, strain energy and `potential` of the loads, in J."""
 
         def half_form(matrices: Sequence[PETSc.Mat], x: Array) -> float:
-            """This rank's contribution to x^T A x / 2, for the `matrices` A of all bodies and a local vector x."""
+            """This rank's contribution to x^T A x / 2, by its part x (n_local,), for the `matrices` A of all bodies."""
             energy = 0.0
             for A, at, (right, product) in zip(matrices, self._system.local_slices, self._vectors, strict=True):
                 right.getArray()[:] = x[at]

@@ -49,7 +49,7 @@ class BlockFactor:
         self._vectors = [model.M.createVecs() for model in system.models]
 
     def solve(self, right: Array) -> Array:
-        """This rank's rows (n_local,) of the solution, from its rows of one right-hand side."""
+        """This rank's rows (n_local,) of the solution, from its rows `right` (n_local,) of one right-hand side."""
         solution = np.empty_like(right)
         for factor, at, (load, answer) in zip(self.of_bodies, self._local, self._vectors, strict=True):
             load.getArray()[:] = right[at]
@@ -282,9 +282,8 @@ class StoredAnswers:
     def correction(self, rows: PathRows, multipliers: Array) -> Array:
         """This rank's rows (n_local,) of S^{-1} C^T lambda on the body, from the stored solutions S^{-1} E.
 
-        S is the effective matrix of a step, C holds the contact rows at `rows`, and lambda is `multipliers`, one for
-        each contact.  The solutions of a side are computed again when the side has entered another interval of its
-        path.
+        S is the effective matrix of a step, C holds the contact rows at `rows`, and lambda is `multipliers` (m,).  The
+        products of a side are computed again when the side has entered another interval of its path.
         """
         self._update(rows)
         weights = rows.X * multipliers[rows.layout.contact_of_power]

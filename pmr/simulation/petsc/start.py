@@ -160,7 +160,7 @@ class Terms:
         return bool(np.abs(new.gap - old.gap).max(initial=0.0) <= CONVERGED * self._widest)
 
     def has_converged(self, old: Array, new: Array, times: int, rubbed: PadFriction) -> bool:
-        """Whether the forces no longer change from `old` (n_local,) to `new`, after `times` iterations; collective.
+        """Whether forces no longer change from `old` to `new` (n_local,), after `times` iterations; collective.
 
         `rubbed` is the friction of the last iteration.  Raises SimulationError if the forces diverge, or have not
         converged after `LIMIT` iterations.
@@ -196,7 +196,7 @@ def _product(system: FullSystem, bodies: tuple[str, ...], A: PETSc.Mat | sp.csr_
     of_mine = rows[mine][:, moving]
 
     def multiply(x: Array) -> Array:
-        """This rank's rows (n_local,) of A x, from its part of x; collective."""
+        """This rank's rows (n_local,) of A x, from its part x (n_local,); collective."""
         vector = np.zeros(len(moving))
         vector[positions[is_local]] = x[is_local]
         return np.asarray(of_mine @ system.comm.allreduce(vector, MPI.SUM))
@@ -374,7 +374,10 @@ class _HeldMass:
         return np.asarray(self._answers @ impulse)
 
     def acceleration(self, force: Array) -> HeldAcceleration:
-        """Acceleration of the held bodies by this rank's part (n_local,) of a force; collective."""
+        """Acceleration of the held bodies by a force, of which this rank has the part `force` (n_local,); collective.
+
+        With it, the multipliers of the rigid contacts are returned.
+        """
         free = self._factor.solve(force)
         multipliers = np.linalg.lstsq(self._G, self._comm.allreduce(self._mine @ free), rcond=None)[0]
         return HeldAcceleration(free - self._answers @ multipliers, multipliers)

@@ -397,7 +397,7 @@ def geometric_stiffness(assembly: Assembly, coefficients: Mapping[str, float]) -
 
 
 def _largest_eigenvalues(solve: Solve, rows: ContactRows, G: sp.csr_matrix, start: Array, count: int) -> Array:
-    """Largest `count` + 2 eigenvalues 1/Lambda of -A G, unsorted, by Arnoldi's method.
+    """Largest eigenvalues 1/Lambda (`count` + 2,) of -A G, unsorted, by Arnoldi's method.
 
     G (n, n) is the sum of c_k G_k, A (n, n) the flexibility of the structure with its contact `rows`, which `solve`
     applies to a vector, and `start` (n,) the first vector of the method.

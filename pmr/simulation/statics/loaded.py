@@ -193,8 +193,8 @@ class Form:
     def _compute_responses(self, Z: Array, U: Array) -> None:
         """Compute the responses to the fixed loads, to a unit of the load that grows, and to the modes U (n, k).
 
-        A response consists of outputs, contact forces and overlaps of contacts that only push.  `Z` is the inverse of
-        the bordered matrix of coordinates and closed contacts.
+        A response consists of outputs, contact forces and overlaps of contacts that only push.  `Z` (n + c, n + c) is
+        the inverse of the bordered matrix of n coordinates and c closed contacts.
         """
         e, n, closed, pushes = self.equations, len(self.equations.K), self.closed, self.equations.pushes
         o, m, d = len(e.outputs), len(closed), int(pushes.sum())
@@ -380,7 +380,7 @@ class LoadedStructure:
         return LoadedStates.from_states([self.state(load) for load in loads])
 
     def _form(self, closed: Mask) -> Form:
-        """Form of a mask (m,) of closed contacts, computed once."""
+        """Form of the mask `closed` (m,) of closed contacts, computed once."""
         key = closed.tobytes()
         if key not in self._forms:
             self._forms[key] = Form(self.equations, closed.copy())
@@ -488,7 +488,7 @@ class LoadedStructure:
         return replace(state, outputs=np.full_like(state.outputs, np.nan), forces=np.full_like(state.forces, np.nan))
 
     def _solve_closed(self, closed: Mask, load: float) -> LoadedState:
-        """State under `load` in kg with the contacts of a mask (m,) closed."""
+        """State under `load` in kg with the contacts in the mask `closed` (m,) closed, and all others open."""
         form, o, m = self._form(closed), len(self.equations.outputs), len(closed)
         values = form.responses(np.array([load]))[0]
         forces, beyond, pushes = values[o : o + m], values[o + m :], self.equations.pushes
