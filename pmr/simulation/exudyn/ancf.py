@@ -75,11 +75,11 @@ class Cable:
         return self.length / self.elements
 
     def left_elements(self, x: Array) -> Indices:
-        """Numbers (o,) of the elements with the material points x (o,) in m; at a node, of the element on the left."""
+        """Numbers of the elements with the material points x (any shape) in m, like x; at a node, of the one on the left."""
         return np.clip(np.ceil(x / self.element_length - _ON_NODE).astype(int) - 1, 0, self.elements - 1)
 
     def right_elements(self, x: Array) -> Indices:
-        """Numbers (o,) of the elements with the material points x (o,) in m; at a node, of the element on the right."""
+        """Numbers of the elements with the material points x (any shape) in m, like x; at a node, of the one on the right."""
         return np.clip(np.floor(x / self.element_length + _ON_NODE).astype(int), 0, self.elements - 1)
 
 
