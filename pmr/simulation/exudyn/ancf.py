@@ -75,11 +75,11 @@ class Cable:
         return self.length / self.elements
 
     def left_elements(self, x: Array) -> Indices:
-        """Numbers of the elements with the material points x (any shape) in m, like x; at a node, of the one on the left."""
+        """Numbers of the elements with the material points x (any shape) in m, like x; at a node, of the left one."""
         return np.clip(np.ceil(x / self.element_length - _ON_NODE).astype(int) - 1, 0, self.elements - 1)
 
     def right_elements(self, x: Array) -> Indices:
-        """Numbers of the elements with the material points x (any shape) in m, like x; at a node, of the one on the right."""
+        """Numbers of the elements with the material points x (any shape) in m, like x; at a node, of the right one."""
         return np.clip(np.floor(x / self.element_length + _ON_NODE).astype(int), 0, self.elements - 1)
 
 
