@@ -52,7 +52,7 @@ def _cached_turning(
 ) -> FrameRotation:
     """`FrameRotation.from_signals`, cached, as all fields of all sections use the same times t (bytes of an array).
 
-    `rocking` are the signals of the base's angles.
+    `luffing` and `slewing` are the signals of the frame's angles, `rocking` those of the base's angles, in rad.
     """
     return FrameRotation.from_signals(luffing, slewing, np.frombuffer(t), rocking)
 
@@ -65,13 +65,16 @@ class BaseAcceleration(FrameSignal):
 
     @property
     def signals(self) -> tuple[SignalBase, ...]:
+        """The displacement in m and the prescribed acceleration in m/s^2."""
         return (self.displacement, self.acceleration)
 
     def value(self, t: ArrayLike) -> Array:
+        """Acceleration in m/s^2 at the times t (any shape) in s, in the shape of t."""
         return np.asarray(self.displacement.second_rate(t) + self.acceleration.value(t))
 
     @property
     def strands(self) -> tuple[Strand, ...]:
+        """Pieces of the signal for the kernel, in which those of the displacement stand for its second rate."""
         displacements = (replace(strand, spread=-1.0) for strand in self.displacement.strands)
         return (*displacements, *self.acceleration.strands)
 
@@ -93,6 +96,7 @@ class FrameAmplitude(FrameSignal):
 
     @property
     def signals(self) -> tuple[SignalBase, ...]:
+        """All signals from which the amplitude follows."""
         return (*self._slow_signals, *self._fast_signals)
 
     @property
@@ -106,6 +110,7 @@ class FrameAmplitude(FrameSignal):
         return (*self.base, *(load for _, load in self.loads))
 
     def value(self, t: ArrayLike) -> Array:
+        """Sum of the products at the times t (any shape) in s, in the shape of t."""
         at = np.asarray(t, float)
         times = at.ravel()
         return evaluate(self.products, self._quantities(times), times).reshape(at.shape)
@@ -249,7 +254,10 @@ def extensions_up_to(scene: Scene, number: int) -> tuple[SignalBase, ...]:
 
 
 def base_accelerations(scene: Scene) -> tuple[SignalBase, ...]:
-    """Accelerations of the pivot in m/s^2 along X, Y and Z of the ground; empty if the base has no displacement."""
+    """Accelerations of the pivot in m/s^2 along X, Y and Z of the ground; empty if the pivot stays where it is.
+
+    The pivot stays if the scene has no base, or a base with neither displacements nor accelerations.
+    """
     base, none = scene.frame.base if scene.frame else None, Constant(amount=0.0)
     if base is None or not {"x", "y", "z"} & {*base.motions, *base.accelerations}:
         return ()
@@ -264,7 +272,10 @@ def base_accelerations(scene: Scene) -> tuple[SignalBase, ...]:
 
 
 def section_acceleration(scene: Scene, number: int, field: str, factor: float = 1.0) -> FrameAmplitude:
-    """Signal of a component `field` of the acceleration field of section `number`, times `factor`."""
+    """Signal of a component of the acceleration field of section `number`, times `factor`; `field` names it.
+
+    Names of components are those of `pmr.simulation.frame_motion.field_products`, such as ``x`` or ``xz``.
+    """
     assert scene.frame is not None  # of a scene that has one
     about = accelerating_signals(scene, number)
     products = field_products(field, number, scene.frame.tail_position, bool(about["base"]), factor)
@@ -346,16 +357,18 @@ class WindOnSection(FrameSignal):
 
     @property
     def signals(self) -> tuple[SignalBase, ...]:
+        """Signals of the pressure, of the pivot's rise, of all angles, and of the extensions up to the section."""
         return (self.load.signal, self.rise, *self.angles, *self.section.paths)
 
     def value(self, t: ArrayLike) -> Array:
+        """Amplitude in N/m at the times t (any shape) in s, in the shape of t."""
         at = np.asarray(t, float)
         of_all = self.model_copy(update={"axis": "y", "degree": 0})
         amplitudes = _amplitudes(of_all, at.ravel().tobytes())
         return np.asarray(amplitudes[PRESSED.index(self.axis), self.degree].reshape(at.shape))
 
     def highest_frequency(self, start: float, end: float) -> float:
-        """Sum of the highest frequencies in Hz of pressure, angles and extensions from `start` to `end` in s."""
+        """Sum of the highest frequencies in Hz of all `signals` from `start` to `end` in s, an estimate."""
         return sum(signal.highest_frequency(start, end) for signal in self.signals)
 
 

@@ -49,6 +49,7 @@ class Derived(SignalBase):
         return np.asarray((self.value(t + half) - self.value(before)) / (t + half - before))
 
     def on_steps(self, step: float) -> Self:
+        """Return the signal with difference quotients over a step of `step` s."""
         return self.model_copy(update={"step": step})
 
     @property
@@ -89,9 +90,11 @@ class Acceleration(Derived):
 
     @property
     def signals(self) -> tuple[SignalBase, ...]:
+        """The paths."""
         return self.paths
 
     def value(self, t: ArrayLike) -> Array:
+        """Acceleration in m/s^2 at the times t (any shape) in s, in the shape of t."""
         t, half = np.asarray(t, float), self.step / 2.0
         before = np.maximum(t - half, 0.0)
         changes = [path.rate(t + half) - path.rate(before) for path in self.paths]
@@ -99,6 +102,7 @@ class Acceleration(Derived):
 
     @property
     def strands(self) -> tuple[Strand, ...]:
+        """Pieces of the paths for the kernel, with the step over which the kernel takes the difference of rates."""
         return tuple(replace(strand, spread=self.step) for path in self.paths for strand in path.strands)
 
 
@@ -171,15 +175,16 @@ _QUINTIC = np.linalg.inv(_ENDS.astype(float))
 
 @dataclass(frozen=True, eq=False)
 class MotionSamples:
-    """Computed motion of a machine in one direction, or of an extension; each object is equal to itself alone.
+    """Computed motion of a machine in one direction, of a luffing angle or of an extension.
 
-    The N `times` are t = 0 and the ends of all T - 1 steps.  If steps are divided into parts, they are t = 0 and the
-    ends of all parts.
+    Each object is equal to itself alone.  The N `times` are t = 0 and the ends of all T - 1 steps.  If steps are
+    divided into parts, they are t = 0 and the ends of all parts.
     """
 
     times: Array  # (N,) s
     values: Array  # (3, N): motion in m or rad, its rate and its second rate
-    force: Array  # (T,) N or N m: force or moment of the machine on the ground in this direction
+    # (T,) N or N m: force or moment of the machine on the ground in this direction; zero for an angle or extension
+    force: Array
     inputs: Mapping[str, Array]  # (N,) values of the inertia inputs of the boom, by input name
     cylinder: Mapping[str, Array] = field(default_factory=dict)  # (T,) of the cylinder that drives it, by name
     parts: tuple[int, ...] = ()  # (T - 1,): number of parts of each step; empty: no step was divided
@@ -187,7 +192,7 @@ class MotionSamples:
 
 
 class ComputedMotion(SignalBase):
-    """Computed motion of a machine in one direction as a signal, in m or in the unit of the frame's angles.
+    """Computed motion of a machine, luffing angle or extension as a signal, in m or the unit of the frame's angles.
 
     Between two samples it is the polynomial of degree 5 with the values, rates and second rates of both.
     """
@@ -196,12 +201,15 @@ class ComputedMotion(SignalBase):
     unit: float  # factor on the samples: number of units in 1 m or 1 rad
 
     def value(self, t: ArrayLike) -> Array:
+        """Value at the times t (any shape) in s, in the shape of t."""
         return self._interpolate(t, 0)
 
     def rate(self, t: ArrayLike) -> Array:
+        """Rate at the times t (any shape) in s, in the shape of t."""
         return self._interpolate(t, 1)
 
     def second_rate(self, t: ArrayLike) -> Array:
+        """Second rate at the times t (any shape) in s, in the shape of t."""
         return self._interpolate(t, 2)
 
     def bounds(self, start: float, end: float) -> Interval:
@@ -256,11 +264,12 @@ class ComputedInput(SignalBase):
 
 
 def computed_inputs(scene: Scene) -> dict[str, SignalBase]:
-    """Signals, by name, of a boom's inertia inputs if its machine's motion has been computed, else an empty dict.
+    """Signals of a boom's inertia inputs, by name, if a motion of the scene has been computed; otherwise an empty dict.
 
-    Averaged over a step they agree with the frame's accelerations.  The accelerations at the ends of steps are not
-    used.  Generalized-alpha leaves in them an undamped part that alternates from step to step, and this part must not
-    be multiplied by quantities that change from step to step.
+    The motion is that of a machine, of a luffing angle or of an extension.  Averaged over a step they agree with the
+    frame's accelerations.  The accelerations at the ends of steps are not used.  Generalized-alpha leaves in them an
+    undamped part that alternates from step to step, and this part must not be multiplied by quantities that change from
+    step to step.
     """
     frame = scene.frame
     if frame is None:
@@ -271,13 +280,19 @@ def computed_inputs(scene: Scene) -> dict[str, SignalBase]:
 
 
 def computed_parts(scene: Scene) -> tuple[int, ...]:
-    """Numbers of parts into which steps were divided when a free extension was computed; empty without division."""
+    """Numbers of parts into which steps were divided when a free extension was computed; empty without division.
+
+    They are also empty if the scene has another number of steps by now.
+    """
     samples = (path.samples for path in scene.paths.values() if isinstance(path, ComputedMotion))
     return next((of.parts for of in samples if len(of.parts) == scene.time.steps), ())
 
 
 def has_computed_motion(scene: Scene) -> bool:
-    """Whether a machine's motion is or will be computed with the model; False if all its directions are held."""
+    """Whether a motion of the scene is or will be computed with the model: of a machine, luffing angle or extension.
+
+    A machine whose directions are all held does not count.
+    """
     machine, free = (None, False) if scene.frame is None else (scene.frame.machine, scene.frame.luffing == "free")
     free = free or bool(scene.free_extensions)
     return bool(computed_inputs(scene)) or free or (machine is not None and bool(machine.free))

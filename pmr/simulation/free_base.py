@@ -59,7 +59,10 @@ from pmr.system.truncation import extend
 
 
 def with_all_inertia(system: System) -> System:
-    """System in which all coordinates have inertia: modes treated as quasi-static become ordinary ones."""
+    """System in which all coordinates have inertia: modes treated as quasi-static become ordinary ones.
+
+    A system without such modes is returned unchanged.
+    """
     if all(len(body.quasi_static) == 0 for body in system.bodies.values()):
         return system
     bodies = {name: replace(body, quasi_static=np.zeros(0, np.int64)) for name, body in system.reduced.items()}

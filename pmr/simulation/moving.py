@@ -273,7 +273,7 @@ class MovingFrame:
         """Values, rates and second rates (3, n, ...) of the drivers in the scene at the times t (...) in s.
 
         Second rates of paths are averaged over a step of the `excitation`.  Rates and second rates of loads and
-        accelerations are zero.
+        accelerations are zero, except for the rate of what drives a cylinder.
         """
         at = np.asarray(t, float)
         motions = np.zeros((3, len(self.drivers), *at.shape))
@@ -290,7 +290,10 @@ class MovingFrame:
 
     @property
     def start(self) -> Array:
-        """Values, rates and second rates (3, n) of the drivers in the scene at t = 0, with the full weight."""
+        """Values, rates and second rates (3, n) of the drivers in the scene at t = 0, with the full weight.
+
+        If the luffing angle is free (`computed`), its rate is the one with which it begins.
+        """
         motions, frame = self.motions(self.excitation, 0.0), self.scene.frame
         if self.computed is not None and frame is not None and frame.luffing_rate:
             motions[1, self.drivers.index(LUFFING)] = frame.luffing_rate * (1.0 if frame.unit == "rad" else np.pi / 180)
@@ -300,7 +303,7 @@ class MovingFrame:
 
     @property
     def signals(self) -> tuple[SignalBase, ...]:
-        """Signals of the n drivers in the scene."""
+        """Signals of the n drivers in the scene, in the order of `drivers`."""
         frame = self.scene.frame
         assert frame is not None
         angles = dict(zip(ANGLES, (*frame.angles, *frame.base_angles), strict=False))

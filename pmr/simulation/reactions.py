@@ -104,7 +104,10 @@ def with_support_reactions(response: Response, system: System, trajectory: Syste
 
 
 def with_row_multipliers(system: System, body: SlidingBody, motion: Trajectory) -> Trajectory:
-    """Return `motion` of a single body with the path coordinate s (T,) and the multipliers of all rows of the body."""
+    """Return `motion` of a single body with the path coordinate s (T,) and the multipliers (T, m) of its m rows.
+
+    They are zero for rows that are no contacts.
+    """
     multipliers = np.zeros((len(motion.t), len(body.row_names)))
     moving = 0
     for k, side in enumerate(system.sides):
@@ -117,7 +120,8 @@ def with_row_multipliers(system: System, body: SlidingBody, motion: Trajectory) 
 def with_reactions(response: Response, of_bodies: Mapping[str, Supports], forces: Mapping[str, Array]) -> Response:
     """Return the response with the `forces` (T, h) of rigid supports, by body, added after all other outputs.
 
-    `of_bodies` are the supports' names and units by body, in the order of `forces`.
+    `of_bodies` are the supports' names and units by body, in the order of `forces`.  Without forces the response is
+    unchanged.
     """
     if not forces:
         return response

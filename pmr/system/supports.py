@@ -55,10 +55,10 @@ class SupportForces:
 
     @classmethod
     def of(cls, body: SlidingBody, on_path: bool, known: bool = True) -> SupportForces:
-        """Forces of the supports in ``body.reactions``; none, h = 0, if that is None or unless `known`.
+        """Forces of the supports in ``body.reactions``; none, h = 0, if that is None or `known` is false.
 
-        There are none either if contacts of the body have places of their own, not all one path (`on_path`), and their
-        work on motions of the supports is not known.
+        `on_path` says whether all contacts of the body are at one path coordinate.  If they are not, there are none
+        either unless the body stores how its supports bear forces on its carriers (`Reactions.carried`).
         """
         reactions, n = body.reactions, body.size
         if reactions is not None and not on_path:
