@@ -14,9 +14,7 @@ from numpy.typing import NDArray
 from pmr.files.arrays import Array, Indices
 from pmr.system.body import SlidingBody, clear_rows, is_round_off
 from pmr.system.body_matrices import natural_frequencies
-from pmr.system.contacts import Place
 from pmr.system.polynomials import evaluate
-from pmr.system.rows import TouchedWeights
 from pmr.system.states import ContactRows, add_springs, free_motions
 from pmr.system.system import System, consecutive
 from pmr.system.terms import Term, add_terms
@@ -30,6 +28,14 @@ class ClosedModes(NamedTuple):
 
     omega: Array  # (f,) rad/s
     phi: Array  # (n, f) 1/sqrt(kg)
+
+
+class SideWeights(NamedTuple):
+    """Weights of the rows of m contacts on the carriers that the sides on one body touch, d of them for all sides."""
+
+    touched: Indices  # (d,): numbers of the carriers; a carrier that several sides touch is there several times
+    owners: Indices  # (d,): number of the side that touches each of them
+    weights: Array  # (3, m, d): with their first and second derivatives by the places of the sides
 
 
 class Assembly:
@@ -209,25 +215,23 @@ class Assembly:
         """
         moved_by_moments = np.zeros((len(self.system.contacts),) * 2)
         for name, flexibility in self._flexibility.items():
-            numbers = self.system.sides_of(name)
-            sides = [self.system.sides[number] for number in numbers]
-            slopes, values = (
-                [self._weights(side.place, at, order) for side, at in zip(sides, x[numbers], strict=True)]
-                for order in (1, 0)
-            )
-            for side, (touched, b) in zip(sides, slopes, strict=True):
-                slope = side.sign * (b @ flexibility.rows[touched])
-                for other, (at, weights) in zip(sides, values, strict=True):
-                    moved_by_moments[other.contact, side.contact] += other.sign * (weights @ slope[at])
+            touched, _, b = self.side_weights(name, x)
+            moved_by_moments += b[0] @ flexibility.rows[touched[:, None], touched].T @ b[1].T
         return moved_by_moments
 
-    def _weights(self, place: Place, position: float, derivative: int) -> TouchedWeights:
-        """Numbers (d,) and weights (d,) of the d carriers that the row of a place touches at `position` in m.
+    def side_weights(self, name: str, x: Array) -> SideWeights:
+        """Weights of the contacts' rows on the carriers of the body `name`, whose sides are at x (sides,) in m.
 
-        With a `derivative` of 1 or more, the weights are their derivatives of that order with respect to the position.
+        x has the sides of all bodies.
         """
-        touched, b = self.system.row(place).touched_weights(position, derivative)
-        return TouchedWeights(touched[0], b[0])
+        numbers = self.system.sides_of(name)
+        sides = [self.system.sides[number] for number in numbers]
+        each = [self.system.row(side.place).derivatives(x[number]) for number, side in zip(numbers, sides, strict=True)]
+        owners = np.repeat(numbers, [len(of_side.touched) for of_side in each])
+        weights = np.zeros((3, len(self.system.contacts), len(owners)))
+        for number, side, of_side in zip(numbers, sides, each, strict=True):
+            weights[:, side.contact, owners == number] = side.sign * of_side.weights
+        return SideWeights(np.concatenate([of_side.touched for of_side in each]), owners, weights)
 
     def outputs_by_moments(self, x: Array) -> Array:
         """Outputs (o, m) in 1/N under a unit moment on the sides of each contact, whose places are at x (sides,) in m.
@@ -235,13 +239,9 @@ class Assembly:
         Only the residual flexibility of the bodies gives way to the moments.
         """
         moved_outputs = np.zeros((_count(self.output_slices), len(self.system.contacts)))
-        for side, at in zip(self.system.sides, x, strict=True):
-            name = side.place.body
-            if (flexibility := self._flexibility.get(name)) is not None:
-                b = self.system.row(side.place).weights(np.array([at]), 1)
-                moved_outputs[self.output_slices[name], side.contact] += side.sign * (
-                    flexibility.outputs[:, b.indices] @ b.data
-                )
+        for name, flexibility in self._flexibility.items():
+            touched, _, b = self.side_weights(name, x)
+            moved_outputs[self.output_slices[name]] = flexibility.outputs[:, touched] @ b[1].T
         return moved_outputs
 
     def _add_carrier_rows(self, name: str, side_numbers: Sequence[int], x: Array, rows: ContactRows) -> None:

@@ -17,20 +17,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array, Mask
 from pmr.system.assembly import Assembly
 from pmr.system.body import clear_rows, is_round_off
-from pmr.system.rows import TouchedWeights
+from pmr.system.body_matrices import symmetric_part
 from pmr.system.states import ContactRows
-from pmr.system.system import Side
-
-Number = TypeVar("Number", bound=np.generic)
 
 
 class ChangingRows:
@@ -46,163 +42,79 @@ class ChangingRows:
             if body.carriers is None and system.sides_of(name):
                 allowed = "a body whose rows are on carriers is allowed, as reduction.basis = 'free_modes' makes them"
                 raise InputError("system", f"bodies.{name}.carriers", None, allowed)
-        self._inputs, self._size = assembly.B.shape[1], assembly.size
-        self._rope_paths = [names.index(path) for path in system.compliance.paths]
-        self._bodies = [_BodyRows(assembly, name, names) for name in system.bodies if system.sides_of(name)]
-        self._system, self._names, everywhere = system, names, (-np.inf, np.inf)
-        self._ends = np.array([system.ranges.get(name, everywhere) for name in names]).T
-        self._key, self._derivatives = b"", self._evaluate(np.clip(np.zeros(len(names)), *self._ends))
+        self._assembly, self._system, self._names = assembly, system, names
+        self._key, self._derivatives = b"", list[ContactRows]()
 
     def evaluate(self, s: Array) -> RowDerivatives:
-        """Rows and their derivatives with the paths at s (P,) in m.
+        """Rows and their derivatives by each path, with the paths at s (P,) in m.
 
         The result is stored, and returned again if the next call has the same s.  An InputError is raised if a path
         leads a place to where its row is not defined.
         """
         if (key := s.tobytes()) != self._key:
-            if np.any((s < self._ends[0]) | (s > self._ends[1])):
-                self._system.side_coordinates(dict(zip(self._names, s, strict=True)))
-            self._key, self._derivatives = key, self._evaluate(s)
-        return self._derivatives
+            self._key, self._derivatives = key, self._along(s, np.eye(len(s)), 1)
+        return RowDerivatives(*self._derivatives)
 
-    def _evaluate(self, s: Array) -> RowDerivatives:
-        """Rows and their derivatives with the paths at s (P,) in m, always computed anew."""
-        compliance, n, i, P = self._system.compliance, self._size, self._inputs, len(self._names)
-        m = len(compliance.constant)
-        rows = _zero_rows(m, n, i)
-        slopes, curves = _zero_rows(m, n, i, P), _zero_rows(m, n, i, P, P)
-        rows.F[:] = compliance.matrix(s[self._rope_paths])
-        np.add.at(slopes.F, self._rope_paths, compliance.slopes)
-        for body in self._bodies:
-            body.add(s, rows, slopes, curves)
-        rigid = is_round_off(rows.F, self._system.largest_flexibility)
-        for part in (rows, slopes, curves):
-            clear_rows(part.F, rigid)
-        return RowDerivatives(rows, slopes, curves)
+    def time_derivatives(self, s: Array, rates: Array) -> RowDerivatives:
+        """First and second derivatives of the rows by time, with the paths at s (P,) in m and constant `rates` (P,).
+
+        The `rates` are in m/s; errors as `evaluate`.
+        """
+        of_time = self._along(s, rates[None], 2)[1:]
+        return RowDerivatives(*(ContactRows(*(array[0] for array in vars(rows).values())) for rows in of_time))
+
+    def _along(self, s: Array, rates: Array, highest: int) -> list[ContactRows]:
+        """Rows with the paths at s (P,) in m, then their derivatives by time at Q `rates` (Q, P) up to an order.
+
+        The `highest` order is 1 or 2.  The derivatives have an axis of Q in front.
+        """
+        a, system = self._assembly, self._system
+        x = system.side_coordinates(dict(zip(self._names, s, strict=True)))
+        v = system.side_rates(dict(zip(self._names, rates.T, strict=True)))
+        ropes, compliance = [self._names.index(path) for path in system.compliance.paths], system.compliance
+        m, n, i = len(system.contacts), a.size, a.B.shape[1]
+        orders = [_zero_rows(m, n, i, *([len(rates)] if order else [])) for order in range(highest + 1)]
+        orders[0].F[:] = compliance.matrix(s[ropes])
+        orders[1].F[:] = np.tensordot(rates[:, ropes], compliance.slopes, 1)
+        for name in system.bodies:
+            if not system.sides_of(name):
+                continue
+            carriers = system.bodies[name].carriers
+            assert carriers is not None
+            touched, owners, weights = a.side_weights(name, x)
+            moved = v[:, None, owners]
+            b = [weights[0], weights[1] * moved, weights[2] * moved**2][: highest + 1]
+            values = carriers.values[touched][:, a.free_coordinates[name]]
+            for rows, of_order in zip(orders, b, strict=True):
+                rows.C[..., a.coordinate_slices[name]] += of_order @ values
+                if carriers.flexibility is not None:
+                    rows.H[..., a.input_slices[name]] += of_order @ carriers.flexibility.inputs[touched]
+            if carriers.flexibility is not None:
+                R = symmetric_part(carriers.flexibility.rows[touched[:, None], touched])
+                for rows, of_order, times in zip(orders, b, (1.0, 2.0, 2.0), strict=False):
+                    rows.F[:] += times * symmetric_part(of_order @ (R @ b[0].T))
+                if highest > 1:
+                    orders[2].F[:] += 2.0 * b[1] @ R @ b[1].transpose(0, 2, 1)
+        rigid = is_round_off(orders[0].F, system.largest_flexibility)
+        for rows in orders:
+            clear_rows(rows.F, rigid)
+        return orders
 
 
-@dataclass(frozen=True)
-class RowDerivatives:
-    """Rows of m contacts at given coordinates of P paths, with their derivatives; effects on outputs are left empty."""
+class RowDerivatives(NamedTuple):
+    """Rows of m contacts and their derivatives by P paths, or two derivatives by time; effects on outputs are empty."""
 
     rows: ContactRows
-    slopes: ContactRows  # (P, ...): first derivatives by each path coordinate
-    curves: ContactRows  # (P, P, ...): second derivatives by two path coordinates
-
-    def time_derivatives(self, rates: Array) -> list[ContactRows]:
-        """List the first and second derivatives of the rows by time, for P paths with constant `rates` (P,) in m/s."""
-        first = (np.tensordot(rates, A, 1) for A in vars(self.slopes).values())
-        second = (np.tensordot(rates, np.tensordot(rates, A, 1), 1) for A in vars(self.curves).values())
-        return [ContactRows(*first), ContactRows(*second)]
+    slopes: ContactRows
 
 
-def _zero_rows(m: int, n: int, i: int, *paths: int) -> ContactRows:
+def _zero_rows(m: int, n: int, i: int, *axes: int) -> ContactRows:
     """Zeros for the rows of m contacts on n coordinates and i inputs.
 
-    `paths` are the sizes of further axes in front of those of the rows.
+    `axes` are the sizes of further axes in front of those of the rows.
     """
     shapes = ((m, n), (m, m), (m, i), (0, m))
-    return ContactRows(*(np.zeros((*paths, *shape)) for shape in shapes))
-
-
-class _BodyRows:
-    """Contributions of one body to the rows of contacts: k sides that touch d carriers each, as polynomials."""
-
-    def __init__(self, assembly: Assembly, name: str, names: Sequence[str]) -> None:
-        """Collect the rows of the body `name` of the assembly as functions of the P paths called `names`."""
-        system = assembly.system
-        self._carriers = system.bodies[name].carriers
-        assert self._carriers is not None
-        self._values = self._carriers.values[:, assembly.free_coordinates[name]]
-        self._coordinates, self._inputs = assembly.coordinate_slices[name], assembly.input_slices[name]
-        sides: list[Side] = [system.sides[number] for number in system.sides_of(name)]
-        rows = [system.row(side.place) for side in sides]
-        self._contacts, k = np.array([side.contact for side in sides]), len(sides)
-        self._path = np.array([-1 if (path := side.place.path) is None else names.index(path) for side in sides])
-        self._start, self._rate = (
-            np.array([getattr(side.place, what) for side in sides], float) for what in ("at", "rate")
-        )
-        self._signs = np.array([side.sign for side in sides], float)
-        self._breaks = [row.breaks for row in rows]
-        self._ends = np.array([[row.breaks[0], row.breaks[-1]] for row in rows]).T
-        self._powers, d = (max(row.coefficients.shape[axis] for row in rows) for axis in (0, 2))
-        self._touched = [_pad_to_shape(row.touched, row.touched.shape[0], d) for row in rows]
-        self._coefficients = [
-            _pad_to_shape(row.coefficients, self._powers, row.coefficients.shape[1], d) for row in rows
-        ]
-        # shape of the weights of all sides (contacts, k d), and the indices of each side's weights in it
-        self._weights_shape = (len(system.contacts), k * d)
-        self._at = self._contacts[:, None], np.arange(k * d).reshape(k, d)
-
-    def _weights(self, s: Array) -> TouchedWeights:
-        """Numbers (k d,) of the carriers that the sides touch, and their weights with two derivatives by s (3, k, d).
-
-        The paths are at s (P,) in m.  The weights have the signs of their sides.  A side beyond an end of its row
-        counts as at this end.
-        """
-        travelling = self._path >= 0
-        x = np.clip(self._start + np.where(travelling, self._rate * s[self._path], 0.0), *self._ends)
-        number = [
-            min(max(int(breaks.searchsorted(at, side="right")) - 1, 0), len(breaks) - 2)
-            for breaks, at in zip(self._breaks, x, strict=True)
-        ]
-        touched = np.concatenate([of_side[j] for of_side, j in zip(self._touched, number, strict=True)])
-        c = np.array([of_side[:, j] for of_side, j in zip(self._coefficients, number, strict=True)])  # (k, powers, d)
-        beyond = x - [breaks[j] for breaks, j in zip(self._breaks, number, strict=True)]
-        exponents, powers = np.arange(self._powers - 1, -1, -1), np.zeros((3, len(x), self._powers))
-        factor, rate = np.ones(len(exponents)), np.where(travelling, self._rate, 0.0)
-        for order in range(3):
-            exponent = np.maximum(exponents - order, 0)
-            powers[order] = factor * beyond[:, None] ** exponent * (self._signs * rate**order)[:, None]
-            factor = factor * (exponents - order)
-        return TouchedWeights(touched, np.einsum("jkp,kpd->jkd", powers, c))
-
-    def add(self, s: Array, rows: ContactRows, slopes: ContactRows, curves: ContactRows) -> None:
-        """Add to `rows`, `slopes` and `curves`, in place, what this body contributes with the paths at s (P,) in m.
-
-        `rows` are those of all contacts, `slopes` their first and `curves` their second derivatives by s.
-        """
-        assert self._carriers is not None
-        touched, weights = self._weights(s)
-        flexibility, P = self._carriers.flexibility, len(s)
-        b, b_s, b_ss = (
-            np.zeros(self._weights_shape),
-            np.zeros((P, *self._weights_shape)),
-            np.zeros((P, *self._weights_shape)),
-        )
-        b[self._at] = weights[0]
-        for path in set(self._path.tolist()) - {-1}:
-            for by_path, derivative in ((b_s, weights[1]), (b_ss, weights[2])):
-                by_path[path][self._at] = np.where((self._path == path)[:, None], derivative, 0.0)
-        each, measures = np.arange(P), [(("C", self._coordinates), self._values)]
-        if flexibility is not None:
-            measures.append((("H", self._inputs), flexibility.inputs))
-        for (what, columns), values in measures:
-            on = values[touched]
-            getattr(rows, what)[:, columns] += b @ on
-            getattr(slopes, what)[:, :, columns] += b_s @ on
-            getattr(curves, what)[each, each, :, columns] += b_ss @ on
-        if flexibility is None:
-            return
-        R = flexibility.rows[touched[:, None], touched]
-        Rb = (R + R.T) / 2.0 @ b.T
-        rows.F[:] += b @ Rb
-        slope, curve, mixed = b_s @ Rb, b_ss @ Rb, b_s @ ((R + R.T) / 2.0)
-        slopes.F[:] += slope + slope.transpose(0, 2, 1)
-        curves.F[each, each] += curve + curve.transpose(0, 2, 1)
-        crossed = np.einsum("pma,qna->pqmn", mixed, b_s)
-        curves.F[:] += crossed + crossed.transpose(0, 1, 3, 2)
-
-
-def _pad_to_shape(values: NDArray[Number], *shape: int) -> NDArray[Number]:
-    """Pad `values` with zeros to `shape`, the shape of the result.
-
-    The zeros are added at the start of the first axis (powers) and at the end of the last axis (carriers).
-    """
-    first = shape[0] - values.shape[0]
-    wide = np.zeros(shape, values.dtype)
-    wide[first:, ..., : values.shape[-1]] = values
-    return wide
+    return ContactRows(*(np.zeros((*axes, *shape)) for shape in shapes))
 
 
 @dataclass(frozen=True)
@@ -258,8 +170,8 @@ class EliminatedContacts:
         """
         if not (self._gives.any() and rate.any()):
             return np.zeros_like(self._B)
-        near, gives = self._along.evaluate(s), self._gives
-        rows, (first, second) = near.rows.select(gives), (part.select(gives) for part in near.time_derivatives(rate))
+        rows, derivatives = self._along.evaluate(s).rows.select(self._gives), self._along.time_derivatives(s, rate)
+        first, second = (part.select(self._gives) for part in derivatives)
         bent, answer = np.split(rows.force_coefficients, [rows.C.shape[1]], axis=1)
         answer_rate = np.linalg.solve(rows.F, first.H - first.F @ answer)
         curve = -second.C.T @ answer - 2.0 * first.C.T @ answer_rate

@@ -114,6 +114,20 @@ class Row:
         j = np.searchsorted(self.breaks[1:-1], s, side="right")
         return TouchedWeights(self.touched[j], self._polynomial(s, nu=derivative))
 
+    def derivatives(self, s: float) -> TouchedWeights:
+        """Numbers (d,) of the carriers that the row touches at s in m, and their weights with two derivatives (3, d).
+
+        Beyond an end of the row, they are those at this end.
+        """
+        at = min(max(s, self.breaks[0]), self.breaks[-1])
+        j = int(self.breaks[1:-1].searchsorted(at, side="right"))
+        x, b = at - self.breaks[j], np.zeros((3, self.touched.shape[1]))
+        for c in self.coefficients[:, j]:  # Horner's scheme for the polynomials and their derivatives
+            b[2] = b[2] * x + 2.0 * b[1]
+            b[1] = b[1] * x + b[0]
+            b[0] = b[0] * x + c
+        return TouchedWeights(self.touched[j], b)
+
     def at(self, s: ArrayLike, derivative: int = 0) -> sp.csr_matrix:
         """Row C(s) at s (T,) in m, or its derivative of the order `derivative` with respect to s: sparse (T, n).
 

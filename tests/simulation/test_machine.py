@@ -111,7 +111,7 @@ class Whole:
         known[:3] = R.T @ self.found.values[2, k, :3]
         known[3:6], known[6 + n :] = self.turning.acceleration[k], out.second
         left = forces[6 : 6 + n] + (mass @ known)[6 : 6 + n]
-        C, (first, second) = near.rows.C[rigid], near.time_derivatives(out.rate)
+        C, (first, second) = near.rows.C[rigid], self.along.time_derivatives(out.value, out.rate)
         held = 2.0 * first.C[rigid] @ rate + second.C[rigid] @ q + near.slopes.C[1, rigid] @ q * out.second[1]
         m = len(C)
         A = np.block([[mass[6 : 6 + n, 6 : 6 + n], C.T], [C, np.zeros((m, m))]])

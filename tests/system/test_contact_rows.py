@@ -35,9 +35,9 @@ def test_a_contact_that_gives_way_by_round_off_is_rigid(noise: float) -> None:
     assert at.rigid.tolist() == [True, False] and at.F[1, 1] > 1e-10
     np.testing.assert_allclose(at.F, clean.F, rtol=1e-12)
     assert not at.F[0].any() and not at.F[:, 0].any()
-    changing = ChangingRows(Assembly(system), system.paths).evaluate(np.array([2.5]))
-    assert changing.rows.rigid.tolist() == [True, False]
-    for part in (changing.rows, changing.slopes, changing.curves):
+    changing, s = ChangingRows(Assembly(system), system.paths), np.array([2.5])
+    assert changing.evaluate(s).rows.rigid.tolist() == [True, False]
+    for part in (*changing.evaluate(s), *changing.time_derivatives(s, np.ones(1))):
         assert not part.F[..., 0, :].any() and not part.F[..., :, 0].any() and part.F[..., 1, 1].all()
 
 
@@ -118,10 +118,9 @@ def test_rows_and_derivatives(count: int, make) -> None:
     for p, moved in enumerate(STEP * np.eye(len(names))):
         before, after = changing.evaluate(s - moved), changing.evaluate(s + moved)
         for what in "CFH":
-            for of, by in (("rows", "slopes"), ("slopes", "curves")):
-                difference = (getattr(getattr(after, of), what) - getattr(getattr(before, of), what)) / (2.0 * STEP)
-                exact = getattr(getattr(found, by), what)[p]
-                np.testing.assert_allclose(exact, difference, rtol=0.0, atol=1e-6 * np.abs(exact).max(initial=0.0))
+            difference = (getattr(after.rows, what) - getattr(before.rows, what)) / (2.0 * STEP)
+            exact = getattr(found.slopes, what)[p]
+            np.testing.assert_allclose(exact, difference, rtol=0.0, atol=1e-6 * np.abs(exact).max(initial=0.0))
     assert np.abs(found.slopes.C[1]).max() > 0.0 and not found.slopes.C[0].any()
 
 
@@ -129,7 +128,7 @@ def test_rates_of_paths_that_move_together() -> None:
     assembly = Assembly(reduced(Nested(3, elements=6), 3))
     changing, s, rates = ChangingRows(assembly, assembly.system.paths), np.array([1.03, 1.23]), np.array([0.3, -0.7])
     at = [changing.evaluate(s + k * STEP * rates).rows for k in (-1, 0, 1)]
-    first, second = changing.evaluate(s).time_derivatives(rates)
+    first, second = changing.time_derivatives(s, rates)
     for what in "CFH":
         before, now, after = (getattr(one, what) for one in at)
         for exact, difference in (
