@@ -135,8 +135,8 @@ class Search:
     def _allowed_errors(self) -> dict[str, float]:
         """Errors, by kind of output, that reduction and step may have together: the tolerance less the mesh's error.
 
-        The error of the mesh is not subtracted if it is unknown, or if it is more than `MOST_OF_MESH` of the tolerance,
-        since no reduction or step could make up for it.
+        The error of the mesh is not subtracted if it is unknown, or if it is more than `MOST_OF_MESH` of the tolerance:
+        no reduction or step could then make up for it.
         """
         assert self.scene.accuracy is not None
         tolerance, taken = self.scene.accuracy.tolerance, self.mesh or {}

@@ -50,9 +50,9 @@ def luffing_part(scene: Scene, response: Response) -> SummaryPart:
     the angle, whatever holds the base in the scene.
 
     If a cylinder's force drives the angle, all columns are taken from the response, pressures, flows and volumes of oil
-    among them; ``stops`` and warnings are as those of `extension_part`.  If the scene has the largest force of the
-    cylinder, or its rod, ``use`` is the share of it that is used.  The part is empty if the scene has no such
-    cylinder, or if its force is not known.
+    among them; ``stops`` and warnings are as those of `extension_part`.  If the scene limits the force of the cylinder,
+    ``use`` is the share of the allowed force that is used.  The part is empty if the scene has no such cylinder, or if
+    its force is not known.
     """
     if scene.frame is None or scene.frame.cylinder is None or CYLINDER not in response.other_names:
         return SummaryPart()
@@ -91,11 +91,11 @@ def _use_of_cylinder(cylinder: LuffingCylinder, force: Array, length: Array) -> 
 def extension_part(scene: Scene, response: Response) -> SummaryPart:
     """Entry ``extension_cylinder`` of summary.json: extremes of the drive of a computed extension, and its ``stops``.
 
-    Lengths are extensions in m.  ``stops`` lists the spans in which a stop is pressed in, with ``start`` and ``end`` in
-    s, the number of ``steps``, the ``length`` in m where the stop gives way most, by how much in m (``give``), and the
-    ``speed`` in m/s with which it was met.  There is a warning about each stop that is met.  Further warnings name
-    pressures that are so low that the oil would boil, or higher than that of the supply.  The part is empty unless an
-    extension was computed.
+    Lengths are extensions in m.  ``stops`` lists the spans in which a stop is pressed in.  A span has ``start`` and
+    ``end`` in s, the number of ``steps``, and the ``speed`` in m/s with which the stop was met; ``length`` is the
+    extension in m where the stop gives way most, and ``give`` how far it does in m.  There is a warning about each stop
+    that is met.  Further warnings name pressures that are so low that the oil would boil, or higher than that of the
+    supply.  The part is empty unless an extension was computed.
     """
     computed = {name: path for name, path in scene.paths.items() if isinstance(path, ComputedMotion)}
     if (name := next(iter(computed), None)) is None:

@@ -151,10 +151,9 @@ def _friction_figures(scene: Scene, system: System, response: Response, body: st
 def reaction_rows(scene: Scene, response: Response, path: Array) -> dict[str, object]:
     """Entry ``reactions`` of summary.json: rows with ``name``, ``unit`` and the keys of `Extremes.summary`.
 
-    There is a row for each force or moment of a support, one for each direction that it holds, whether it is rigid or
-    not, and for each reaction at the pivot, on the ground and of a machine.  Without these the result is empty.  In a
-    boom, names of supports begin with that of the section.  `path` (T,) in m is the path coordinate, or the reach of
-    the sections, at the times of the response.
+    There is a row for each direction in which a support holds, rigid or not, and for each reaction at the pivot, on the
+    ground and of a machine.  Without these the result is empty.  In a boom, names of supports begin with that of the
+    section.  `path` (T,) in m is the path coordinate, or the reach of the sections, at the times of the response.
     """
     extremes_of = reaction_extremes(response, path)
     rows = [{"name": of.support, "unit": of.unit, **extremes.summary()} for of, extremes in extremes_of.items()]

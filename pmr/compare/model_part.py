@@ -122,7 +122,7 @@ class Motion:
         return force_histories(replace(response, slider_force=peaks))
 
     def displacements_at(self, other: Motion) -> dict[str, Array]:
-        """Displacements (T,) of this motion at positions of another motion's outputs, by the names of these outputs.
+        """Displacements (T,) of this motion where another motion has outputs, by the names of these outputs.
 
         The displacements are interpolated by cubic splines between this motion's own positions on the same body, in the
         same direction.  Outputs beyond these positions are left out.

@@ -143,7 +143,7 @@ class BodyMotion(NamedTuple):
 
 
 def only_body_motion(system: System, run: SystemTrajectory, excitation: Excitation) -> BodyMotion:
-    """Single body of a system, with the rows of its contacts, and its motion with one path coordinate s (T,) in m."""
+    """Single body of a system, with only the rows of its contacts, and its motion with one coordinate s (T,) in m."""
     (body,), (motion,) = system.reduced.values(), run.bodies.values()
     rows = [body.row_names.index(contact.inner.row) for contact in system.contacts]
     s = excitation.on_slider.path_within(body.domain) if excitation.paths else np.full(len(run.t), body.domain[0])

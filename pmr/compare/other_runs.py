@@ -216,10 +216,10 @@ class VariedPlay:
     def summary(self, scene: Scene, response: Response, walls: Summary, varied_walls: Summary) -> dict[str, Any]:
         """Return ``budget.play`` of summary.json for the run of a scene that has this response.
 
-        ``gap`` in m is the play of the other run.  Each of ``rows`` has a largest ``value`` of the scene's run, and as
-        ``varied`` that of the other run; ``quantity`` is a key of `pmr.results.quantities.QUANTITIES`, and ``name``
-        that of a part or a direction.  Values have the unit of their quantity.  `walls` of the scene's run, and
-        `varied_walls` of the other one, may have ``wall_stress``, the largest stress in walls at pads.
+        ``gap`` in m is the play of the other run.  Each of ``rows`` has as ``quantity`` a key of
+        `pmr.results.quantities.QUANTITIES`, the ``name`` of a part or a direction, the largest ``value`` in the scene's
+        run, and as ``varied`` that in the other run.  Values have the unit of their quantity.  `walls` of the scene's
+        run, and `varied_walls` of the other one, may have ``wall_stress``, the largest stress in walls at pads.
         """
         value, varied = largest_sizes(scene, response), largest_sizes(scene, self.simulation.response)
         for sizes, entries in ((value, walls), (varied, varied_walls)):
@@ -243,10 +243,10 @@ class OtherPlay:
 def vary_play(scene: Scene, contacts: tuple[Contact, ...]) -> OtherPlay | None:
     """Take the play away from the pads among a scene's contacts or, if they have none, give them `compare.play`.
 
-    All of this play is at the faces on top and left, so that each section lies on those at bottom and right, where a
-    start at rest finds it.  That is enough, as how far sections turn in each other depends on the sum of the play on
-    both sides.  The result is None if this changes no pad: if no pad on a face only pushes, if pads that do are at
-    bottom and right alone, or if `compare.play` is 0 and the scene states no play.
+    All of this play is at the faces on top and left: at a start at rest each section lies on those at bottom and right.
+    That is enough, as how far sections turn in each other depends on the sum of the play on both sides.  The result is
+    None if this changes no pad: if no pad on a face only pushes, if pads that do are at bottom and right alone, or if
+    `compare.play` is 0 and the scene states no play.
     """
     pushing = {contact.name: contact for contact in contacts if contact.clearance is not None}
     pads = {name: of for name, of in pads_on_faces(scene).items() if name in pushing}
@@ -259,8 +259,8 @@ def vary_play(scene: Scene, contacts: tuple[Contact, ...]) -> OtherPlay | None:
 def simulate_varied_play(scene: Scene, system: System, excitation: Excitation) -> VariedPlay | None:
     """Simulate a reduced system with the play of `vary_play`; None if there is no other play.
 
-    States are those at the times of the scene's recovery and, where the motion is kept, at which the force of each
-    contact is largest: sections with play beat on their pads, and such a peak is short.
+    States are those at the times of the scene's recovery.  If the motion is kept, those at the largest force of each
+    contact are added: sections with play beat on their pads, and such a peak is short.
     """
     if (play := vary_play(scene, system.contacts)) is None:
         return None

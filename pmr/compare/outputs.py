@@ -54,7 +54,7 @@ class Outputs:
     forces: tuple[str, ...] = ()  # (p,): kind of each force; empty if all are forces of sliders and pads
 
     def of_kind(self, kind: str) -> Array:
-        """Outputs (T, c) of one kind, one of `OUTPUT_KINDS` or `CYLINDER_FORCE`; c outputs are of that kind."""
+        """Return the c outputs (T, c) of one `kind`, which is one of `OUTPUT_KINDS` or `CYLINDER_FORCE`."""
         if kind == "tip":
             return self.displacement[:, list(self.tips)]
         if kind in FORCE_KINDS:
@@ -100,9 +100,8 @@ class RoundOffBounds:
     def for_system(cls, system: System, excitation: Excitation, forces: Array | None = None) -> RoundOffBounds:
         """Bounds of the round-off of a system's outputs under the excitation's loads (`pmr.compare.motion.round_off`).
 
-        For several bodies, the bound of forces is `RELATIVE_FLOOR` times the largest of the contact forces `forces` (T,
-        m) in N of m contacts at T steps, or 0 if these are None.  For a single body it is
-        `pmr.compare.motion.force_round_off`.
+        For several bodies, the bound of forces is `RELATIVE_FLOOR` times the largest of `forces`, the contact forces
+        (T, m) in N, or 0 if `forces` is None.  For a single body it is `pmr.compare.motion.force_round_off`.
         """
         f, end, least = excitation.forces(system.input_names), excitation.stepping.end, 0.0
         if ALONE in system.bodies:
@@ -198,10 +197,11 @@ BESIDE_KINK = 2.0
 def boom_quantities(excitation: Excitation, response: Response) -> Mapping[str, ResponseFunction]:
     """Functions of a response, by name, each of which returns a compared quantity of a boom, k columns (T, k).
 
-    ``tip`` returns the displacements of the last section's tip in m, ``beam`` all displacements in m, and each kind of
-    forces of `response`, such as ``pad_force``, the forces of that kind in N.  If an extension has a kink before the
-    end, there is also ``<kind>_between_kinks`` for each kind of forces, without all times within `BESIDE_KINK` steps of
-    a kink.  The force at a kink has no limit: it grows as the step gets shorter or the cylinder stiffer.
+    ``tip`` returns the displacements of the last section's tip in m, and ``beam`` all displacements in m.  Under the
+    name of each kind of forces in `response`, such as ``pad_force``, there are the forces of that kind in N.  If an
+    extension has a kink before the end, there is also ``<kind>_between_kinks`` for each kind of forces, without all
+    times within `BESIDE_KINK` steps of a kink.  The force at a kink has no limit: it grows as the step gets shorter or
+    the cylinder stiffer.
     """
     last, t, stepping = response.outputs[len(response.output_names) - 1].body, response.t, excitation.stepping
     at = [kink for path in excitation.paths.values() for kink in path.kinks(stepping.end)]
@@ -248,7 +248,7 @@ def force_kinds_of_system(system: System) -> tuple[str, ...]:
 
 
 def tip_columns(system: System) -> list[int]:
-    """Numbers of the displacements, among those of all bodies, that belong to the tip of the last body."""
+    """Numbers, among the displacements of all bodies, of those at the tip of the last body."""
     last = list(system.bodies)[-1]
     displacements = [output for output in outputs_of(system) if output.is_displacement]
     return [k for k, output in enumerate(displacements) if output.body == last and output.kind == "tip"]

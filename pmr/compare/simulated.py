@@ -184,8 +184,8 @@ def with_models_of(scene: Scene, models: System | ReducedModel | Mapping[str, Re
 def check_same_scene(model: System | ReducedModel, scene: Scene, number: int | None = None) -> None:
     """Raise an InputError, with the first key that differs and its old value, if a model is from another scene.
 
-    Bodies, supports, pads, joints, damping, observed outputs, and positions and directions of loads are compared; of
-    the whole scene, or, if `number` is not None, only of the section with this number.  Keys that are missing in the
+    Compared are bodies, supports, pads, joints, damping, observed outputs, and positions and directions of loads: those
+    of the whole scene or, if `number` is not None, of the section with this number alone.  Keys that are missing in the
     file of an older model are not compared.
     """
     recorded_scene = model.provenance.get("scene")

@@ -75,9 +75,9 @@ class SteppedSystem:
     None, adds to a response the forces that follow from other forces; then all kinds of forces are sampled.
 
     If contacts only push, the given run chooses the number of parts of each step, unless its time grid sets that number
-    or the run is too long to be recorded.  In runs with shorter steps, each half of a given step has the largest number
-    of parts that this step, the one before and the one after have in the given run.  So parts become shorter with the
-    step, at impacts and between them.
+    or the run is too long to be recorded.  In runs with shorter steps, each half of a given step has as many parts as
+    the given run has at most in three steps: this one, the one before and the one after.  So parts become shorter with
+    the step, at impacts and between them.
     """
 
     def __init__(
@@ -114,9 +114,9 @@ class SteppedSystem:
     def halved_grid(self, times: int) -> TimeStepping:
         """Time grid of a run with the given step halved `times` times, and with the reference rho_inf.
 
-        If the given run chose its numbers of parts, each shorter step has the largest number of parts among the given
-        step that it lies in, the one before and the one after.  Otherwise all steps have the numbers of parts of the
-        given grid; if it has none, those that the contacts need.
+        If the given run chose its numbers of parts, a shorter step has as many as the given run has at most in three
+        steps: the one that contains it, the one before and the one after.  Otherwise all steps have the numbers of
+        parts of the given grid; if it has none, those that the contacts need.
         """
         grid, step = self.given, self.given.step / 2**times
         if self.run is None or self.run.parts is None:

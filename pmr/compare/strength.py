@@ -38,12 +38,11 @@ ON_MACHINE = tuple(reaction_name(f"{place} ") for place in (AT_PIVOT, AT_GROUND,
 def dynamic_factors_part(scene: Scene, system: System | SystemForm, response: Response) -> SummaryPart:
     """Entry ``dynamic_factors`` of summary.json: the largest value of each kind of `KINDS`, and its value at rest.
 
-    Each row has the ``name`` of the output, its ``kind``, the time ``t`` in s and value ``largest`` of the output of
-    the largest magnitude, and its value ``rest`` at rest: forces in N, and the use of the support polygon.  The kind
-    ``resultant`` is the force of a support, all its directions together, with the name that it has in ``supports``.
-    The boom at rest has the posture and the loads of this time, and its full weight.  A kind is left out if one of both
-    values is within the round-off.  Forces at the pivot and on the ground are left out, as supports and outriggers
-    share them.
+    Each row has the ``name`` and the ``kind`` of the output with the largest magnitude, its value ``largest`` at the
+    time ``t`` in s, and its value ``rest`` of the boom at rest.  Forces are in N.  The kind ``resultant`` is the force
+    of a support, all its directions together, with the name that it has in ``supports``.  The boom at rest has the
+    posture and the loads of this time, and its full weight.  A kind is left out if one of both values is within the
+    round-off.  Forces at the pivot and on the ground are left out, as supports and outriggers share them.
 
     The entry is missing for scenes without a frame, with a hoist or with ``frame.base``, and for those that compute the
     motion of their machine, luffing angle or extension.

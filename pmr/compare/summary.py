@@ -249,8 +249,8 @@ def simulate_saved(system: System, scene: Scene) -> RunResult:
     Raises
     ------
     InputError
-        If the scene describes other bodies or joints than those of the system, if its loads differ from the system's
-        inputs, if a path leaves that of the system, or if a simulator can't simulate the system.
+        If bodies, joints or loads of the scene are not those of the system, if a path leaves the range that the system
+        is made for, or if a simulator can't simulate the system.
     SimulationError
         If a step fails.
     """

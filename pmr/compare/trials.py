@@ -335,7 +335,7 @@ class Trials:
         return self.motion(sizes, excitation.with_stepping(stepping))
 
     def seconds_per_step(self, sizes: Sizes) -> float:
-        """Shortest time in s of a step of the compiled simulator on this machine, with models of these `sizes`."""
+        """Shortest time in s that a step of the compiled simulator takes here, with models of these `sizes`."""
         form, excitation = SystemForm.of(self.system(sizes)), self.with_steps(TIMED)
         return min(systems.observe(form, excitation, every=TIMED).seconds for _ in range(TIMES)) / TIMED
 

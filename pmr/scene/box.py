@@ -149,7 +149,7 @@ class Box(BoxProfile):
         return self
 
     def mid_dimensions(self, sign: float) -> dict[str, Any]:
-        """Return those dimensions of a box with `sizes` that change, by key, as dimensions of its mid-surface.
+        """Return, by key, the dimensions of the mid-surface of a box that has `sizes`.
 
         The keys are those of `BoxProfile.mid_dimensions`, and ``tail_taper`` and ``tip_taper``, tables with the
         dimensions at the end of the taper.  `sign` is -1 if the box has the dimensions of the outer surface, 1 if those
@@ -298,8 +298,8 @@ class Box(BoxProfile):
     def _thicken(self, profile: BoxProfile, doublers: dict[int, Doubler]) -> BoxProfile:
         """Return a profile whose walls are thicker by the `doublers`, which are given by their number in the box.
 
-        If the profile has no room for all of them, an error of the key of the first doubler that does not fit is
-        raised.
+        If the profile has no room for all of them, an error is raised for the key of the first doubler that does not
+        fit.
         """
         names: dict[WallName, None] = dict.fromkeys(
             (*self._face_names, *HALVES)

@@ -125,8 +125,8 @@ def input_directions(member: Member, load: Load) -> dict[str, Direction]:
     """For each input that a load becomes, return its name and the axis of the body along or about which it acts.
 
     A load along an axis of the body is one input, with the load's name.  A load along an axis of the ground becomes one
-    input ``"NAME AXIS"`` for each axis of the body that the moving frame may turn towards the ground's axis and along
-    which the model can move.  Wind becomes one input ``"NAME AXIS NUMBER"`` for each Legendre polynomial along the body
+    input ``"NAME AXIS"`` for each axis of the body along which the model can move, and which the frame may turn towards
+    the axis of the ground.  Wind becomes one input ``"NAME AXIS NUMBER"`` for each Legendre polynomial along the body
     and each axis.
     """
     if load.acts == "wind":

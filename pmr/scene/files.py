@@ -202,8 +202,8 @@ def unused_body_keys(member: Member) -> Iterator[UnusedKey]:
 def _unused_joint_keys(scene: Scene, number: int) -> Iterator[UnusedKey]:
     """Yield keys without effect in the joint of section `number`.
 
-    The keys are ratio and offset without a section to follow, keys of friction that others of the ring make void, and
-    cylinder and rope of a model without displacements along the boom.
+    The keys are `ratio` and `offset` if the section follows no other one, keys of friction that other keys of their
+    ring make void, and `cylinder` and `rope` if the model has no displacements along the boom.
     """
     joint, name = scene.joint(number), scene.names[number]
     if joint.follows is None:
@@ -218,8 +218,8 @@ def _unused_joint_keys(scene: Scene, number: int) -> Iterator[UnusedKey]:
 def _unused_simulation_keys(scene: Scene) -> Iterator[UnusedKey]:
     """Yield keys without effect in the tables of comparison and simulation.
 
-    The keys are the elements of an ANCF cable without this reference, settings of Newton's method without Exudyn, and a
-    play of pads where no pad only pushes or the pads have a clearance already.
+    The keys are the elements of an ANCF cable if there is no such reference, settings of Newton's method if Exudyn does
+    not simulate, and a play of pads if no pad only pushes or the pads have a clearance already.
     """
     if "ancf" not in scene.compare.against:
         yield UnusedKey("compare.ancf_elements", "compare.against", "compare.against names no ANCF reference")

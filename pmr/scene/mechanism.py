@@ -106,10 +106,10 @@ def pin_and_cylinder(scene: Scene) -> PinAndCylinder | None:
     """Return a base's pin and the support that stands for the luffing cylinder; None unless just these hold it.
 
     The pin consists of rigid supports along x and along z at one place of the base.  The other support is the only
-    further one that holds z; it is at the cylinder's lug, or else holds z alone.  Any further support of the base along
-    x or z or about y, a pad or a sliding point makes the result None, and so does a scene without a luffing cylinder or
-    with one that holds the base by its own stiffness.  The model may have its pin away from the pivot, about which a
-    real boom turns.
+    further one that holds z; it is at the cylinder's lug, or else holds z alone.  The result is None if the base has a
+    further support along x or z or about y, a pad or a sliding point.  It is None, too, for a scene without a luffing
+    cylinder, or with one that holds the base by its own stiffness.  The model may have its pin away from the pivot,
+    about which a real boom turns.
     """
     base, at_lug = members(scene)[0], supports_at_lug(scene)
     if scene.frame is None or scene.frame.cylinder is None or scene.holding_cylinder is not None:
@@ -192,7 +192,7 @@ def _cylinder_wrench(body: str, cylinder: LuffingCylinder, angle: Array) -> Cont
 def _force_names(body: str, what: str) -> tuple[str, ...]:
     """Return the names that a force between a body and the ground may have; `what` is the force's name at the body.
 
-    The names are those of an output of the body, of a contact of the system, and of the reaction of a rigid support.
+    They are its names as an output of the body, as a contact of the system, and as the reaction of a rigid support.
     """
     return (
         qualified_name(body, force_name(what)),

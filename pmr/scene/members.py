@@ -117,7 +117,7 @@ class Member:
 
     @cached_property
     def moving_pads(self) -> dict[str, MovingPads]:
-        """Rings of pads that bear on faces of the section, by the name of the ring; each has its range of positions."""
+        """Rings of joints on faces of the section, by name (`ring_name`), with the ranges of their positions."""
         faced, rings = dict[str, list[Seat]](), dict[str, MovingPads]()
         for seat in self._seats:
             if seat.ring.faces is not None:

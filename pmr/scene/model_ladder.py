@@ -68,9 +68,9 @@ def model_comparison(scene: Scene) -> ModelComparison:
 def _default_comparison(scene: Scene) -> ModelComparison:
     """Return the scene, the scene with shells, and the shells' name, for ``compare.richer = 'auto'``.
 
-    Beams with rigid walls are compared with coarse shells.  Beams whose walls give way take the walls' compliance from
-    shells with the cells of the scene, and are compared with shells of the same cells; the error of the cells is then
-    in both.
+    Beams with rigid walls are compared with coarse shells.  Beams whose walls give way take the compliance of the walls
+    from shells with the scene's cells.  They are compared with shells of the same cells, so that the error of the cells
+    is in both.
 
     Raises an InputError if the shells would take long.
     """

@@ -89,8 +89,8 @@ MODELS: dict[str, ModelTraits] = {
 def model_traits(model: str) -> ModelTraits:
     """Return the traits of a structural model; one that an installed package offers is on cells, as a shell or solid.
 
-    Of the keys of a scene, such a model gets those of the body and a mesh, so that the elements of beams and the walls
-    under their pads have no effect on it.
+    Such a model is made from the body and a mesh.  Keys about elements of beams and about walls under their pads have
+    no effect on it.
     """
     if model in MODELS:
         return MODELS[model]

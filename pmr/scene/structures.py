@@ -115,7 +115,7 @@ class Damping(ShorthandTable):
     @model_validator(mode="before")
     @classmethod
     def _resolve_ratio(cls, data: object) -> object:
-        """Add the factors of mass and stiffness that follow from `ratio` and `frequencies`, if one of these is given.
+        """Add `mass` and `stiffness` as they follow from `ratio` and `frequencies`, if one of these is given.
 
         Refuses other keys together with these, a negative ratio, and anything but two ascending positive frequencies.
         """
@@ -249,9 +249,9 @@ class Profile(SceneTable):
     )
 
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
-        """Return EI of a cantilever that sags by its own length, and EA of a beam in which waves travel at 1 m/s.
+        """Return EI in N m^2 of a cantilever that sags by its own length, and EA in N of a beam with waves of 1 m/s.
 
-        Of the `scales`, only "gravity" is used.
+        Their names are ``sag`` and ``mass per length``.  Of the `scales`, only ``gravity`` in m/s^2 is used.
         """
         return {
             "sag": self.mass_per_length * scales["gravity"] * self.length**3 / 8.0,

@@ -107,7 +107,7 @@ class TomlFile:
 
     @classmethod
     def read(cls, path: str | Path, dialect: Dialect) -> TomlFile:
-        """Read the file `path` and all files that it extends; its own keys override those of the files that it extends.
+        """Read the file `path` and all files that it extends; its own keys override theirs.
 
         The key ``extends`` names a file relative to this one, or a workflow.
         """
@@ -219,7 +219,7 @@ def override(text: str) -> Change:
 
 
 def merge_tables(base: Mapping[str, object], update: Mapping[str, object]) -> dict[str, Any]:
-    """Return the tables of `base` with those of `update` merged over them, by key; both arguments stay as they are."""
+    """Return the tables `base` with the tables `update` merged over them, key by key; the arguments are not changed."""
     merged = deepcopy(dict(base))
     _merge(merged, deepcopy(dict(update)), "scene", {})
     return merged
