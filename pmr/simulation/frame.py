@@ -182,7 +182,8 @@ def load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
 
     A load along an axis of the body has one signal.  A force along an axis of the ground has one signal for each of its
     components along the axes of the body.  A component is left out if it is always zero or the model can't move along
-    its axis.  The loads by which the rope of a hoist pulls come last.
+    its axis.  Wind has one signal for each polynomial (`WindOnSection`) along each axis across the body.  The loads by
+    which the rope of a hoist pulls come last.
     """
     signals = dict[str, SignalBase]()
     for load in member.part.loads:
@@ -323,8 +324,8 @@ class WindOnSection(FrameSignal):
     load: Load  # signal of the pressure in Pa at the reference height, and profile over the height
     above: float  # m: of the pivot above the ground, without `rise`
     rise: SignalBase  # m: displacement of the pivot upwards, by frame.base.z
-    axis: str
-    degree: int
+    axis: str  # of the section, ``y`` or ``z``
+    degree: int  # j of the polynomial
 
     @classmethod
     def of_load(cls, scene: Scene, member: Member, load: Load, name: str) -> Self:

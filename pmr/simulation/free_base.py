@@ -162,7 +162,7 @@ class Boom:
         return float(self.masses.sum())
 
     def tails(self, extended: Extensions) -> Array:
-        """Positions d (S, 3) in m of the tails of the sections, as far `extended` as these are, from the pivot."""
+        """Positions d (S, 3) in m of the sections' tails from the pivot, with the sections as far out as `extended`."""
         return self.place + np.outer(np.cumsum(extended.value[: len(self.masses)]), np.eye(3)[0])
 
 
@@ -248,7 +248,10 @@ def base_equations(
     A[0, 1:, 1:] += (Nq @ q + (Nq @ q).T) / 2.0  # that of all sections
 
     def sum_over(a: Array, b: Array) -> Array:
-        """Sum of the products of entries of a and b (S, 4, 3, ...) over sections, moments and axes, of shape (...)."""
+        """Sum of products of a (S, 4, 3, ...) and b (S, 4, 3, ...) over their first three axes.
+
+        The result has the further axes of a, then those of b.
+        """
         return np.tensordot(a, b, ((0, 1, 2), (0, 1, 2)))
 
     coupling = sum_over(V, mu.by_motion)
@@ -325,7 +328,7 @@ class FreeBase:
         return moments
 
     def answered_moments(self, contacts: EliminatedContacts, at: Extensions) -> Moments:
-        """First moments at extensions `at`, with the response of contacts that give way to inertia."""
+        """First moments at extensions `at`; contacts that give way respond to inertia, and change them."""
         response, curve = contacts.response(at.value), contacts.curve(at.value, at.rate)
         return Moments(
             self.moments(response.B), np.moveaxis(self.moments(response.B_slope), 0, -1), self.moments(curve)

@@ -229,7 +229,7 @@ class MovingFrame:
 
     @classmethod
     def in_scene(cls, scene: Scene, system: System) -> MovingFrame:
-        """Frame of a scene with a system's inputs and terms.
+        """Frame of a scene, with products for the inputs and terms of a system.
 
         Raises InputError if the scene does not drive one of these inputs or terms.
         """
@@ -331,7 +331,8 @@ def _products(
 ) -> tuple[Products, ...]:
     """Products of each of the inputs or terms `names`, from its signal in `signals`.
 
-    `loads` maps names to names of loads.  Raises InputError if a name has no signal.
+    A signal that is no `FrameAmplitude` is a load itself; `loads` maps each name to the name of this load.  Raises
+    InputError if a name has no signal.
     """
     products = list[Products]()
     for name in names:
