@@ -124,11 +124,13 @@ class KalmanFilter:
     def update(self, k: int, measured: Array, use: NDArray[np.int64]) -> Array:
         """Correct the state at step k by `measured` (p,); return innovations (p,) divided by their standard deviations.
 
-        Measurements that are not finite are missing.  `use` (p,) has a constant of the kernel for each sensor:
-        ``PMR_NOT_USED``, ``PMR_IF_POSSIBLE``, ``PMR_IF_NEAR`` (only if the measurement is near the estimate), or
-        ``PMR_AS_EXPECTED`` (as if the estimate had been measured).  The innovation of a missing measurement is NaN,
-        except for the last of these.  Raises a SimulationError if the covariance of the measurements is not positive
-        definite.
+        Measurements that are not finite are missing.  `use` (p,) has a constant of the kernel for each sensor.
+        ``PMR_IF_POSSIBLE`` uses a measurement unless it is far beyond what the model can explain.  ``PMR_IF_NEAR`` does
+        so too, but as long as the sensor is doubted the measurement has to be near the estimate.  With
+        ``PMR_AS_EXPECTED``, a missing measurement counts as if the estimate had been measured.  ``PMR_NOT_USED`` only
+        returns the innovation.  The innovation of a missing measurement is NaN, or 0 with ``PMR_AS_EXPECTED``.  A
+        measurement that is finite changes the sensor's `level`, whether it is used or not.  Raises a SimulationError if
+        the covariance of the measurements is not positive definite.
         """
         measured, innovations = np.ascontiguousarray(measured, float), np.zeros(len(measured))
         used = np.ascontiguousarray(use, np.int32)

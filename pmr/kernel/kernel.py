@@ -219,8 +219,8 @@ class Signals:
 class BankRecord(NamedTuple):
     """Results of a bank of filters at T steps.
 
-    The results are the probabilities of S places, the mean of the n states over all places, and the level of the
-    innovations: a running mean of their squares over their variance.
+    The results are the probabilities of S places, the mean of the n states over all places and speeds, and the level of
+    the innovations: a running mean of their squares over their variance.
     """
 
     probability: Array  # (T, S)

@@ -101,7 +101,7 @@ class State:
     Its arrays are read only and follow the simulation: modal coordinates `z` and rates `v` (modes,), `multipliers`
     (contacts,) in N, `impulses` (contacts,) in N s of the last step, `friction` (pads,) in N, and `drivers` (N,).
     `energy` (2,) in J is the stored energy and the energy put in since the start.  An InputError is raised for settings
-    that are not allowed.
+    that are not allowed, and by methods for arrays of a wrong shape or type.
     """
 
     def __init__(self, kernel: Kernel, settings: Settings) -> None:
@@ -159,7 +159,7 @@ class State:
 
         `kind` says which of the three.  If `rates` (P,) of the paths in m/s are not None, v is corrected, by the change
         of least kinetic energy, so that it satisfies rigid contacts that move.  A StepError is raised if nothing holds
-        the bodies, or if contacts depend on each other.
+        the bodies, or if contacts depend on each other; an InputError for numbers that are not finite.
         """
         drivers = self._check_array("u", u, self.kernel.drivers)
         moving = None if rates is None else self._check_array("rates", rates, self.kernel.paths)
