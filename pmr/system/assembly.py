@@ -298,7 +298,8 @@ class Assembly:
             y = O q + W f - X \lambda
 
         with every contact closed.  The contacts have `rows` C, F, H and X at given places, and K and D contain the
-        terms with amplitudes c (k,).  A LinAlgError is raised if the contacts do not hold the bodies at rest.
+        terms with amplitudes c (k,).  A LinAlgError is raised where the equations are singular, as at 0 rad/s if the
+        contacts do not hold the bodies.
         """
         M, D, K, B = (A.toarray() for A in (self.M, self.damping(c), self.stiffness(c), self.B))
         n, scale = len(K), rows.force_scale(K)

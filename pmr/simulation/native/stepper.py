@@ -274,8 +274,9 @@ class Stepper:
 
     @property
     def hoist(self) -> dict[str, float]:
-        """Height of the hook, its place in m, its swings in rad and the rope's force in N, by name.
+        """Outputs of the hoist by the names in `pmr.scene.hoist.OUTPUTS`.
 
+        They are the hook's height and place in m, its swings in rad, the rope's force and its pull on the winch in N.
         The dict is empty if the system has no hoist.
         """
         return dict(zip(OUTPUTS, self._state.hoist.tolist(), strict=False))
@@ -290,7 +291,7 @@ class Stepper:
 
     @property
     def extension(self) -> dict[str, float]:
-        """Free extension in m with its rates, and the quantities of its cylinder, by name.
+        """Free extension in m with its first and second rate, and the quantities of its cylinder, by name.
 
         The dict is empty if all extensions are prescribed.
         """
@@ -303,9 +304,9 @@ class Stepper:
 
     @property
     def ground(self) -> dict[str, float]:
-        """Force and moment on the ground, forces of outriggers and margins against tipping, by name.
+        """Force and moment on the ground, forces of outriggers, margins against tipping, use of the polygon, by name.
 
-        The dict is empty if the scene has no ground.
+        Units are those of `pmr.kernel.further.ground_outputs`.  The dict is empty if the scene has no ground.
         """
         return dict(zip(self._ground, self._state.ground.tolist(), strict=True))
 
