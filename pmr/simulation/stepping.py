@@ -178,7 +178,7 @@ def _describe_table_overshoot(part: SignalBase, stepping: TimeStepping) -> Itera
 
 
 def _describe_needed_step(f: float) -> str:
-    """Text with the step that follows a tone of f Hz."""
+    """Text with the longest steps that resolve a tone of f Hz."""
     return f"steps of {two_digits_below(1.0 / (STEPS_A_PERIOD * f))} s or less follow it"
 
 

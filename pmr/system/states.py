@@ -344,9 +344,10 @@ def deformation(
 def outputs_by_carriers(
     system: System, name: str, x: Array, multipliers: Array, X: Array, moments: Array | None = None
 ) -> Array:
-    """Outputs X b lambda (T, o) of one body by contact forces lambda on its K carriers, with X (K, o) and weights b.
+    """Sum (T, o) of lambda b X over a body's contact sides, with forces lambda, weights b on K carriers, and X (K, o).
 
-    The other arguments are those of `deformation`; `moments` subtract X b' times the moments.
+    X has the outputs by unit forces on the carriers.  The other arguments are those of `deformation`; `moments`
+    subtract b' X times the moments, with the derivative b' by the position.
     """
     pressed = np.zeros((len(x), X.shape[1]))
     if not X.shape[1]:

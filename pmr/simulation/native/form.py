@@ -131,7 +131,7 @@ class SystemForm:
 
     @cached_property
     def in_modes(self) -> System:
-        """System in modal coordinates with each pad of its rings."""
+        """System in modal coordinates with all contacts of `system`; rings of pads are not combined."""
         return system_in_modes(self.system, self.forms)
 
     def initial_states(self, z: Array, v: Array) -> dict[str, InitialState]:
