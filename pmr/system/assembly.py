@@ -35,7 +35,8 @@ class SideWeights(NamedTuple):
 
     touched: Indices  # (d,): numbers of the carriers; a carrier that several sides touch is there several times
     owners: Indices  # (d,): number of the side that touches each of them
-    weights: Array  # (3, m, d): with their first and second derivatives by the places of the sides
+    # (3, m, d): with the sides' signs; then their first and second derivatives by the places of the sides
+    weights: Array
 
 
 class Assembly:

@@ -102,10 +102,10 @@ class ChangingRows:
 
 
 class RowDerivatives(NamedTuple):
-    """Rows of m contacts and their derivatives by P paths, or two derivatives by time; effects on outputs are empty."""
+    """Rows of m contacts with derivatives by P paths, or two derivatives by time; effects on outputs are left empty."""
 
-    rows: ContactRows
-    slopes: ContactRows
+    rows: ContactRows  # or their first derivatives by time
+    slopes: ContactRows  # (P, ...): first derivatives by each path coordinate; or second derivatives by time
 
 
 def _zero_rows(m: int, n: int, i: int, *axes: int) -> ContactRows:
