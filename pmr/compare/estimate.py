@@ -185,10 +185,10 @@ def _simulate_richer(models: Models, first: SimulatedSystem, floors: RoundOffBou
     """Simulate a richer model, with enrichment and attachment modes, than that of the run `first`.
 
     The attachment modes are responses to the contact forces and loads of the first run, whose parts of each step are
-    used again.  If the motion grows, the richer model gets fewer attachment modes, then half its enrichment modes, and
-    so on; a GrowthError is raised if the motion grows with all of these models.  If pads lift off in the first run, a
-    third run without enrichment modes shows in which kinds of outputs richer models disagree; an UnsettledError is
-    raised if they disagree in displacements.
+    used again.  `floors` are bounds of round-off.  If the motion grows, the richer model gets fewer attachment modes,
+    then half its enrichment modes, and so on; a GrowthError is raised if the motion grows with all of these models.  If
+    pads lift off in the first run, a third run without enrichment modes shows in which kinds of outputs richer models
+    disagree; an UnsettledError is raised if they disagree in displacements.
     """
     excitation = first.excitation
     if not excitation.stepping.schedule:

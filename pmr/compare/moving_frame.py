@@ -300,7 +300,7 @@ class _EnergyBalance:
                 self.others -= step_means(load) * np.diff(moments.u[at])
 
     def add_term(self, frame_term: FrameTerm, term: Term, c: Array) -> None:
-        """Add energy and work of a term of second order with the amplitudes c (T,).
+        """Add energy and work of a `term` of second order, which `frame_term` describes, with the amplitudes c (T,).
 
         Terms of loads are skipped: their work is part of the work of the loads.
         """

@@ -293,7 +293,10 @@ def _force_series(
 
 
 def _force_difference(kind: str, histories: ForceHistories, finer: ForceHistories) -> float:
-    """Difference of a run to a finer run in a kind of forces, as a fraction of the finer run's; 0 without forces."""
+    """Difference of a run to a finer run in a kind of forces, as a fraction of the finer run's; 0 without forces.
+
+    `histories` and `finer` are the forces of the two runs.
+    """
     return force_errors(histories, finer).get(kind, 0.0)
 
 

@@ -141,8 +141,9 @@ def dotted_key(location: Location) -> str:
 def _explain_unknown_key(key: str, value: object, schema: Schema, location: Location) -> str:
     """Return an explanation of an unknown key: which key may be meant, and which keys are allowed in its table.
 
-    `location` is the location of the table.  A key may be meant that is spelled alike, in the table or elsewhere in the
-    file.  If the value is a table, a key of the same name in an inner table may be meant, too.
+    `location` is that of the table in the file, whose schema is `schema`.  A key may be meant that is spelled alike, in
+    the table or elsewhere in the file.  If the value is a table, a key of the same name in an inner table may be meant,
+    too.
     """
     parts, tables = schema.get("$defs", {}), [schema]
     for part in location:
@@ -379,20 +380,20 @@ ExistingFile = Annotated[Path, AfterValidator(_check_file)]
 
 
 @cache
-def quantity_of(section: type[BaseModel], key: str) -> Quantity | None:
-    """Return unit and bounds of the numbers in a key of a table; None if the key holds no numbers with a unit."""
-    return next((part for part in _declarations(section, key) if isinstance(part, Quantity)), None)
+def quantity_of(table: type[BaseModel], key: str) -> Quantity | None:
+    """Return unit and bounds of the numbers in a key of the class `table`; None if it holds no numbers with a unit."""
+    return next((part for part in _declarations(table, key) if isinstance(part, Quantity)), None)
 
 
 @cache
-def usual_ranges(section: type[BaseModel], key: str) -> tuple[Usual, ...]:
-    """Return the usual ranges of the numbers in a key of a table; a usual number is within each of these ranges."""
-    return tuple(part for part in _declarations(section, key) if isinstance(part, Usual))
+def usual_ranges(table: type[BaseModel], key: str) -> tuple[Usual, ...]:
+    """Return the usual ranges of the numbers in a key of the class `table`; a usual number is within all of them."""
+    return tuple(part for part in _declarations(table, key) if isinstance(part, Usual))
 
 
-def _declarations(section: type[BaseModel], key: str) -> Iterator[Any]:
-    """Yield all annotations of a key of a table."""
-    field = section.model_fields[key]
+def _declarations(table: type[BaseModel], key: str) -> Iterator[Any]:
+    """Yield all annotations of a key of the class `table`."""
+    field = table.model_fields[key]
     yield from _annotations((*field.metadata, field.annotation))
 
 

@@ -91,7 +91,7 @@ class Observe(SceneTable):
         return ("ry",) if self.rotation else ()
 
     def tip_along(self, direction: str) -> str:
-        """Return the name of the output of the tip's displacement along y or z, or of its rotation about ry."""
+        """Return the name of the tip's output in a `direction`: displacement along y or z, or the rotation ry."""
         return f"{self.tip} {direction}"
 
 

@@ -411,7 +411,7 @@ def check_reserved(key: str, names: Iterable[str], reserved: Iterable[str]) -> N
 
 
 def scene_error(key: str, value: object, allowed: str) -> InputError:
-    """Return the error of a key of a scene; `allowed` says what is allowed.
+    """Return the error of a key of a scene with this value (None: it is not shown); `allowed` says what is allowed.
 
     The reader of the file adds the file's name.
     """
@@ -419,7 +419,7 @@ def scene_error(key: str, value: object, allowed: str) -> InputError:
 
 
 def refuse(when: object, key: str, value: object, allowed: str) -> None:
-    """Raise the InputError of a key of a scene if `when` is true; `allowed` says what is allowed."""
+    """Raise the `scene_error` of a key, its value and what is allowed if `when` is true."""
     if when:
         raise scene_error(key, value, allowed)
 

@@ -109,7 +109,7 @@ class TomlFile:
     def read(cls, path: str | Path, dialect: Dialect) -> TomlFile:
         """Read the file `path` and all files that it extends; its own keys override theirs.
 
-        The key ``extends`` names a file relative to this one, or a workflow.
+        The key ``extends`` names a file relative to this one, or a workflow.  `dialect` has the rules for such files.
         """
         file = cls(Path(path), dialect, {})
         file.data = file._with_base(file.path, extending=())
