@@ -61,7 +61,7 @@ class Choice:
 
     @property
     def total_errors(self) -> dict[str, float]:
-        """Sum of the errors of reduction, step and mesh (if that is known), by kind of output."""
+        """Sum of the errors of reduction, step and mesh (if that is known), a fraction, by kind of output."""
         return {kind: size + (self.mesh or {}).get(kind, 0.0) for kind, size in self.trial.total.items()}
 
     @property

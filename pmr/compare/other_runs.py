@@ -277,7 +277,7 @@ def largest_sizes(scene: Scene, response: Response) -> dict[tuple[str, str], flo
     """Return the largest sizes of tip displacements, forces, stress at probes, and the use of the support polygon.
 
     Sizes are named by the key of their quantity and by a direction or a part; the largest of all pads has no part.
-    Histories that are round-off are left out.
+    They have the unit of their quantity.  Histories that are round-off are left out.
     """
     sizes = dict[tuple[str, str], float]()
     for direction in ("y", "z"):

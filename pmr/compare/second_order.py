@@ -272,7 +272,7 @@ def axial_forces(member: Member, body: SlidingBody, mass: float) -> Iterator[Axi
 
 
 def geometric_stiffness(body: SlidingBody, force: AxialForce) -> Array:
-    """Estimate of the geometric stiffness (n, n) of an axial force on a body, from its observed displacements."""
+    """Geometric stiffness (n, n) of an axial force, in its unit per m, from a body's observed displacements."""
     outputs, kinds, G = dense(body.outputs), np.array(kinds_of(body)), np.zeros((body.size, body.size))
     for axis in "yz":
         across = np.flatnonzero(np.isin(kinds, [f"beam {axis}", f"tip {axis}"]))

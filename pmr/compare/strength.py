@@ -74,7 +74,7 @@ def dynamic_factors_part(scene: Scene, system: System | SystemForm, response: Re
 
 
 def _histories_of_kind(scene: Scene, response: Response, kind: str) -> dict[str, Array]:
-    """Return the histories (T,) of the forces or margins of one `kind` of `KINDS`, by name.
+    """Return the histories (T,) of the outputs of one `kind` of `KINDS`, by name: forces in N, or shares without unit.
 
     Forces on the machine are left out.
     """

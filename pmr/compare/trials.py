@@ -76,7 +76,7 @@ class Trial:
 
     @property
     def total(self) -> dict[str, float]:
-        """Sum of the errors of reduction and step, by kind of output."""
+        """Sum of the errors of reduction and step, a fraction, by kind of output."""
         return {kind: size + self.step[kind] for kind, size in self.reduction.items()}
 
 

@@ -329,7 +329,7 @@ def _ring_key(ring: JointPads) -> tuple[object, ...]:
 
 
 def _common_range(taken: Sequence[Seat]) -> Interval:
-    """Return the smallest range that contains the positions of all `taken` seats."""
+    """Return the smallest range in m that contains the positions of all `taken` seats."""
     return Interval(
         float(np.min([seat.positions.low for seat in taken])), float(np.max([seat.positions.high for seat in taken]))
     )

@@ -123,7 +123,7 @@ class SmoothRamp(_Knots):
     def _coefficients(self) -> Array:
         """Coefficients (degree + 1, knots - 1) of the polynomial between each two knots, highest power first.
 
-        The variable is the time since the first of the two knots.
+        The variable is the time in s since the first of the two knots.
         """
         duration, rise = self._rises
         transition = np.array(TRANSITIONS[self.degree])
