@@ -18,7 +18,7 @@ cells are shorter than pads: `docs/accuracy.md` has measurements.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -42,7 +42,7 @@ from pmr.scene.mechanism import CYLINDER
 from pmr.scene.members import members, pads_on_faces
 from pmr.simulation import Excitation
 from pmr.system.contacts import Contact
-from pmr.system.states import states_of
+from pmr.system.states import BodyStates, states_of
 from pmr.system.system import System
 
 #: Beams: factor by which elements of the other mesh are shorter, and order with which the motion converges.
@@ -259,18 +259,27 @@ def vary_play(scene: Scene, contacts: tuple[Contact, ...]) -> OtherPlay | None:
 def simulate_varied_play(scene: Scene, system: System, excitation: Excitation) -> VariedPlay | None:
     """Simulate a reduced system with the play of `vary_play`; None if there is no other play.
 
-    States are those at the times of the scene's recovery.  If the motion is kept, those at the largest force of each
-    contact are added: sections with play beat on their pads, and such a peak is short.
+    States are those of `states_under_load`.
     """
     if (play := vary_play(scene, system.contacts)) is None:
         return None
     other = replace(system, contacts=play.contacts)
-    steps = scene.recovered_steps
-    simulation = simulate_by(scene, other, excitation, scene.simulation.simulators[0], steps.tolist())
-    if simulation.run is not None and len(steps):
-        steps = np.union1d(steps, simulation.run.forces.argmax(axis=0))
-        simulation = replace(simulation, states=states_of(other, simulation.run, steps))
-    return VariedPlay(play.gap, replace(simulation, response=append_machine(scene, simulation.response)))
+    steps = scene.recovered_steps.tolist()
+    simulation = simulate_by(scene, other, excitation, scene.simulation.simulators[0], steps)
+    states, response = states_under_load(scene, other, simulation), append_machine(scene, simulation.response)
+    return VariedPlay(play.gap, replace(simulation, states=states, response=response))
+
+
+def states_under_load(scene: Scene, system: System, simulation: Simulation) -> Mapping[str, BodyStates]:
+    """Return states of the bodies of a simulated system, by name, at the times at which stress in walls is computed.
+
+    These are the times of the scene's recovery and, where the motion is kept, those at which the size of a contact's
+    force is largest: sections beat on their pads, and such a peak is short.  Empty without a recovery.
+    """
+    steps, run = scene.recovered_steps, simulation.run
+    if run is None or not len(steps):
+        return simulation.states
+    return states_of(system, run, np.union1d(steps, np.abs(run.forces).argmax(axis=0)))
 
 
 def largest_sizes(scene: Scene, response: Response) -> dict[tuple[str, str], float]:

@@ -15,8 +15,7 @@ from pmr.compare import other_runs
 from pmr.compare.accuracy import accuracy_summary, accuracy_warnings
 from pmr.compare.forces import pad_extremes
 from pmr.compare.frequencies import frequency_part, response_on_way, result_paths
-from pmr.compare.other_runs import simulate_varied_play
-from pmr.compare.responses import Simulation, check_installed, check_memory, memory_warnings
+from pmr.compare.responses import check_installed, check_memory, memory_warnings
 from pmr.compare.second_order import axial_part
 from pmr.compare.summary import origin_part, reliability_part, simulation_part, theory_part
 from pmr.compare.trust import budget_warnings, quantities_not_covered
@@ -50,6 +49,7 @@ from pmr.scene.keys import ALONE
 from pmr.simulation.petsc import Checkpoint
 from pmr.system.body import FullBody
 from pmr.system.contacts import Place
+from pmr.system.states import BodyStates
 from pmr.system.system import System
 
 #: Stages of a run with seconds in summary.json, in addition to the simulators.
@@ -267,21 +267,22 @@ def _measure(
             cache = cache or next(iter(bodies.caches.values()), None)
             of_model = {"model": measure_model(scene, comm, cache, of_run if with_full else None)}
         model = {**budget, **of_model}.get("model", {})
-        simulation = None if motions.reduced is None else motions.reduced.first
-        walls = _stress_at_pads(bodies, motions, simulation)
+        states = None
+        if motions.reduced is not None:
+            states = other_runs.states_under_load(bodies.scene, bodies.system, motions.reduced.first)
+        walls = _stress_at_pads(bodies, motions, states)
         return {**of_mesh, "model": model | walls, **_play(bodies, motions, walls)}
 
 
-def _stress_at_pads(bodies: Bodies, motions: Motions, simulation: Simulation | None) -> Summary:
-    """Return the entries of ``budget.model`` on stress in walls at pads in a simulation of a run; collective.
+def _stress_at_pads(bodies: Bodies, motions: Motions, states: Mapping[str, BodyStates] | None) -> Summary:
+    """Return the entries of ``budget.model`` on stress in walls at pads of the bodies in their `states`; collective.
 
-    There are none without a recovery of stresses.  The simulation is None on other ranks than 0.
+    There are none without a recovery of stresses.  The states are None on other ranks than 0.
     """
     scene, comm = bodies.scene, next(iter(bodies.built.values())).model.comm
     if scene.recovery is None or not scene.recovery.stress:
         return {}
-    states = comm.bcast(None if simulation is None else simulation.states)
-    return stress_at_pads(scene, bodies.built, motions.recovered, states)
+    return stress_at_pads(scene, bodies.built, motions.recovered, comm.bcast(states))
 
 
 def _play(bodies: Bodies, motions: Motions, walls: Summary) -> Summary:
@@ -292,12 +293,14 @@ def _play(bodies: Bodies, motions: Motions, walls: Summary) -> Summary:
     """
     comm, scene = next(iter(bodies.built.values())).model.comm, bodies.scene
     try:
-        varied = call_on_first_rank(comm, lambda: simulate_varied_play(scene, bodies.system, bodies.excitation))
+        varied = call_on_first_rank(
+            comm, lambda: other_runs.simulate_varied_play(scene, bodies.system, bodies.excitation)
+        )
     except (InputError, SimulationError) as error:
         return {"play": {"reason": error.allowed if isinstance(error, InputError) else str(error)}}
     if not comm.bcast(varied is not None):
         return {}
-    other_walls, part = _stress_at_pads(bodies, motions, None if varied is None else varied.simulation), None
+    other_walls, part = _stress_at_pads(bodies, motions, None if varied is None else varied.simulation.states), None
     if motions.reduced is not None and varied is not None:
         part = varied.summary(scene, motions.reduced.first.response, walls, other_walls)
     return {"play": comm.bcast(part)}

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import pmr
-from pmr.compare.other_runs import largest_sizes, simulate_varied_play
-from pmr.compare.simulated import excitation_of_scene
+from pmr.compare.other_runs import largest_sizes, simulate_varied_play, states_under_load
+from pmr.compare.simulated import excitation_of_scene, simulate_with_states
 from pmr.scene import Scene
 
 pytestmark = pytest.mark.slow  # a boom is reduced
@@ -56,11 +56,15 @@ def test_states_are_those_at_the_times_of_recovery_and_of_the_largest_force_of_e
     system = pmr.reduce(scene).system
     varied = simulate_varied_play(scene, system, excitation_of_scene(scene, system))
     assert varied is not None and varied.simulation.run is not None
+    of_scene = simulate_with_states(scene, system, scene.recovered_steps.tolist())
+    states_of_scene = states_under_load(scene, system, of_scene)
+    for run, states in ((of_scene.run, states_of_scene), (varied.simulation.run, varied.simulation.states)):
+        assert run is not None
+        between = [step for step in np.abs(run.forces).argmax(axis=0).tolist() if step not in scene.recovered_steps]
+        assert between  # the sections beat on their pads between the times of recovery
+        expected = [*scene.recovered_steps.tolist(), *between]
+        for of_body in states.values():
+            assert of_body.t.tolist() == sorted({scene.time.step * step for step in expected})
     forces = varied.simulation.run.forces
-    between = [step for step in forces.argmax(axis=0).tolist() if step not in scene.recovered_steps]
-    assert between  # the sections beat on their pads between the times of recovery
-    expected = [*scene.recovered_steps.tolist(), *between]
-    for of_body in varied.simulation.states.values():
-        assert of_body.t.tolist() == sorted({scene.time.step * step for step in expected})
     on_fly = varied.simulation.states[scene.names[-1]].multipliers
     assert np.abs(on_fly).max() == pytest.approx(np.abs(forces[:, -len(on_fly[0]) :]).max(), rel=1e-12)
