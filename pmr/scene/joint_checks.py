@@ -37,14 +37,15 @@ PARALLEL = 1.0 - 1e-6
 def check_fit(scene: Scene, number: int) -> None:
     """Refuse section `number` unless its box fits into the box of the section before, and its pads into the gap.
 
-    A play of pads to compare with (`compare.play`) is refused if the gap has no room for it.  Sections without boxes
-    pass.
+    A play of pads to compare with (`compare.play`) is refused if the gap has no room for it in a direction in which
+    pads only push.  Sections without boxes pass.
     """
     inner, outer = scene.sections[number].body.box, scene.sections[number - 1].body.box
     if inner is None or outer is None:
         return
     name, around = scene.names[number], scene.names[number - 1]
-    play = 0.0
+    pushing = [face for ring in scene.joint(number).rings if ring.unilateral for face in ring.faces or ()]
+    play, pressed = np.inf, {word for face in pushing for word in face.split()}  # a slanted face has two words
     for side, walls in (("width", ("left", "right")), ("height", ("bottom", "top"))):
         has = getattr(inner, side) + sum(map(inner.thickness, walls)) / 2.0
         room = getattr(outer, side) - sum(map(outer.thickness, walls)) / 2.0
@@ -52,7 +53,8 @@ def check_fit(scene: Scene, number: int) -> None:
             sizes = f"the outside of {name} is {has:.6g} m, the inside of {around} is {room:.6g} m"
             allowed = f"{name} has to fit into {around}, but {sizes}"
             raise scene_error(f"sections[{number}].body.box.{side}", getattr(inner, side), allowed)
-        play = max(play, room - has)
+        if pressed & set(walls):
+            play = min(play, room - has)
     allowed = f"at most {play:.6g} m is allowed: this is how far {name} can move in {around}, from wall to wall"
     is_set = "play" in scene.compare.model_fields_set  # the default is for all booms
     refuse(is_set and scene.compare.play > play * (1.0 + SLACK), "compare.play", scene.compare.play, allowed)

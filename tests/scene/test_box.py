@@ -268,3 +268,10 @@ def test_what_hangs_on_a_box_along_it_is_a_part_of_its_density() -> None:
     assert scenes.load_any(WORKFLOWS / "boom_two.toml", [doubled, written]).hash == hung.hash
     with pytest.raises(InputError, match="a body by its box alone"):
         scenes.load_any(WORKFLOWS / "paper_simple.toml", ["body.attached_mass_per_length=4.0"])
+
+
+def test_a_play_to_compare_with_is_as_wide_as_the_narrower_gap_that_has_pads() -> None:
+    """Pads are at bottom and top alone."""
+    scenes.load_any("boom_three", ["compare.play=0.02", "sections.fly.body.box.width=0.235"])
+    with pytest.raises(InputError, match=r"compare\.play = 0\.02: at most 0\.012 m is allowed"):
+        scenes.load_any("boom_three", ["compare.play=0.02", "sections.fly.body.box.height=0.335"])
