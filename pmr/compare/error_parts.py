@@ -279,21 +279,14 @@ def step_warnings(
     judged = "is too coarse: its own error" if of_motion > STEP_LIMIT else "has an error that is not settled: it"
     at_least = "" if error.settled else "at least "
     parts = [f"the time step of {h:.4g} s {judged} is {at_least}{size}, as steps of {error.finest:.2g} s show"]
-    parts += [
-        _load_clause(name, signal, stepping) for name, signal in signals if signal.highest_frequency(0.0, stepping.end)
-    ]
+    fastest = max(((signal.highest_frequency(0.0, stepping.end), name) for name, signal in signals), default=(0.0, ""))
+    parts += [f"{fastest[1]} goes up to {fastest[0]:.4g} Hz, {_steps_per_period(fastest[0], h)}"] if fastest[0] else []
     parts.append(_motion_clause(error.band, h, natural))
     if not error.settled:
         parts.append(f"even steps of {error.finest:.2g} s don't settle it")
     elif error.enough is not None:
         parts.append(f"steps of {error.enough:.2g} s bring the error below {100.0 * STEP_LIMIT:g} %")
     return ["; ".join(parts)]
-
-
-def _load_clause(name: str, signal: SignalBase, stepping: TimeStepping) -> str:
-    """Clause about the highest frequency of the signal `name` and the number of steps in a period of that frequency."""
-    f = signal.highest_frequency(0.0, stepping.end)
-    return f"{name} goes up to {f:.4g} Hz, {_steps_per_period(f, stepping.step)}"
 
 
 def _motion_clause(band: float, h: float, natural: Array) -> str:

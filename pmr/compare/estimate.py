@@ -176,7 +176,7 @@ def _reason_without_forces(model: ReducedModel, excitation: Excitation, of_run: 
     """
     if has_impulsive_force(model, excitation):
         return SLIDER_IMPACTS
-    if model.moving and has_damped_jump(model, excitation.signals, excitation.stepping.end):
+    if model.moving and has_damped_jump(model, replace(excitation, hoist={}).signals, excitation.stepping.end):
         return LOAD_JUMPS
     return SLIDER_RINGING if of_run.force.size and is_ringing(of_run.force, richer.force) else None
 

@@ -132,9 +132,12 @@ def impacts_part(system: System, excitation: Excitation, responses: Mapping[str,
 def sampling_part(scene: Scene, excitation: Excitation) -> SummaryPart:
     """Part with warnings about paths, loads and drives that the steps do not resolve, and about curves through tables.
 
-    The paths and loads are those of the `excitation`, the drives those of the scene's frame, hoist and extensions.
+    The paths and loads are those of the `excitation`, the drives those of the scene's frame, hoist and extensions.  A
+    drive that is also a path or a load is named by its key in the scene.
     """
-    signals, stepping = [*excitation.signals, *machine_signals(scene)], excitation.stepping
+    drives, stepping = machine_signals(scene), excitation.stepping
+    stated = {id(signal) for _, signal in drives}
+    signals = [*drives, *(pair for pair in excitation.signals if id(pair[1]) not in stated)]
     return SummaryPart(warnings=describe_lost_features(signals, stepping) + describe_overshoots(signals, stepping))
 
 

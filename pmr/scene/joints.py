@@ -228,6 +228,10 @@ class ScaledSignal(SignalBase):
     ratio: float
     offset: float
 
+    @property
+    def signals(self) -> tuple[SignalBase, ...]:
+        return (self.signal,)
+
     def value(self, t: ArrayLike) -> Array:
         return self.offset + self.ratio * self.signal.value(t)
 

@@ -151,10 +151,10 @@ class Excitation:
 
     @property
     def signals(self) -> list[tuple[str, SignalBase]]:
-        """Pairs (name, signal) of all paths, then loads, then terms, with the names that messages use."""
+        """Pairs (name, signal) of paths, loads, terms and what drives a hoist, with the names that messages use."""
         paths = [("the slider's path" if len(self.paths) == 1 else f"path {n}", path) for n, path in self.paths.items()]
         loads = ((f"load {name}", load) for name, load in self.loads.items())
-        return [*paths, *loads, *((f"term {name}", term) for name, term in self.terms.items())]
+        return [*paths, *loads, *((f"term {name}", term) for name, term in self.terms.items()), *self.hoist.items()]
 
     def with_stepping(self, stepping: TimeStepping) -> Excitation:
         """Excitation with the same signals on another time grid, `stepping`."""

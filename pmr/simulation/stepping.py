@@ -113,9 +113,16 @@ def describe_lost_features(signals: Sequence[tuple[str, SignalBase]], stepping: 
     """Warnings on what the steps do not resolve of signals, one line for each lost feature; empty if nothing is lost.
 
     A feature is a tone that has too few steps in a period, or the course of a signal at a break between two steps.
-    `signals` are pairs of a name and a signal, `stepping` the time grid.
+    `signals` are pairs of a name and a signal, `stepping` the time grid.  A line names the signals that have the
+    feature and follow from no others; if there are none, it names the first one and counts the rest.
     """
-    return [f"{name}: {what}" for name, signal in signals for what in _describe_loss(signal, stepping)]
+    names, derived = dict[str, list[str]](), dict[str, list[str]]()
+    for name, signal in signals:
+        for what in dict.fromkeys(_describe_losses(signal, stepping)):
+            (derived if signal.signals else names).setdefault(what, []).append(name)
+    more = {what: f" and {len(of) - 1} more" if len(of) > 1 else "" for what, of in derived.items()}
+    first = {what: [f"{of[0]}{more[what]}"] for what, of in derived.items()}
+    return [f"{', '.join(of)}: {what}" for what, of in (first | names).items()]
 
 
 def describe_overshoots(signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
@@ -134,6 +141,12 @@ def describe_overshoots(signals: Sequence[tuple[str, SignalBase]], stepping: Tim
 def is_aliased(signal: SignalBase, stepping: TimeStepping) -> bool:
     """Whether the signal has a tone of at least half the sampling rate, which looks slower at the steps."""
     return 2.0 * signal.highest_frequency(0.0, stepping.end) * stepping.step >= 1.0
+
+
+def _describe_losses(signal: SignalBase, stepping: TimeStepping) -> list[str]:
+    """Lines of `_describe_loss` on the signals from which a signal follows or, if they have none, on the signal."""
+    of_causes = [line for cause in signal.signals for line in _describe_losses(cause, stepping)]
+    return of_causes or list(_describe_loss(signal, stepping))
 
 
 def _describe_loss(signal: SignalBase, stepping: TimeStepping) -> Iterator[str]:

@@ -1,5 +1,7 @@
 """Where it is looked how much axial forces change a boom's stiffness."""
 
+import re
+
 import numpy as np
 import one_body
 import plain_machines
@@ -22,6 +24,7 @@ from pmr.simulation import Excitation
 from pmr.simulation.excitation import term_signals
 from pmr.simulation.native.systems import March
 from pmr.simulation.statics.equilibrium import geometric_stiffness
+from pmr.simulation.stepping import describe_lost_features
 from pmr.system.assembly import Assembly
 from pmr.system.from_scene import system_of
 
@@ -38,12 +41,24 @@ def test_figures_and_warnings_of_all_parts_are_gathered_in_order() -> None:
     assert found["warnings"] == ["b.c is not finite; in summary.json it is null", "first", "second", "third"]
 
 
-@pytest.mark.parametrize("key", ["hoist.speed", "hoist.wind.y", "frame.base.x", "frame.slewing"])
-def test_a_drive_that_the_steps_do_not_resolve_is_warned_of_by_its_key(key: str) -> None:
+@pytest.mark.parametrize("key", ["hoist.speed", "hoist.wind.y", "frame.base.x", "frame.slewing", "frame.luffing"])
+def test_a_drive_that_the_steps_do_not_resolve_is_warned_of_once_by_its_key(key: str) -> None:
+    """Dozens of loads and terms of the frame follow from the angle; all signals of an excitation are looked at."""
     fast = f"{key}={{kind='sine',amplitude=0.01,frequency=249.0}}"
     scene = pmr.load_scene(plain_machines.HOIST, (fast, "time.end=2.0", "compare.against=[]"))
     expected = f"{key}: 249 Hz looks like 1 Hz at steps of 0.004 s; steps of 0.00057 s or less follow it"
-    assert expected in sampling_part(scene, Excitation.from_scene(scene)).warnings
+    excitation = Excitation.from_scene(scene)
+    assert sampling_part(scene, excitation).warnings == [expected]
+    (line,) = describe_lost_features(excitation.signals, excitation.stepping)
+    assert line.endswith(expected.partition(": ")[2])
+
+
+def test_what_follows_from_a_signal_that_the_steps_resolve_is_told_in_one_line() -> None:
+    """Loads of the frame have the square of a rate, so twice its frequency."""
+    slewing = "frame.slewing={kind='sine',amplitude=0.01,frequency=20.0}"
+    scene = pmr.load_scene(plain_machines.HOIST, (slewing, "time.end=2.0", "compare.against=[]"))
+    (line,) = sampling_part(scene, Excitation.from_scene(scene)).warnings
+    assert re.match(r"load base.inertia x and \d\d more: 40 Hz has 6.2 steps of 0.004 s a period", line)
 
 
 def test_a_drive_whose_curve_leaves_its_table_is_warned_of_by_its_key() -> None:

@@ -102,6 +102,11 @@ class SignalBase(BaseModel):
         return (self,)
 
     @property
+    def signals(self) -> tuple[SignalBase, ...]:
+        """Signals from which this one follows; empty unless it follows from others."""
+        return ()
+
+    @property
     def strands(self) -> tuple[Strand, ...]:
         """Pieces of polynomials and sines whose sum the signal is; raises NotImplementedError for any other signal."""
         raise NotImplementedError(f"{type(self).__name__} is no sum of polynomials and sines")
