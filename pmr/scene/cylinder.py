@@ -316,14 +316,8 @@ class FirstExtension(SignalBase):
     high: float
     drives: SkipValidation[Any]  # by name, the signal that drives the cylinder, if any
 
-    def value(self, t: ArrayLike) -> Array:
-        return np.full_like(np.asarray(t, float), self.start)
-
     def rate(self, t: ArrayLike) -> Array:
         return np.full_like(np.asarray(t, float), self.speed)
-
-    def second_rate(self, t: ArrayLike) -> Array:
-        return np.zeros_like(np.asarray(t, float))
 
     @property
     def strands(self) -> tuple[Strand, ...]:

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from pmr import __version__
 from pmr.errors import escape_controls
@@ -265,24 +264,6 @@ class CubicSignal(SignalBase):
         x = np.array(self.rates)
         breaks, polynomials = self.step * np.arange(x.shape[1]), x[::-1].T / [6.0, 2.0, 1.0, 1.0]
         return (Strand(breaks, np.ascontiguousarray(polynomials)),)
-
-    def value(self, t: ArrayLike) -> Array:
-        at, x, x1, x2, x3 = self._pieces(t)
-        return np.asarray(x + at * (x1 + at / 2.0 * (x2 + at / 3.0 * x3)))
-
-    def rate(self, t: ArrayLike) -> Array:
-        at, _, x1, x2, x3 = self._pieces(t)
-        return np.asarray(x1 + at * (x2 + at / 2.0 * x3))
-
-    def _pieces(self, t: ArrayLike) -> Array:
-        """Parts of the cubics at times t (...) in s, as one array (5, ...).
-
-        The parts are the time in s since the current step began, then the value at its beginning and the three rates
-        there.
-        """
-        at, rates = np.asarray(t, float), np.array(self.rates)
-        number = np.clip(np.floor(at / self.step + 1e-9).astype(int), 0, rates.shape[1] - 1)
-        return np.array([at - number * self.step, *rates[:, number]])
 
 
 def _cubic_excitation(drivers: Drivers, excitation: Excitation, inputs: Array) -> Excitation:

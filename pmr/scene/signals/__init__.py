@@ -66,37 +66,19 @@ class _Knots(SignalBase):
         return np.array([rise / duration, self.values[:-1]])
 
     @cached_property
-    def _curves(self) -> tuple[PPoly, ...]:
-        """Piecewise polynomial through the knots, and its two derivatives, computed at the first call alone.
-
-        The polynomial is constant before the first and after the last knot.
-        """
+    def strands(self) -> tuple[Strand, ...]:
+        """Polynomial between each two knots, constant before the first and after the last one; computed once."""
         between = self._coefficients()
         held = np.zeros((len(between), 2))
         held[-1] = self.values[0], self.values[-1]
-        coefficients = np.column_stack([held[:, 0], between, held[:, 1]])
-        curve = PPoly(coefficients, np.array([self.times[0] - 1.0, *self.times, self.times[-1] + 1.0]))
-        return curve, curve.derivative(), curve.derivative(2)
-
-    def value(self, t: ArrayLike) -> Array:
-        return self._curves[0](t)
-
-    @property
-    def strands(self) -> tuple[Strand, ...]:
-        curve = self._curves[0]
-        return (Strand(curve.x[:-1], curve.c.T),)
+        polynomials = np.column_stack([held[:, 0], between, held[:, 1]]).T
+        return (Strand(np.array([self.times[0] - 1.0, *self.times]), polynomials),)
 
     def bounds(self, start: float, end: float) -> Interval:
         """Return the smallest and largest value within [start, end] s; the signal is monotonic between knots."""
         inside = [value for t, value in zip(self.times, self.values, strict=True) if start <= t <= end]
         values = [*self.value([start, end]), *inside]
         return Interval(float(min(values)), float(max(values)))
-
-    def rate(self, t: ArrayLike) -> Array:
-        return self._curves[1](t)
-
-    def second_rate(self, t: ArrayLike) -> Array:
-        return self._curves[2](t)
 
 
 class Ramp(_Knots):
@@ -205,7 +187,7 @@ class Table(_Knots):
         low, high = super().bounds(start, end)
         if self._is_straight:
             return Interval(low, high)
-        turns = self._curves[1].roots(extrapolate=False)
+        turns = PPoly(self._coefficients(), self.times).derivative().roots(extrapolate=False)
         values = self.value(turns[np.isfinite(turns) & (turns >= start) & (turns <= end)])
         return Interval(float(min(low, values.min(initial=low))), float(max(high, values.max(initial=high))))
 

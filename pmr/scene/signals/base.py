@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -36,7 +35,7 @@ class Interval(NamedTuple):
         return Interval(min(self.low, other.low), max(self.high, other.high))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Strand:
     """Pieces p(x) + a sin(q(x)), x the time since a piece began; the first holds before it, too, the last for ever.
 
@@ -50,6 +49,36 @@ class Strand:
     angles: Array = field(default_factory=lambda: np.zeros((1, 3)))  # (k or 1, 3) rad: q, highest power first
     spread: float = 0.0  # s
 
+    def derivative(self, t: ArrayLike, order: int) -> Array:
+        """Value (`order` 0), rate (1) or second rate (2) of the pieces at the times t (any shape) in s, as t.
+
+        The `spread` has no effect.
+        """
+        at = np.asarray(t, float)
+        k = np.maximum(np.searchsorted(self.breaks, at, side="right") - 1, 0)
+        x = at - self.breaks[k]
+        value = _polynomial(self.polynomials[k], x, order)
+        if self.amplitude:
+            q, rate, second = (_polynomial(self.angles[k % len(self.angles)], x, n) for n in range(3))
+            sine, cosine = np.sin(q), np.cos(q)
+            value = value + self.amplitude * (sine, cosine * rate, cosine * second - sine * rate**2)[order]
+        return np.asarray(value)
+
+    def angle(self, t: float) -> float:
+        """Argument q of the sine in rad at the time t in s."""
+        k = max(int(np.searchsorted(self.breaks, t, side="right")) - 1, 0)
+        return float(_polynomial(self.angles[k % len(self.angles)], np.asarray(t - self.breaks[k]), 0))
+
+
+def _polynomial(c: Array, x: Array, order: int) -> Array:
+    """Derivatives of an order at x (any shape) of polynomials with coefficients c (..., p), highest power first."""
+    for _ in range(order):
+        c = c[..., :-1] * np.arange(c.shape[-1] - 1, 0, -1)
+    value = np.zeros_like(x)
+    for of_power in np.moveaxis(c, -1, 0):
+        value = value * x + of_power
+    return value
+
 
 class SignalBase(BaseModel):
     """Signal over time; times in s, broadcast over arrays."""
@@ -61,13 +90,13 @@ class SignalBase(BaseModel):
         """Return the keys of the signal with its kind, even without defaults: several kinds have the same keys."""
         return ({"kind": self.kind} if hasattr(self, "kind") else {}) | dump(self)
 
-    @abstractmethod
     def value(self, t: ArrayLike) -> Array:
         """Return the values at the times t (any shape) in s, in the shape of t."""
+        return self._derivative(t, 0)
 
-    @abstractmethod
     def rate(self, t: ArrayLike) -> Array:
         """Return the time derivatives at times t (any shape) in s, in the shape of t; at a kink those just after it."""
+        return self._derivative(t, 1)
 
     def second_rate(self, t: ArrayLike) -> Array:
         """Return the second time derivatives at times t (any shape) in s, in the shape of t.
@@ -75,7 +104,11 @@ class SignalBase(BaseModel):
         At a break the derivatives are those just after the break.  Raises NotImplementedError for a kind of signal that
         has none.
         """
-        raise NotImplementedError(f"there is no second rate of {type(self).__name__}")
+        return self._derivative(t, 2)
+
+    def _derivative(self, t: ArrayLike, order: int) -> Array:
+        """Derivative of an order from 0 to 2, by `strands`, at the times t (any shape) in s, in the shape of t."""
+        return np.asarray(sum((strand.derivative(t, order) for strand in self.strands), np.zeros(np.shape(t))))
 
     @property
     def breaks(self) -> Floats:
@@ -131,40 +164,24 @@ class SignalBase(BaseModel):
         return Interval(float(values.min()), float(values.max()))
 
 
-class _Still(SignalBase):
-    """Signal whose rate is zero at all times."""
-
-    def rate(self, t: ArrayLike) -> Array:
-        return np.zeros(np.shape(t))
-
-    def second_rate(self, t: ArrayLike) -> Array:
-        return np.zeros(np.shape(t))
-
-
-class Constant(_Still):
+class Constant(SignalBase):
     """Signal with the same value at all times."""
 
     kind: Literal["constant"] = Field(default="constant", description="One value")
     amount: Real = Field(description="The value")
-
-    def value(self, t: ArrayLike) -> Array:
-        return np.full(np.shape(t), self.amount)
 
     @property
     def strands(self) -> tuple[Strand, ...]:
         return (Strand(np.zeros(1), np.array([[self.amount]])),)
 
 
-class Step(_Still):
+class Step(SignalBase):
     """Signal with the value ``before`` until ``time`` (exclusive) and ``after`` from then on."""
 
     kind: Literal["step"] = Field(default="step", description="A step")
     time: Seconds = Field(description="Time of the step")
     before: Real = Field(default=0.0, description="Value before that time")
     after: Real = Field(description="Value from that time on")
-
-    def value(self, t: ArrayLike) -> Array:
-        return np.where(np.asarray(t, dtype=float) < self.time, self.before, self.after)
 
     @property
     def strands(self) -> tuple[Strand, ...]:
@@ -184,29 +201,16 @@ class Sine(SignalBase):
     phase: Radians = Field(default=0.0, description="Angle at t = 0")
     offset: Real = Field(default=0.0, description="Mean value")
 
-    def _angle(self, t: ArrayLike) -> Array:
-        """Return the argument of the sine in rad at the times t (any shape) in s, in the shape of t."""
-        return 2.0 * np.pi * self.frequency * np.asarray(t, dtype=float) + self.phase
-
-    def value(self, t: ArrayLike) -> Array:
-        return self.offset + self.amplitude * np.sin(self._angle(t))
-
     @property
     def strands(self) -> tuple[Strand, ...]:
         angles = np.array([[0.0, 2.0 * np.pi * self.frequency, self.phase]])
         return (Strand(np.zeros(1), np.array([[self.offset]]), self.amplitude, angles),)
 
-    def rate(self, t: ArrayLike) -> Array:
-        return 2.0 * np.pi * self.frequency * self.amplitude * np.cos(self._angle(t))
-
-    def second_rate(self, t: ArrayLike) -> Array:
-        return -((2.0 * np.pi * self.frequency) ** 2) * self.amplitude * np.sin(self._angle(t))
-
     def highest_frequency(self, start: float, end: float) -> float:
         return self.frequency if self.amplitude else 0.0
 
     def bounds(self, start: float, end: float) -> Interval:
-        low, high = _sine_bounds(self.amplitude, *self._angle([start, end]).tolist())
+        low, high = _sine_bounds(self.strands[0], start, end)
         return Interval(self.offset + low, self.offset + high)
 
 
@@ -238,53 +242,33 @@ class Chirp(SignalBase):
         """Return the instantaneous frequency in Hz at the times t (any shape) in s, in the shape of t."""
         return np.interp(np.asarray(t, dtype=float), self.times, self.frequencies)
 
-    def _angle(self, t: ArrayLike) -> Array:
-        """Return the argument of the sine in rad at the times t (any shape) in s, in the shape of t."""
-        t = np.asarray(t, dtype=float)
-        knots, f = np.array(self.times), np.array(self.frequencies)
-        cycles = np.concatenate([[0.0], np.cumsum(np.diff(knots) * (f[1:] + f[:-1]) / 2.0)])
-        i = np.clip(np.searchsorted(knots, t, side="right") - 1, 0, len(knots) - 1)
-        since = np.where(t < knots[0], t - knots[0], t - knots[i])
-        mean_frequency = (f[i] + self.frequency(t)) / 2.0
-        return self.phase + 2.0 * np.pi * (cycles[i] + mean_frequency * since)
-
-    def value(self, t: ArrayLike) -> Array:
-        return self.amplitude * np.sin(self._angle(t))
-
     @property
     def strands(self) -> tuple[Strand, ...]:
         """Pieces of polynomials and sines whose sum is the chirp, one piece for each interval of its frequencies."""
         knots, f = np.array(self.times), np.array(self.frequencies)
         breaks = np.array([knots[0] - 1.0, *knots])  # before the first knot the frequency is constant
         slopes = np.array([0.0, *(np.diff(f) / np.diff(knots)), 0.0])
-        angles = np.column_stack([np.pi * slopes, 2.0 * np.pi * np.array([f[0], *f]), self._angle(breaks)])
+        cycles = np.cumsum([-f[0], f[0], *(np.diff(knots) * (f[1:] + f[:-1]) / 2.0)])
+        angles = np.column_stack(
+            [np.pi * slopes, 2.0 * np.pi * np.array([f[0], *f]), self.phase + 2.0 * np.pi * cycles]
+        )
         return (Strand(breaks, np.zeros((len(breaks), 1)), self.amplitude, angles),)
-
-    def rate(self, t: ArrayLike) -> Array:
-        return self.amplitude * np.cos(self._angle(t)) * 2.0 * np.pi * self.frequency(t)
-
-    def second_rate(self, t: ArrayLike) -> Array:
-        """Return the second time derivatives at times t (any shape) in s, in the shape of t."""
-        angle, omega = self._angle(t), 2.0 * np.pi * self.frequency(t)
-        knots = np.array(self.times)
-        i = np.searchsorted(knots, np.asarray(t, dtype=float), side="right") - 1
-        slopes = np.concatenate([[0.0], np.diff(self.frequencies) / np.diff(knots), [0.0]])[i + 1]
-        return self.amplitude * (2.0 * np.pi * slopes * np.cos(angle) - omega**2 * np.sin(angle))
 
     def highest_frequency(self, start: float, end: float) -> float:
         turns = [start, end, *(t for t in self.times if start <= t <= end)]
         return float(self.frequency(turns).max()) if self.amplitude else 0.0
 
     def bounds(self, start: float, end: float) -> Interval:
-        return _sine_bounds(self.amplitude, *self._angle([start, end]).tolist())  # no frequency is negative
+        return _sine_bounds(self.strands[0], start, end)  # no frequency is negative
 
     @property
     def breaks(self) -> Floats:
         return self.times
 
 
-def _sine_bounds(amplitude: float, first: float, last: float) -> Interval:
-    """Return the smallest and largest amplitude * sin(angle) for angles in rad from `first` up to `last`."""
+def _sine_bounds(strand: Strand, start: float, end: float) -> Interval:
+    """Return the smallest and largest value of a strand's sine within [start, end] s; its angle must not decrease."""
+    amplitude, first, last = strand.amplitude, strand.angle(start), strand.angle(end)
     values = [amplitude * np.sin(first), amplitude * np.sin(last)]
     for crest, value in ((0.25, amplitude), (0.75, -amplitude)):
         if np.floor(last / (2.0 * np.pi) - crest) > np.floor(first / (2.0 * np.pi) - crest):
