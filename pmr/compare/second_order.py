@@ -61,7 +61,7 @@ class SecondOrderEffect:
 
     @property
     def least_factor(self) -> float:
-        """Smallest buckling factor at these times."""
+        """Smallest of the buckling `factors`; inf if nothing presses at any of the times."""
         return float(self.factors.min())
 
     @property
@@ -74,7 +74,7 @@ class SecondOrderEffect:
 
     @property
     def largest_share(self) -> float:
-        """Largest share by which the stiffness changes at these times."""
+        """Largest of the `shares` by which the stiffness changes."""
         return float(self.shares.max())
 
     @property

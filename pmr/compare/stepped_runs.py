@@ -223,10 +223,10 @@ class Runs:
         return steps <= LONGEST and (self.halved < 2 or self.taken + steps <= self._budget)
 
     def sample_initial_run(self, first: Sample) -> Sample:
-        """Sample of the run with the given step and the given rho_inf.
+        """Sample of the run whose error is to be estimated, that on the grid `SteppedSystem.given`.
 
-        `first` is the sample of the first run, the only one so far.  It is returned itself if that run had the given
-        rho_inf and parts of steps too.
+        `first` is the sample of the only run so far.  It is returned itself if that run had the same rho_inf and the
+        same number of parts of a step, and if `SteppedSystem.run` is None; else the run is sampled.
         """
         grid, stepping = self._stepped.given, self.last_grid
         if self._stepped.run is None and (stepping.rho_inf, stepping.parts) == (grid.rho_inf, grid.parts):

@@ -98,7 +98,7 @@ def supports_at_lug(scene: Scene) -> tuple[Support, ...]:
 
 
 def cylinder_force_names(scene: Scene) -> tuple[str, ...]:
-    """Return the names that the force of a luffing cylinder with a stiffness may have."""
+    """Return the names under which results may store the force of a luffing cylinder with a stiffness."""
     return _force_names(scene.names[0], LUFFING_CYLINDER)
 
 
