@@ -200,7 +200,10 @@ def estimate_warnings(
 
 
 def error_envelope(error: Array) -> Array:
-    """Largest absolute value (T, o) of `error` (T, o), around each time, within two periods of its oscillation."""
+    """Largest absolute value (T, o) of `error` (T, o) in a window around each step.
+
+    For each output, the window has the width of two mean periods of the error, by its changes of sign.
+    """
     signs = np.signbit(error)
     crossings = np.count_nonzero(signs[1:] != signs[:-1], axis=0)
     width = np.empty_like(error)

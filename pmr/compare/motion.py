@@ -338,7 +338,7 @@ def force_round_off(body: SlidingBody, loads: Array, end: float, s: float) -> fl
 def _dynamic_stiffness(body: SlidingBody, end: float) -> Array | None:
     """Matrix K + (2 pi / end)^2 M (n, n) with held coordinates made rigid.
 
-    The result is None if the body has more than `LARGEST_COMPLIANCE` coordinates, or unless `end` in s is positive.
+    The result is None if the body has more than `LARGEST_COMPLIANCE` coordinates, or if `end` in s is not positive.
     """
     if body.size > LARGEST_COMPLIANCE or not end > 0.0:
         return None

@@ -99,7 +99,7 @@ def second_order_effect(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Seco
         \max_q \frac{\lvert q^T \sum_k c_k G_k\, q \rvert}{q^T K q}, \qquad C q = F \lambda,
 
     with contact rows C, compliance F and contact forces :math:`\lambda`.  All contacts are taken as closed.  `bodies`
-    are the models of all bodies, by name.  For a load P along a column that buckles at P_cr it is P / P_cr.
+    are the models of all bodies, by name.  A load P along a column that buckles at P_cr has the share P / P_cr.
 
     If second order is left out, the relative error of a static deflection is that share.  A vibration then lags by
     :math:`\pi` times that share (as a phase in rad) in each period.  The measurements in docs/moving_frame.md are the

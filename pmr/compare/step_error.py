@@ -101,7 +101,7 @@ class ConvergenceSeries(Generic[Compared]):
     def error_bound(self) -> float:
         """Error of the given run, a fraction: its difference to the last run, plus the `remainder`.
 
-        If the last difference is smaller than the remainder, it is added in its place.
+        If the difference of the last two runs is smaller than the remainder, that difference is added instead.
         """
         return self.difference_to_last + min(self.remainder, self.differences[-1])
 

@@ -306,7 +306,7 @@ def simulate_saved(system: System, scene: Scene) -> RunResult:
 
 
 def _estimated_error(scene: Scene, simulated: SimulatedSystem, clock: Clock) -> ReductionError:
-    """Estimated error of the reduction; without values for a file of an earlier version (reason: `EARLIER`)."""
+    """Estimated error of the reduction; for models from a file of an earlier version the reason `EARLIER` instead."""
     error = reduction_error(scene, simulated, clock)
     bodies, estimated = simulated.system.reduced.items(), all(part.reduction.estimate for part in scene.sections)
     if estimated and any(model.cylinder_modes and name not in simulated.system.on_modes for name, model in bodies):

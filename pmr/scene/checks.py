@@ -278,8 +278,8 @@ def moved_sections(scene: Scene, number: int) -> dict[int, tuple[float, float]]:
 def _check_moved_sections(scene: Scene, number: int, free: str) -> None:
     """Refuse ropes, cylinders that give way, and models without displacements along the boom on sections that move.
 
-    Sections that move are section `number`, with the free extension that `free` names in messages, and all sections
-    that follow it.
+    Sections that move are section `number`, whose extension is free, and all sections that follow it.  `free` is the
+    name of this extension in messages.
     """
     for k in moved_sections(scene, number):
         joint, key = scene.joint(k), f"sections[{k}].joint"

@@ -115,9 +115,10 @@ class Damping(ShorthandTable):
     @model_validator(mode="before")
     @classmethod
     def _resolve_ratio(cls, data: object) -> object:
-        """Add `mass` and `stiffness` as they follow from `ratio` and `frequencies`, if one of these is given.
+        """Add `mass` and `stiffness` as they follow from `ratio` and `frequencies`; without both, change nothing.
 
-        Refuses other keys together with these, a negative ratio, and anything but two ascending positive frequencies.
+        Refuses one of the two without the other, a further key beside them, a negative ratio, and anything but two
+        ascending positive frequencies in Hz.
         """
         if not (isinstance(data, dict) and {"ratio", "frequencies"} & set(data)):
             return data
