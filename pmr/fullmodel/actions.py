@@ -74,7 +74,7 @@ class Warmth:
 
 @dataclass(frozen=True)
 class LineLoad:
-    """A force per length along `direction` on a beam, a Legendre polynomial of its length; its input is in N/m."""
+    """A force per length along `direction`, a Legendre polynomial of the body's length; its input is in N/m."""
 
     name: str
     direction: str

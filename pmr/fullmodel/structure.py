@@ -28,7 +28,7 @@ from pmr.fullmodel.model import FullModel, Operators, RigidMotions, masses_of, o
 from pmr.fullmodel.moving import FrameAssembler, acceleration_field
 from pmr.fullmodel.pads import Pads, Restraints, restrain
 from pmr.fullmodel.walls import Walls
-from pmr.models import DIRECTIONS, StructuralModel, is_beam
+from pmr.models import DIRECTIONS, StructuralModel, is_assembled, is_beam
 from pmr.models.matrices import Matrices
 from pmr.scene import Damping
 from pmr.scene.structures import PointMass, unit_vector
@@ -42,6 +42,10 @@ class Clamp:
 
     on: str
     directions: tuple[str, ...] = ("x", "y", "z", "rx", "ry", "rz")
+
+
+#: Number of cross-sections at which a force per length acts on a body that is no beam.
+SECTIONS = 24
 
 
 @dataclass(frozen=True)
@@ -137,15 +141,15 @@ class Coupling:
         """Forces on the n' coordinates z by one unit of the input of `load`, as a row (1, n'); collective.
 
         M is the model's mass matrix.  `moving` assembles the loads of acceleration fields.  Raises InputError for
-        temperatures and line loads on a body that is no beam.
+        temperatures on a body that is no beam.
         """
         if isinstance(load, Action):
             return self.rows([load])
-        if isinstance(load, Warmth | LineLoad):
+        if isinstance(load, LineLoad):
+            return sp.csr_matrix(_line_load_row(self.model, load) @ self.T)
+        if isinstance(load, Warmth):
             if not is_beam(self.model):
                 raise InputError("scene", "loads.acts", load.name, "'force' is allowed on a body that is no beam")
-            if isinstance(load, LineLoad):
-                return sp.csr_matrix(self.model.line_load(load.direction, load.degree) @ self.T)
             return sp.csr_matrix(self.model.bending_load(load.direction, load.gradient) @ self.T)
         if isinstance(load, Inertia):
             return self._acceleration_row(load.name, moving.acceleration_load(load.name))
@@ -174,6 +178,25 @@ class Coupling:
                 _inertia(mass, self.model.directions, S) @ (self.model.motion(mass.on, _centre(mass)) @ motion)
             )
         return sp.csr_matrix(row)
+
+
+def _line_load_row(model: StructuralModel, load: LineLoad) -> sp.csr_matrix:
+    """Row (1, n) of a force per length of a model, spread over each cross-section: a Legendre polynomial of the length.
+
+    The row of a beam is exact, as the displacements in an element are cubic.  On other models Gauss' rule along the
+    whole body takes it at `SECTIONS` cross-sections; the sum of the forces and their moments are exact.
+    """
+    assert is_assembled(model)  # the scene's check refuses wind on given matrices
+    x, degree = model.grid.points[:, 0], load.degree
+    nodes = model.node_stations
+    ends = np.array([[x.min(), x.max()]]) if nodes is None else nodes[model.grid.cells]
+    points, weights = np.polynomial.legendre.leggauss(SECTIONS if nodes is None else 3 + degree // 2)
+    half = np.diff(ends, axis=1) / 2.0
+    places = (ends.mean(axis=1)[:, None] + half * points).ravel()
+    amounts = np.polynomial.legendre.legval(2.0 * places / x.max() - 1.0, np.eye(degree + 1)[degree])
+    along = [d for d in model.directions if d in "xyz"]
+    rows = model.displacement(*places.tolist())[along.index(load.direction) :: len(along)]
+    return sp.csr_matrix((amounts * (half * weights).ravel()) @ rows)
 
 
 def couple(structure: Structure) -> Coupling:

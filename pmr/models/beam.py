@@ -163,20 +163,6 @@ class Beam(FiniteElementModel, ABC):
             np.add.at(load, d * self.first + slope, gradient * stiffness)
         return sp.csr_matrix(load @ self.transformation)
 
-    def line_load(self, direction: str, degree: int) -> sp.csr_matrix:
-        """Row (1, n) of a force per length on the centroids along `direction`: a Legendre polynomial of the length.
-
-        `degree` is that of the polynomial.  The row is exact, as the displacements in an element are cubic.
-        """
-        points, weights = np.polynomial.legendre.leggauss(3 + degree // 2)
-        ends = self.node_stations[self.grid.cells]
-        x = (ends.mean(axis=1)[:, None] + np.diff(ends, axis=1) / 2.0 * points).ravel()
-        amounts = np.polynomial.legendre.legval(2.0 * x / self.body.length - 1.0, np.eye(degree + 1)[degree])
-        amounts *= (np.diff(ends, axis=1) / 2.0 * weights).ravel()
-        along = [d for d in self.directions if d in "xyz"]
-        rows = self.displacement(*x.tolist())[along.index(direction) :: len(along)]
-        return sp.csr_matrix(amounts @ rows)
-
     def motions(self, places: Array) -> sp.csr_matrix:
         """Rows (k d, n) that measure the d displacements and rotations of the axis at `places` (k,) in m along it."""
         return self._axis_rows(places, np.eye(len(self.directions)))

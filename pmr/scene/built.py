@@ -353,7 +353,7 @@ def friction_name(section: str) -> str:
 KEYS_OF_LOADS = (
     dict.fromkeys(("on", "axes", "point"), ("force",)) | {"direction": ("force", "temperature")}
     | {"expansion": ("temperature",), "depth": ("temperature", "wind")}
-    | dict.fromkeys(("azimuth", "shape", "exponent", "reference", "least", "above"), ("wind",))
+    | dict.fromkeys(("azimuth", "slews", "shape", "exponent", "reference", "least", "above"), ("wind",))
 )  # fmt: skip
 #: Axes across a beam along which wind presses, and number of polynomials along the beam for each.
 PRESSED: tuple[Direction, ...] = ("y", "z")
@@ -367,7 +367,7 @@ class PlacedLoad(SceneTable):
     on: Name | Place = Field(default="tip", description="A named group, or a place along x in m")
     acts: Literal["force", "temperature", "wind"] = Field(
         default="force",
-        description="What it is: a force or moment, or, on a beam, a difference of temperature across it or wind",
+        description="What it is: a force or moment, wind, or, on a beam, a difference of temperature across it",
     )
     direction: Direction = Field(
         default="z", description="Direction of the force, axis of the moment, or side that is warmer: z above, y left"
@@ -400,9 +400,9 @@ class Load(PlacedLoad):
     distance d, bends a free beam with the curvature :math:`\alpha \Delta T / d`, away from the warmer face.
 
     Wind has the pressure :math:`q = q_r (Z / Z_r)^{2 p}` at the height Z above the ground, constant below `least`.  It
-    presses on the part of a beam that is outside of other sections.  Its force per length along each of the beam's axes
-    y and z is :math:`c\, q\, d\, e |e|`.  In it, c is the shape factor, d the depth that the wind meets, and e the
-    component along this axis of the unit vector in which the wind blows.
+    presses on the part of a section that is outside of other ones.  Its force per length along each of the axes y and z
+    of the section is :math:`c\, q\, d\, e |e|`.  In it, c is the shape factor, d the depth that the wind meets, and e
+    the component along this axis of the unit vector in which the wind blows.
     """
 
     expansion: Annotated[float, Quantity("1/K", 1e-9, 1.0), Usual(1e-6, 1e-4)] = Field(
@@ -415,6 +415,10 @@ class Load(PlacedLoad):
     )
     azimuth: Annotated[float, Quantity("frame.unit", -720.0, 720.0), Usual(0.0, 400.0)] = Field(
         default=0.0, description="Angle of the direction in which wind blows, from X of the ground to the left"
+    )
+    slews: Switch = Field(
+        default=False,
+        description="Whether wind turns with the boom as it slews: azimuth is then the angle from the boom",
     )
     shape: Positive = Field(default=1.0, description="Shape factor of wind")
     exponent: Share = Field(default=0.0, description="Exponent p of the wind's speed over the height")

@@ -401,7 +401,9 @@ def _load_effects(scene: Scene) -> list[str]:
     if scene.frame is None and not any(part.body.box for part in scene.sections):
         return []
     acting = {load.acts for load in loads}
-    clauses = [] if "wind" in acting else ["wind on the sections"]
+    calm = [part.name for part in scene.sections if not any(load.acts == "wind" for load in part.loads)]
+    clauses = ["wind on the sections"] if len(calm) == len(scene.sections) else ["wind on machine and payload"]
+    clauses += [f"wind on {' and '.join(calm)}"] if 0 < len(calm) < len(scene.sections) else []
     clauses += [] if "temperature" in acting else ["temperature"]
     if any(mass.payload for mass in masses):
         clauses.append("rope and swing of the payload (it is fixed to the tip)")

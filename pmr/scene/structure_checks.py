@@ -76,9 +76,10 @@ def _check_ground_loads(member: Member) -> None:
 def _check_points_wind_and_temperatures(member: Member) -> None:
     """Check points of loads, wind and temperatures of a section; raise InputError with the key of the first fault.
 
-    A load's point is refused on a planar beam.  Wind and temperatures are refused on a body that is no beam, without
-    `depth` if the body has no box or one that varies along it.  Wind is also refused without [frame], and from the side
-    on a planar beam; a temperature is refused together with probes that measure more than displacements.
+    A load's point is refused on a planar beam.  Wind and temperatures are refused without `depth` if the body has no
+    box or one that varies along it.  Wind is also refused on matrices, without [frame], and from the side on a planar
+    beam; a temperature is refused on a body that is no beam, and together with probes that measure more than
+    displacements.
     """
     box, varies = member.part.body.box, member.part.body.box is not None and bool(member.part.body.box.varying_keys)
     for i, load in enumerate(member.part.loads):
@@ -88,8 +89,9 @@ def _check_points_wind_and_temperatures(member: Member) -> None:
             )
         if load.acts == "force":
             continue
-        allowed = "'force' is allowed on a body that is no beam"
-        refuse(not traits_of(member).is_beam, f"loads[{i}].acts", load.acts, allowed)
+        traits = traits_of(member)
+        bears = traits.is_beam or load.acts == "wind" and traits.has_cells
+        refuse(not bears, f"loads[{i}].acts", load.acts, f"'force' is allowed on {traits.words}")
         if load.acts == "wind" and member.frame is None:
             raise scene_error(f"loads[{i}].acts", "wind", "'force' is allowed without [frame], which says where up is")
         if member.frame is not None and traits_of(member).is_planar and load.blows_sideways(member.frame.unit):

@@ -319,7 +319,7 @@ class WindOnSection(FrameSignal):
 
     angles: tuple[SignalBase, ...]  # rad: luffing and slewing, then those of a base that turns
     section: ExposedSection
-    azimuth: float  # rad
+    azimuth: float  # rad, from X of the ground, or from the boom if `load.slews`
     factors: tuple[float, float]  # m: shape factor times depth along y and along z
     load: Load  # signal of the pressure in Pa at the reference height, and profile over the height
     above: float  # m: of the pivot above the ground, without `rise`
@@ -382,7 +382,8 @@ def _amplitudes(wind: WindOnSection, t: bytes) -> Array:
     times, section, load = np.frombuffer(t), wind.section, wind.load
     luffing, slewing, *rocking = wind.angles
     turning = FrameRotation.from_signals(luffing, slewing, times, rocking)
-    blown = turning.rotation[:, 0] * np.cos(wind.azimuth) + turning.rotation[:, 1] * np.sin(wind.azimuth)
+    azimuth = wind.azimuth + (slewing.value(times)[:, None] if load.slews else 0.0)
+    blown = turning.rotation[:, 0] * np.cos(azimuth) + turning.rotation[:, 1] * np.sin(azimuth)
     up, extensions = turning.up, [path.value(times) for path in section.paths]
     pivot = wind.above + wind.rise.value(times)
     tail = pivot + up @ np.array(section.pivot) + up[:, 0] * np.sum([np.zeros(len(times)), *extensions], axis=0)

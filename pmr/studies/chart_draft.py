@@ -17,14 +17,14 @@ from pmr.errors import BEYOND_ENDS, InputError
 from pmr.errors.environment import is_installed
 from pmr.results.quantities import DIRECTION, resultant_name, stress_remark
 from pmr.scene import Scene
-from pmr.scene.choice import has_unlike_side_walls, lateral_load_reasons
+from pmr.scene.choice import has_unlike_side_walls, is_planar, lateral_load_reasons
 from pmr.scene.frame import Frame
-from pmr.scene.ground import Ground
 from pmr.scene.hints import boom_scales
 from pmr.scene.joint_checks import check_extension
 from pmr.scene.keys import SceneTable, key_error
 from pmr.scene.members import members, pads_on_faces, ring_name, seats
 from pmr.scene.signals import Constant
+from pmr.simulation.statics.postures import with_wind
 from pmr.studies.study import Count
 from pmr.system.from_scene import force_names
 
@@ -78,15 +78,17 @@ def _is_symmetric(scene: Scene, axis: int) -> bool:
     mirrored = {tuple(-value if k == axis else value for k, value in enumerate(at)) for at in places}
     still = sum(mass.mass * mass.at[axis] for mass in ground.masses if not mass.slews)
     is_level = not any(ground.slope) and frame.base is None
-    return places == mirrored and not still and is_level and not _is_lateral(scene, frame, ground)
+    return places == mirrored and not still and is_level and not _is_lateral(scene)
 
 
-def _is_lateral(scene: Scene, frame: Frame, ground: Ground) -> bool:
+def _is_lateral(scene: Scene) -> bool:
     """Return whether anything that slews is away from the boom's vertical plane, or a load may act out of this plane.
 
     Payloads do not count, as a chart leaves them out.
     """
-    beside = [frame.tail_position[1], *(mass.at[1] for mass in ground.masses if mass.slews)]
+    frame = scene.frame
+    beside = [] if frame is None else [frame.tail_position[1]]
+    beside += [mass.at[1] for mass in frame.ground.masses if mass.slews] if frame is not None and frame.ground else []
     for member in members(scene):
         part, section = member.part, member.part.body.section
         beside += [mass.at[1] for mass in part.masses if mass.at is not None and not mass.payload]
@@ -114,6 +116,23 @@ def _slewing_angles(scene: Scene, frame: Frame) -> list[float]:
     width = min(high - low, turn)
     count = max(math.ceil(SLEWING_STEPS * width / turn - 1e-9), 1 if width > 0.0 else 0)
     return [low + width * k / max(count, 1) for k in range(count + (width < turn))]
+
+
+def _winds(scene: Scene, frame: Frame) -> dict[str, float | None]:
+    """Return the azimuths of wind in service by the names of load cases: from behind, and from the sides in space.
+
+    They are angles from the boom in the frame's unit.  If left and right of the boom are alike, one side counts.  If no
+    section has a box or wind of its own, there is one case without wind, whose azimuth is None.
+    """
+    if with_wind(scene, "wind", 0.0, 1.0) == scene:
+        return {"hoisting": None}
+    quarter = 90.0 if frame.unit == "degrees" else math.pi / 2.0
+    winds: dict[str, float | None] = {"wind from behind": 0.0}
+    if not any(map(is_planar, members(scene))):
+        winds["wind from the right"] = quarter
+        if _is_lateral(scene):
+            winds["wind from the left"] = -quarter
+    return winds
 
 
 class WallLimit(NamedTuple):
@@ -200,8 +219,8 @@ def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
 
     Limits are tipping, the stress at probes, the allowed forces of the luffing cylinder and of supports, the allowed
     pressure of pads, and the stress of walls at pads, as far as the scene has what they need.  The stress of walls is
-    computed on shells of the sections, on which the pads press.  `up_to` is the largest load in kg.  The scene is one
-    that `check_chart` accepts.
+    computed on shells of the sections, on which the pads press.  Load cases have a factor of hoisting, and wind on the
+    sections.  `up_to` is the largest load in kg.  The scene is one that `check_chart` accepts.
     """
     from jinja2 import Environment, PackageLoader
 
@@ -237,6 +256,7 @@ def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
         tips=scene.frame.ground is not None,
         stress=1e-6 * min(filter(None, yields)) if yields and all(yields) else None,  # MPa
         walls=_wall_limits(scene),
+        winds=_winds(scene, scene.frame),
         cylinder=_allowed_luffing_forces(scene),
         supports=_support_limits(scene),
         pressed=any(np.isfinite(pad.allowed_force) for pad in pads_on_faces(scene).values()),

@@ -218,7 +218,7 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     pages = governing_details(chart.limits, at_best, arrays["load"][best, np.arange(len(best))], bent, stops)
     remarks = [_remark(scene, limit) for limit in chart.limits]
     has_play = "play" in models.comparisons
-    left_out_rows = np.array(list(left_out_of_chart(scene, chart.limits, has_play).items()))
+    left_out_rows = np.array(list(left_out_of_chart(scene, chart.limits, cases, has_play).items()))
     pages |= {"place": best, "remarks": np.array([*remarks, ""]), "left_out": left_out_rows}
     play = {"play of pads": _play_words(float(needs["postures"].arrays["gap"]))} if has_play else {}
     pages["definitions"] = np.array(list((chart_definitions(scene, arguments.get("point")) | play).items()))
@@ -290,16 +290,19 @@ def errors_not_covered(by_point: Array) -> str:
     return CLAUSES.join(of if n == points else f"{of} at {n} of {points} points" for of, n in counts.items())
 
 
-def left_out_of_chart(scene: Scene, limits: Sequence[Limit], has_play: bool) -> dict[str, str]:
+def left_out_of_chart(
+    scene: Scene, limits: Sequence[Limit], cases: Sequence[Summary], has_play: bool
+) -> dict[str, str]:
     """Return what a chart of a scene leaves out, as text by subject, such as ``motion``.
 
-    The subjects are the limits, the motion, and what the model lacks.  `has_play` says whether the error bars have a
-    part for the play of pads.
+    The subjects are the limits, the motion, and what the model lacks.  `cases` are those in service, as
+    `LoadCase.acting_amounts` returns them.  `has_play` says whether the error bars have a part for the play of pads.
     """
     usual = dict.fromkeys(kind.words for kind in KINDS.values() if kind.words)
     lacking = [words for words in usual if words not in {limit.kind.words for limit in limits}]
     rows = {"limits that are not set": ", ".join(lacking)} if lacking else {}
-    rows["motion"] = "inertia and swings by hoisting, luffing, slewing and telescoping"
+    hoisting = "hoisting beyond the factor of the load" if all(case["load"] > 1.0 for case in cases) else "hoisting"
+    rows["motion"] = f"inertia and swings by luffing, slewing, telescoping and {hoisting}"
     if "field" not in {limit.of for limit in limits}:
         rows["places without a limit"] = (
             "walls away from probes and pads, as beside the feet and lugs of cylinders; tubes and rods of cylinders"

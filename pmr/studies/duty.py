@@ -301,19 +301,35 @@ class Exposed(SceneTable):
 class Wind(SceneTable):
     r"""Wind of constant speed, with a force :math:`F = q A c` on each area, where :math:`q = \rho v^2 / 2`.
 
-    A is the area, c its shape factor, :math:`\rho` the density of the air and v the speed.
+    A is the area, c its shape factor, :math:`\rho` the density of the air and v the speed.  Without areas the wind has
+    the pressure q on all sections of the boom, as far as they are outside of other sections (`pmr.scene.built.Load`).
     """
 
     speed: Annotated[float, Field(gt=0.0), Usual(0.5, 75.0, unit="m/s")] = Field(description="m/s")
     density: Annotated[float, Field(gt=0.0), Usual(0.5, 2.0, unit="kg/m^3")] = Field(
         default=1.25, description="Density of the air, kg/m^3"
     )
-    on: Annotated[tuple[Exposed, ...], Field(min_length=1)] = Field(description="Areas that the wind acts on")
+    on: tuple[Exposed, ...] = Field(
+        default=(), description="Areas that the wind acts on; without them it blows on all sections of the boom"
+    )
+    azimuth: Annotated[float, Usual(0.0, 400.0)] = Field(
+        default=0.0,
+        description="Without `on`: angle from the boom to the direction in which the wind blows, to the left, in the "
+        "scene's unit of angles; 0 blows from behind",
+    )
+    shape: Annotated[float, Field(gt=0.0)] = Field(
+        default=1.6, description="Without `on`: shape factor of sections that have no wind of their own in the scene"
+    )
 
     @property
     def pressure(self) -> float:
         """Dynamic pressure q in Pa."""
         return self.density * self.speed**2 / 2.0
+
+    @property
+    def section_load(self) -> str:
+        """Name of the load on all sections; empty if the wind acts on areas."""
+        return "" if self.on else f"wind {self.azimuth:g} by {self.shape:g}"
 
     @property
     def forces(self) -> dict[str, float]:
@@ -322,6 +338,11 @@ class Wind(SceneTable):
         for exposed in self.on:
             by_load[exposed.load] = by_load.get(exposed.load, 0.0) + self.pressure * exposed.area * exposed.shape
         return by_load
+
+    @property
+    def acting(self) -> dict[str, float]:
+        """Forces in N by the name of a load or, without areas, the pressure in Pa by the name of the sections' load."""
+        return self.forces or {self.section_load: self.pressure}
 
 
 class Hoist(SceneTable):
@@ -410,9 +431,9 @@ class LoadCase(SceneTable):
 
         ``weight`` and ``machine`` are the factors on the weights of the boom and of the machine.  ``load`` is the
         factor on the load that is searched for, times the hoisting factor with the hoisting `classes`.  ``loads`` maps
-        the names of the scene's loads to their values in N or N m; forces of the wind are added.
+        the names of the scene's loads to their values in N or N m; forces or the pressure of the wind are added.
         """
-        load, loads = self.load * self.hoisting_factor(classes), self.loads | (self.wind.forces if self.wind else {})
+        load, loads = self.load * self.hoisting_factor(classes), self.loads | (self.wind.acting if self.wind else {})
         factors = {"weight": self.weight, "machine": self.machine, "load": load}
         return {"name": self.name, **factors, "loads": loads}
 

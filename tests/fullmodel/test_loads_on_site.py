@@ -140,7 +140,7 @@ def test_keys_of_loads_that_contradict_each_other_are_refused_in_one_line(load: 
     [
         ("beam2d", warmth("y"), r"direction = 'y': x, z and ry are allowed for beam2d"),
         ("beam2d", {"point": [6.0, 0.0, 1.0], "signal": still(1.0)}, "point.*a model in space is allowed"),
-        ("shell", warmth(), r"acts = 'temperature': 'force' is allowed on a body that is no beam"),
+        ("shell", warmth(), r"acts = 'temperature': 'force' is allowed on a shell"),
     ],
 )
 def test_loads_that_a_body_can_not_have_are_refused(model: str, load: dict[str, Any], told: str) -> None:

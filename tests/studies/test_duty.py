@@ -2,12 +2,22 @@
 
 import csv
 import io
+import tomllib
 
 import numpy as np
+import plain_machines
 import pytest
 
 from pmr.errors import letters
+from pmr.scene import load_any
+from pmr.scene.members import member_at
+from pmr.simulation.at_rest import scene_at_rest
+from pmr.simulation.frame import load_signals
+from pmr.simulation.statics.postures import load_names
+from pmr.studies.chart_draft import chart_study_text
 from pmr.studies.duty import NOT_LIMITED, DutyTable, LeastLoads
+from pmr.studies.kinds.chart import Study
+from pmr.studies.tasks import scene_of
 
 UP_TO = 5000.0
 
@@ -163,3 +173,19 @@ def test_boom_lengths_that_are_equal_are_told_apart_by_their_extensions() -> Non
     cells = dict(zip(heads, last, strict=True))
     assert float(cells["12 m (middle 3.5 + fly 3): load [kg]"]) == pytest.approx(9000.0 / 12.0)
     assert float(cells["12 m (middle 3 + fly 3.5): load [kg]"]) == pytest.approx(8000.0 / 12.0)
+
+
+def test_a_drafted_chart_has_the_factor_of_hoisting_and_wind_on_all_sections(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From behind and, as something of this boom is beside its plane, from both sides at every slewing angle."""
+    monkeypatch.setattr("pmr.studies.chart_draft.is_installed", lambda _: False)  # without walls at pads
+    text = chart_study_text(plain_machines.CRANE, load_any(plain_machines.CRANE), 5000.0)
+    row = Study.model_validate(tomllib.loads(text)).plan().runs[0]
+    acting = [(case["load"], case["loads"]) for case in row.arguments["cases"]]
+    assert acting == [(pytest.approx(1.202), {f"wind {azimuth} by 1.6": 122.5}) for azimuth in (0, 90, -90)]
+    scene = scene_of(row.arguments)
+    at_rest = scene_at_rest(scene, {}, 0.0, np.deg2rad(70.0), dict.fromkeys(load_names(scene), 100.0))
+    for number, part in enumerate(scene.sections):
+        side = float(load_signals(at_rest, member_at(at_rest, number))["wind 90 by 1.6 y 0"].value(0.0))
+        outside = 1.0 if not number else float(at_rest.extension(number).value(0.0)) / part.length
+        assert part.body.box is not None
+        assert side == pytest.approx(100.0 * 1.6 * part.body.box.height * outside)

@@ -56,17 +56,36 @@ def case_sentence(asked: Summary) -> str:
     if plain and calm:
         swings = "motion: stops on pages of limits alone" if asked.get("stops") else "no motion"
         return f"Static, factors of load and weight 1.0, no wind, {swings}: not a rated capacity."
-    texts = []
+    names, lifted = dict[str, list[str]](), []
     for case in cases:
-        factor = case.load * case.hoisting_factor(asked["classes"])
-        acting = [
-            f"{name} {force:.4g}{SPACE}N" for name, force in case.acting_amounts(asked["classes"])["loads"].items()
-        ]
-        loads = ", ".join(acting) or "no wind"
-        factors = f"factor of load {factor:.4g}, of the boom's weight {case.weight:.4g}"
+        lifted.append(case.load * case.hoisting_factor(asked["classes"]))
+        loads = ", ".join(filter(None, (_acting_forces(case), _wind_words(case)))) or "no wind"
+        factors = f"factor of load {lifted[-1]:.4g}, of the boom's weight {case.weight:.4g}"
         factors += "" if case.machine == 1.0 else f", of the machine's {case.machine:.4g}"
-        texts.append(f"{case.name} ({factors}, {loads})")
-    return f"Static, for {'; '.join(texts)}."
+        names.setdefault(f"{factors}, {loads}", []).append(case.name)
+    parts = {"a factor of the load": min(lifted) > 1.0, "wind": all(case.wind for case in cases)}
+    contained = [part for part, is_in in parts.items() if is_in]
+    missing = [part for part in parts if part not in contained]
+    missing = [f"{part} beyond these loads" if part == "wind" and not calm else part for part in missing]
+    missing += ["wind on load and machine"] * parts["wind"]
+    missing.append("stops, but on pages of limits" if asked.get("stops") else "stops of luffing and slewing")
+    contains = f"contain {' and '.join(contained)}, and do not" if contained else "do not"
+    texts = [f"{' and '.join(alike)} ({words})" for words, alike in names.items()]
+    return f"Static, for {'; '.join(texts)}. The loads {contains} contain: {', '.join(missing)}."
+
+
+def _acting_forces(case: LoadCase) -> str:
+    """List the loads of the scene that act in a case, with their values, and the forces of wind on areas."""
+    forces = case.loads | (case.wind.forces if case.wind else {})
+    return ", ".join(f"{name} {force:.5g}{SPACE}N" for name, force in forces.items())
+
+
+def _wind_words(case: LoadCase) -> str:
+    """Words on the wind of a case: its speed and pressure and, if it acts on no areas, the shape factor of sections."""
+    if case.wind is None:
+        return ""
+    speed = f"wind of {case.wind.speed:g}{SPACE}m/s, {case.wind.pressure:.4g}{SPACE}Pa"
+    return speed if case.wind.on else f"{speed}, on the sections, shape factor {case.wind.shape:g} where they have none"
 
 
 def slewing_clause(angles: Array) -> str:
@@ -226,9 +245,6 @@ def case_grid(study: FinishedStudy) -> Grid:
             if case.hoisting_class is None
             else f"{case.load:g} × {hoisted:.4g} ({case.hoisting_class})"
         )
-        wind = "–" if case.wind is None else f"{case.wind.speed:g}{SPACE}m/s, {case.wind.pressure:.4g}{SPACE}Pa"
-        forces = case.loads | (case.wind.forces if case.wind else {})
-        acting = ", ".join(f"{name} {force:.5g}{SPACE}N" for name, force in forces.items()) or "–"
         stands = study.figures.get(f"stands.{case.name}")
         verdict = "in service" if case.in_service else f"stands at {stands} points"
         rows.append(
@@ -237,8 +253,8 @@ def case_grid(study: FinishedStudy) -> Grid:
                 f"{case.weight:g}",
                 f"{case.machine:g}",
                 load if case.in_service else "0",
-                wind,
-                acting,
+                _wind_words(case).removeprefix("wind of ") or "–",
+                _acting_forces(case) or "–",
                 verdict,
                 case.standard or "–",
             )

@@ -17,7 +17,7 @@ from pmr.results.quantities import FORCE, Columns
 from pmr.results.response import Output
 from pmr.scene import Scene
 from pmr.scene.built import Load
-from pmr.scene.choice import motion_directions
+from pmr.scene.choice import motion_directions, traits_of
 from pmr.scene.keys import LUFFING
 from pmr.scene.members import members
 from pmr.scene.rotation import FrameRotation, boom_rotation
@@ -97,6 +97,27 @@ def with_hook(scene: Scene, point: tuple[float, float, float] | None = None) -> 
     return scene.model_copy(update={"sections": parts, "frame": frame, "recovery": None})
 
 
+def with_wind(scene: Scene, name: str, azimuth: float, shape: float) -> Scene:
+    """Scene with wind that turns with the boom, a load of this `name`, on each section whose depth is known.
+
+    `azimuth` is the angle from the boom to the direction in which the wind blows, in the unit of the scene's frame.  A
+    section with wind of its own keeps the shape factor, depth and profile over the height of this wind; others have the
+    factor `shape`, and a box that varies along its section meets the wind with its largest dimension.  There is none on
+    bodies without a box, nor on given matrices.
+    """
+    blows = {"name": name, "azimuth": azimuth, "slews": True, "signal": Constant(amount=0.0)}
+    parts = list[Any]()
+    for member in members(scene):
+        part, box = member.part, member.part.body.box
+        own = next((load for load in part.loads if load.acts == "wind"), None)
+        if own is None and box is not None and traits_of(member).kind != "matrices":
+            profiles = [box.profile_at(x) for x in box.breaks] if box.varying_keys else []
+            depth = max((max(profile.width, profile.height) for profile in profiles), default=None)
+            own = Load(acts="wind", shape=shape, depth=depth, **blows)
+        parts.append(part if own is None else part.with_keys(loads=(*part.loads, own.model_copy(update=blows))))
+    return scene.with_keys(sections=tuple(parts))
+
+
 def hook_offset(scene: Scene) -> Array:
     """Place (3,) in m of `HOOK` from the end of the last section's axis, in a scene made by `with_hook`."""
     last = scene.sections[-1]
@@ -166,7 +187,7 @@ class UnitLoads:
         f and c of a load of the scene are what one unit of this load adds to f and c of the boom's weight alone.
         """
         assert scene.gravity is not None
-        names = _load_names(scene)
+        names = load_names(scene)
         unit = dict.fromkeys(names, 1.0) | {HOOK: -scene.gravity.acceleration}
         numbers, f, c = np.arange(postures.count, dtype=float), list[Array](), list[Array]()
         for acting in ("", *names):
@@ -339,7 +360,7 @@ def side_positions(system: System, postures: PostureSet) -> Array:
     return np.ascontiguousarray(x)
 
 
-def _load_names(scene: Scene) -> list[str]:
+def load_names(scene: Scene) -> list[str]:
     """Names of all loads of the scene's sections, each once."""
     return list(dict.fromkeys(load.name for part in scene.sections for load in part.loads))
 
@@ -349,7 +370,7 @@ def _still_scene(scene: Scene, postures: PostureSet, loads: Mapping[str, float] 
 
     All other loads are zero; None stands for no loads.
     """
-    acting = dict.fromkeys(_load_names(scene), 0.0) | dict(loads or {})
+    acting = dict.fromkeys(load_names(scene), 0.0) | dict(loads or {})
     return scene_at_rest(scene, postures.extensions, postures.luffing, postures.slewing, acting)
 
 

@@ -23,7 +23,7 @@ from pmr.scene.hints import hints, table_hints
 from pmr.scene.keys import Usual, key_error
 from pmr.scene.members import members
 from pmr.scene.tomlfiles import Change
-from pmr.simulation.statics.postures import HOOK, with_hook
+from pmr.simulation.statics.postures import HOOK, load_names, with_hook, with_wind
 from pmr.studies import tasks
 from pmr.studies.chart_draft import Range, check_at_rest, check_slewing, extension_rows
 from pmr.studies.chart_models import compute_postures, compute_richer_postures
@@ -346,7 +346,29 @@ class Study(StudyBase):
             case.check_loads(f"cases[{k}]", forces)
         if any(stop.of == "slewing" for stop in self.stops) and scene.frame.slewing is None:
             raise InputError("study", "stops", "slewing", "a scene whose [frame] has a slewing angle is allowed")
-        return scene.with_keys(frame={"second_order": True})
+        return self._with_winds(scene.with_keys(frame={"second_order": True}))
+
+    def _with_winds(self, scene: Scene) -> Scene:
+        """The scene with a load on its sections for each wind of the cases that acts on no areas.
+
+        Raises InputError if no section can have it, and for wind from the side on a planar boom.
+        """
+        frame = scene.frame
+        assert frame is not None
+        for k, case in enumerate(self.cases):
+            wind, key = case.wind, f"cases[{k}].wind"
+            if wind is None or wind.on or wind.section_load in load_names(scene):
+                continue
+            frame.refuse_without_unit(f"{key}.azimuth", wind.azimuth, "study")
+            before, scene = scene, with_wind(scene, wind.section_load, wind.azimuth, wind.shape)
+            if scene == before:
+                allowed = "areas are needed, as no section has a box or wind of its own"
+                raise InputError("study", f"{key}.on", None, allowed)
+            blowing = next(load for part in scene.sections for load in part.loads if load.name == wind.section_load)
+            if any(map(is_planar, members(scene))) and blowing.blows_sideways(frame.unit):
+                allowed = "0 or half a turn is allowed on a planar beam, which side wind does not move"
+                raise InputError("study", f"{key}.azimuth", wind.azimuth, allowed)
+        return scene
 
     @property
     def _replaced_masses(self) -> list[str]:

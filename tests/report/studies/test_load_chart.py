@@ -129,9 +129,14 @@ def test_the_first_sentence_names_the_case() -> None:
     plain = "Static, factors of load and weight 1.0, no wind, no motion: not a rated capacity."
     assert case_sentence(asked) == plain
     asked["cases"][0] |= {"load": 1.25, "loads": {"gust": 400.0}}
-    assert case_sentence(asked) == "Static, for rest (factor of load 1.25, of the boom's weight 1, gust 400\u00a0N)."
+    assert case_sentence(asked) == (
+        "Static, for rest (factor of load 1.25, of the boom's weight 1, gust 400\u00a0N). The loads contain a factor "
+        "of the load, and do not contain: wind beyond these loads, stops of luffing and slewing."
+    )
     asked["cases"][0] |= {"machine": 0.9}
     assert "(factor of load 1.25, of the boom's weight 1, of the machine's 0.9, gust 400" in case_sentence(asked)
+    asked["cases"][0] |= {"wind": {"speed": 14.0}}
+    assert "contain a factor of the load and wind, and do not contain: wind on load and machine" in case_sentence(asked)
 
 
 def test_key_numbers_have_the_load_at_the_largest_radius_and_its_limit() -> None:
