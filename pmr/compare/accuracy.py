@@ -279,10 +279,10 @@ def _with_step(scene: Scene, steps: int) -> Scene:
     return scene.with_keys(time={"step": scene.time.end / steps})
 
 
-def _list_errors(tolerance: float, sizes: Mapping[str, float]) -> str:
-    """Errors by kind of output, `sizes`, as words; an error above the `tolerance` is never rounded down to it."""
+def _list_errors(tolerance: float, errors: Mapping[str, float]) -> str:
+    """The `errors`, fractions by kind of output, as words; one above the `tolerance` is never rounded down to it."""
     listed, limit = list[str](), percent(tolerance, "their size")
-    for kind, size in sizes.items():
-        words = percent(size, "their size")
-        listed.append(f"{'a little more' if size > tolerance and words == limit else words} in {_CALLED[kind]}")
+    for kind, error in errors.items():
+        words = percent(error, "their size")
+        listed.append(f"{'a little more' if error > tolerance and words == limit else words} in {_CALLED[kind]}")
     return ", ".join(listed)

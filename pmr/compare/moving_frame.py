@@ -205,7 +205,10 @@ class SpaceEnergy:
 
     @property
     def residual_energy(self) -> Array:
-        """Change of energy (T,) in J since the start less all work: lost by damping, or an error of the step."""
+        """Change of energy (T,) in J since the start less all work, negative where energy is lost.
+
+        It is lost by damping, or gained or lost by the error of the step.
+        """
         return self.energy - self.energy[0] - self.drive_work - self.other_work
 
 

@@ -250,7 +250,7 @@ class Profile(SceneTable):
     )
 
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
-        """Return EI in N m^2 of a cantilever that sags by its own length, and EA in N of a beam with waves of 1 m/s.
+        """Return EI in N m^2 of a cantilever that sags by its own length, and EA in N if axial waves had 1 m/s.
 
         Their names are ``sag`` and ``mass per length``.  Of the `scales`, only ``gravity`` in m/s^2 is used.
         """

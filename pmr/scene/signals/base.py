@@ -50,9 +50,9 @@ class Strand:
     spread: float = 0.0  # s
 
     def derivative(self, t: ArrayLike, order: int) -> Array:
-        """Value (`order` 0), rate (1) or second rate (2) of the pieces at the times t (any shape) in s, as t.
+        """Value (`order` 0), rate (1) or second rate (2) of the pieces at the times t (any shape) in s.
 
-        The `spread` has no effect.
+        The result has the shape of t.  The `spread` has no effect.
         """
         at = np.asarray(t, float)
         k = np.maximum(np.searchsorted(self.breaks, at, side="right") - 1, 0)
@@ -71,7 +71,10 @@ class Strand:
 
 
 def _polynomial(c: Array, x: Array, order: int) -> Array:
-    """Derivatives of an order at x (any shape) of polynomials with coefficients c (..., p), highest power first."""
+    """Derivatives, of the `order` 0 or more, of polynomials with coefficients c (..., p), highest of p powers first.
+
+    They are taken at x (...): each polynomial has its own entry of x, or c (p,) is one polynomial for all entries.
+    """
     for _ in range(order):
         c = c[..., :-1] * np.arange(c.shape[-1] - 1, 0, -1)
     value = np.zeros_like(x)
