@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from pmr.compare.outputs import tip_names
@@ -206,7 +205,7 @@ class WayPoints:
     along: Array  # (S,) m: path coordinate of a single body, or reach of sections
     s: Array  # (S, P) m: coordinates of all paths
     count: int
-    t: Array  # (S,) s: first time at which the run is there; axial forces of this time stress the system
+    t: Array  # (S,) s: time at which the run is there; axial forces of this time stress the system
 
     def sides(self, system: System) -> Array:
         """Path coordinates (S, sides) in m in a system; each contact has a side on each body that it joins."""
@@ -222,12 +221,13 @@ def result_paths(scene: Scene, excitation: Excitation) -> Paths:
     return Paths(tuple(scene.paths), excitation.s[:, :count], excitation.rates[:, :count])
 
 
-def way_points(scene: Scene, excitation: Excitation, size: int) -> WayPoints:
+def way_points(scene: Scene, system: System, excitation: Excitation, size: int) -> WayPoints:
     """Positions at which frequencies are compared, from one end of the scene's way to the other.
 
     `size` is the number of coordinates of the full model, 0 if there is none; large models have fewer positions.  If
     nothing moves along its path, but the stiffness changes with time because of second order or a luffing cylinder, the
-    positions are all the same, at evenly spaced times.
+    positions are all the same, at evenly spaced times.  If a run is at a position more than once, with other extensions
+    or axial forces or at another luffing angle, the time is that of the lowest frequency of the reduced `system`.
     """
     alone = ALONE in scene.bodies
     count = PLACES_OF_BOOM if size <= LARGE_SYSTEM else FEWER_PLACES_OF_BOOM
@@ -240,20 +240,41 @@ def way_points(scene: Scene, excitation: Excitation, size: int) -> WayPoints:
         return WayPoints(s[:, 0] if alone else scene.reach(t), s, CURVES if alone else CURVES_OF_BOOM, t)
     if alone:
         along = comparison_positions(scene, size)
-        return WayPoints(along, along[:, None], CURVES, _first_times(excitation, along))
-    return _way_points_by_reach(scene, excitation, count)
+        return _at_slider_positions(system, excitation, along)
+    return _at_reaches(scene, system, excitation, count)
 
 
-def _first_times(excitation: Excitation, s: Array) -> Array:
-    """First times (S,) in s at which the only path is closest to each of the path coordinates s (S,) in m."""
-    return np.array([excitation.times[np.argmin(np.abs(excitation.s[:, 0] - at))] for at in s])
+def _at_slider_positions(system: System, excitation: Excitation, s: Array) -> WayPoints:
+    """Positions of a single body at the path coordinates s (S,) in m, at the times of `_softest_step`."""
+    steps = [_softest_step(system, excitation, excitation.s[:, 0], at) for at in s]
+    return WayPoints(s, s[:, None], CURVES, excitation.times[steps])
 
 
-def _way_points_by_reach(scene: Scene, excitation: Excitation, count: int) -> WayPoints:
-    """Up to `count` positions, evenly spaced in the reach of the sections, each at the time of its first occurrence."""
-    steps = evenly_reached_steps(scene, excitation.times, count)
-    t = excitation.times[steps]
-    return WayPoints(scene.reach(t), excitation.s[steps], CURVES_OF_BOOM, t)
+def _at_reaches(scene: Scene, system: System, excitation: Excitation, count: int) -> WayPoints:
+    """Up to `count` positions, evenly spaced in the reach of the sections, each at the time of `_softest_step`."""
+    reach = scene.reach(excitation.times)
+    goals = np.linspace(reach.min(), reach.max(), count if np.ptp(reach) > 1e-9 * reach.max() else 1)
+    steps = list(dict.fromkeys(_softest_step(system, excitation, reach, goal) for goal in goals))
+    return WayPoints(reach[steps], excitation.s[steps], CURVES_OF_BOOM, excitation.times[steps])
+
+
+def _softest_step(system: System, excitation: Excitation, along: Array, goal: float) -> int:
+    """Number of the step at which a run is at the position `goal` and the reduced system has its lowest frequency.
+
+    `along` (T,) are the positions of all T steps, in m as the goal.  Up to `POSTURES` steps are compared, of those that
+    are at least as near to the goal as their neighbours.  The first of them is taken if its frequency is as low as the
+    lowest one, except for the share `ALIKE`.
+    """
+    d = np.round(np.abs(along - goal), 9)
+    near = d <= max(0.5 * np.abs(np.diff(along)).max(initial=0.0), d.min())
+    steps = np.flatnonzero(near & (d <= np.append(np.inf, d[:-1])) & (d <= np.append(d[1:], np.inf)))
+    steps = steps[np.unique(np.linspace(0, len(steps) - 1, POSTURES).round().astype(int))]
+    if len(steps) > 1:
+        c = excitation.amplitudes(system.term_names, excitation.times[steps])
+        at = WayPoints(along[steps], excitation.s[steps], 1, excitation.times[steps])
+        lowest = Assembly(system).frequencies(at.sides(system), 1, c)[:, 0]
+        return int(steps[0 if lowest[0] <= (1.0 + ALIKE) * lowest.min() else lowest.argmin()])
+    return int(steps[0])
 
 
 def frequencies_on_way(scene: Scene, system: System, excitation: Excitation, points: WayPoints) -> Frequencies:
@@ -302,29 +323,21 @@ def response_on_way(scene: Scene, system: System, excitation: Excitation) -> Fre
         return None
     if ALONE in system.bodies:
         s = np.unique(np.linspace(*scene.path_bounds, RESPONSES))
-        at = WayPoints(s, s[:, None], CURVES, _first_times(excitation, s))
+        at = _at_slider_positions(system, excitation, s)
     else:
-        at = _way_points_by_reach(scene, excitation, RESPONSES)
+        at = _at_reaches(scene, system, excitation, RESPONSES)
     c = excitation.amplitudes(system.term_names, at.t)
     return frequency_response(system, at.sides(system), at.along, tip_names(scene), c)
 
 
 #: For a boom: number of frequencies that are compared, of positions, and of positions for large models.
 CURVES_OF_BOOM, PLACES_OF_BOOM, FEWER_PLACES_OF_BOOM = 4, 13, 4
+#: Number of steps at one position that are compared, and share by which the frequency of the first may be higher.
+POSTURES, ALIKE = 25, 1e-3
 #: Number of extensions of each joint at which the first frequency is mapped.
 MAPPED = 9
 #: Share of the reach by which a published reach, which is rounded, may exceed the boom's reach.
 BESIDE = 1e-4
-
-
-def evenly_reached_steps(boom: Scene, t: Array, count: int) -> NDArray[np.int64]:
-    """Numbers (S,) of up to `count` steps at which a boom first has evenly spaced reaches, shortest to longest.
-
-    `t` (T,) are the times of all steps in s.
-    """
-    reach = boom.reach(t)
-    goals = np.linspace(reach.min(), reach.max(), count if np.ptp(reach) > 1e-9 * reach.max() else 1)
-    return np.array(list(dict.fromkeys(int(np.argmin(np.abs(reach - goal))) for goal in goals)))
 
 
 def frequency_map(boom: Scene, system: System) -> FrequencyMap | None:

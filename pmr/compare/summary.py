@@ -264,7 +264,7 @@ def simulate_saved(system: System, scene: Scene) -> RunResult:
     clock, excitation, models = Clock(), excitation_of_scene(scene, system), system.reduced
     results = simulate(scene, system, excitation, clock)
     responses, response = {"reduced": results.first.response}, results.first.response
-    natural = frequencies_on_way(scene, system, excitation, way_points(scene, excitation, 0))
+    natural = frequencies_on_way(scene, system, excitation, way_points(scene, system, excitation, 0))
     motion = results.simulated_system(system, excitation)
     by_frequency = response_on_way(scene, system, excitation)
     error = _estimated_error(scene, motion, clock)

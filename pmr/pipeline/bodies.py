@@ -132,7 +132,10 @@ class Bodies:
         ``full``.
         """
         with_full = ALONE in self.built or "full" in self.scene.compare.against
-        at = way_points(self.scene, self.excitation, self.full.system.size if with_full else 0)
+        size = self.full.system.size if with_full else 0
+        at = self._comm.bcast(
+            call_on_first_rank(self._comm, lambda: way_points(self.scene, self.system, self.excitation, size))
+        )
         of_reduced_system = call_on_first_rank(
             self._comm, lambda: frequencies_on_way(self.scene, self.system, self.excitation, at)
         )

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import plain_machines
 import pytest
 import scipy.linalg
 from alone import frequencies
@@ -249,5 +250,21 @@ def test_the_lowest_mode_moves_the_tip_across_the_thinner_side_of_a_box(
     sizes = [f"body.box.width={width}", f"body.box.height={height}"]
     scene = scenes.load_any("boom_beam", [*sizes, "compare.against=[]"])
     system, excitation = reduce(scene).system, Excitation.from_scene(scene)
-    natural = frequencies_on_way(scene, system, excitation, way_points(scene, excitation, 0))
+    natural = frequencies_on_way(scene, system, excitation, way_points(scene, system, excitation, 0))
     assert lowest_mode_part(scene, system, excitation, natural).figures == {"lowest_mode": {"direction": direction}}
+
+
+def test_frequencies_are_those_of_the_softest_posture_at_a_boom_length() -> None:
+    """The middle section goes out by as much as the last one comes in, and both go back half of the way."""
+    moved = (
+        f"{key}.extension={{kind='smooth_ramp',times=[0.0,1.0,2.0],values={values}}}"
+        for key, values in (("sections.middle.joint", [1.0, 4.0, 2.5]), ("sections.fly.joint", [4.0, 1.0, 2.5]))
+    )
+    small = ("section.mesh.elements=6", "frame.second_order=false", "compare.against=[]", "time.end=2.0", *moved)
+    scene = scenes.load_any(plain_machines.CRANE, small)
+    system, excitation = reduce(scene).system, Excitation.from_scene(scene)
+    natural = frequencies_on_way(scene, system, excitation, way_points(scene, system, excitation, 0))
+    steps = excitation.s[::20]
+    everywhere = Assembly(system).frequencies(system.side_coordinates(dict(zip(system.paths, steps.T, strict=True))), 1)
+    assert natural.models["reduced"][0, 0] == pytest.approx(everywhere.min(), rel=1e-9)
+    assert everywhere.max() > 1.05 * everywhere.min()

@@ -50,7 +50,7 @@ def natural(scene: Scene) -> Frequencies:
     """Of the reduced system, beside its full model."""
     made, excitation = pmr.reduce(scene), Excitation.from_scene(scene)
     full = FullOrder.join(scene, {name: one.model for name, one in made.built.items()})
-    at = way_points(scene, excitation, full.system.size)
+    at = way_points(scene, made.system, excitation, full.system.size)
     c = excitation.amplitudes(list(excitation.terms), at.t)
     found = frequencies_on_way(scene, made.system, excitation, at)
     return replace(found, models={**found.models, "full": full.frequencies(at.s, at.count, c)})
@@ -120,7 +120,7 @@ def test_lanczos_iterations_find_the_frequencies_of_a_stressed_crane() -> None:
     scene = load(*SMALL, *fast, file=CRANE)
     excitation = Excitation.from_scene(scene)
     dense = FullOrder.join(scene, {name: one.model for name, one in build_bodies(scene).items()})
-    at = way_points(scene, excitation, dense.system.size)
+    at = way_points(scene, pmr.reduce(scene).system, excitation, dense.system.size)
     c = excitation.amplitudes(list(excitation.terms), at.t)
     sparse = FullOrder(scene, dense.system, "petsc").frequencies(at.s, at.count, c)
     found = dense.frequencies(at.s, at.count, c)
