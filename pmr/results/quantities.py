@@ -140,11 +140,14 @@ class ChartLimit(NamedTuple):
         Function that returns, for the columns of a chart, the `Measure` that is limited; its larger values are worse.
     usual : str
         Words by which a chart that has no such limit says so, such as ``"pad forces"``; empty if few machines have it.
+    has_parts : bool
+        Whether the limit is on parts with names, such as pads, among which a chart chooses.
     """
 
     key: str
     measure: MeasureOf
     usual: str
+    has_parts: bool
 
 
 @dataclass(frozen=True)
@@ -413,7 +416,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         Quantity("beam", "displacements", "m", "section", ("beam", "tip")),
         Quantity(
             "tip", "displacements of the tip", "m", "tip", ("tip",), "largest deflection of the tip",
-            limit=ChartLimit("deflection", _deflection_measure, "deflection"),
+            limit=ChartLimit("deflection", _deflection_measure, "deflection", False),
         ),
         Quantity("largest", "largest displacement", "m", "section", ("beam", "tip"), "largest displacement"),
         Quantity("velocity", "velocities", "m/s", "section"),
@@ -425,7 +428,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         Quantity(
             "pad_force", "pad forces", "N", "pad", ("pad",), "largest pad force",
             sign="pushes the sections apart, or the body inwards",
-            limit=ChartLimit("pad", _force_measure("pad"), "pad forces"),
+            limit=ChartLimit("pad", _force_measure("pad"), "pad forces", True),
         ),
         Quantity("pad_pressure", "mean pressures of pads", "Pa", "pad", (), "largest mean pressure of a pad"),
         Quantity("pad_use", "use of pads", "1", "pad", (), "largest share of the allowed pressure of a pad", "most"),
@@ -433,21 +436,21 @@ QUANTITIES: Mapping[str, Quantity] = {
         Quantity(
             "cylinder_force", "cylinder forces", "N", "cylinder", ("cylinder",),
             "largest force of an extension cylinder", sign=PUSHES,
-            limit=ChartLimit("cylinder", _cylinder_measure, "forces of cylinders"),
+            limit=ChartLimit("cylinder", _cylinder_measure, "forces of cylinders", True),
         ),
         Quantity(
             "rope_force", "rope forces", "N", "rope", (), "largest rope force",
-            limit=ChartLimit("rope", _rope_measure, "forces of cylinders"),
+            limit=ChartLimit("rope", _rope_measure, "forces of cylinders", True),
         ),
         Quantity(
             "luffing_force", "forces of the luffing cylinder", "N", "cylinder", (),
             "largest force of the luffing cylinder", sign=PUSHES,
             # a luffing cylinder is a support that gives way
-            limit=ChartLimit("luffing", _luffing_measure, "forces of cylinders"),
+            limit=ChartLimit("luffing", _luffing_measure, "forces of cylinders", False),
         ),
         Quantity(
             "luffing_pull", "pulls of the luffing cylinder", "N", "cylinder",
-            limit=ChartLimit("luffing-pull", _luffing_pull_measure, ""),
+            limit=ChartLimit("luffing-pull", _luffing_pull_measure, "", False),
         ),
         Quantity(
             "luffing_use", "use of the luffing cylinder", "1", "cylinder", (), "largest use of the luffing cylinder",
@@ -486,7 +489,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         Quantity("reaction", "reactions of rigid supports", "N", "support", ("reaction",)),
         Quantity(
             "support", "forces of supports", "N", "support", ("support", "reaction"), "largest force of a support",
-            limit=ChartLimit("support", _support_measure, "forces of supports"),
+            limit=ChartLimit("support", _support_measure, "forces of supports", True),
         ),
         Quantity("support_use", "use of supports", "1", "support", (), "largest use of a support", "most"),
         Quantity("support_moment", "moments of supports", "N m", "support", (), "largest moment of a support"),
@@ -508,11 +511,11 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity(
             "outrigger_force", "outrigger forces", "N", "ground", ("outrigger",), "largest force of an outrigger",
-            "most", PRESSES, ChartLimit("outrigger", _force_measure("outrigger"), ""),
+            "most", PRESSES, ChartLimit("outrigger", _force_measure("outrigger"), "", True),
         ),
         Quantity(
             "outrigger_rest", "smallest outrigger forces", "N", "ground", (), "smallest force of an outrigger",
-            "least", PRESSES, ChartLimit("lift-off", _least_ground_measure, ""),
+            "least", PRESSES, ChartLimit("lift-off", _least_ground_measure, "", True),
         ),
         Quantity(
             "tipping_margin", "margins against tipping", "N m", "ground", ("margin",), "least margin against tipping",
@@ -520,15 +523,15 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity(
             "tipping", "use of the support polygon", "1", "ground", ("tipping",), "largest use of the support polygon",
-            "most", limit=ChartLimit("tipping", _force_measure("tipping"), "tipping"),
+            "most", limit=ChartLimit("tipping", _force_measure("tipping"), "tipping", False),
         ),
         # strength
         Quantity(
             "stress", "stresses", "Pa", "section", (), "largest von Mises stress", "most",
-            limit=ChartLimit("stress", _stress_measure, "stress"),
+            limit=ChartLimit("stress", _stress_measure, "stress", True),
         ),
         Quantity(
-            "field", "stresses of walls", "Pa", "section", limit=ChartLimit("field", _stress_measure, "stress")
+            "field", "stresses of walls", "Pa", "section", limit=ChartLimit("field", _stress_measure, "stress", True)
         ),
         Quantity(
             "wall_stress", "stresses of walls at pads", "Pa", "pad", (), "largest von Mises stress in walls", "most"

@@ -93,6 +93,8 @@ class Kind:
         Whether a richer structural model has the quantity at the same positions.
     words : str
         Words by which a chart without such a limit says so; empty if few machines have it.
+    has_parts : bool
+        Whether the limit is on parts with names among which its key ``which`` chooses.
     """
 
     amount: Literal["most", "least", ""]
@@ -104,6 +106,7 @@ class Kind:
     grows: bool = False
     in_richer_model: bool = True
     words: str = ""
+    has_parts: bool = False
 
 
 def _share_of_quantity(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
@@ -200,18 +203,6 @@ NAMES: Mapping[str, Callable[[Scene], Sequence[str]]] = {
     "rope": lambda scene: list(rope_shares(scene)),
     **{kind: _force_names_of(kind) for kind in ("pad", "cylinder", "support")},
 }
-#: Quantities without parts among which a limit could choose.
-UNNAMED = (
-    "deflection",
-    "luffing",
-    "luffing-pull",
-    "tipping",
-    "buckling",
-    "frequency",
-    "overturning",
-    "function",
-    "expression",
-)
 #: All kinds of limits by name: quantities that runs have too, and others.
 KINDS: Mapping[str, Kind] = {
     key: Kind(
@@ -222,6 +213,7 @@ KINDS: Mapping[str, Kind] = {
         NAMES.get(key),
         in_richer_model=q.unit != "Pa",
         words=LIMITS[key].usual,
+        has_parts=LIMITS[key].has_parts,
     )
     for key, q in LIMITED.items()
 } | {
@@ -299,7 +291,7 @@ class Limit(SceneTable):
         for key in ("most", "least"):
             if (getattr(self, key) is not None) != (key == needed) and not (key == "most" and self.by_scene):
                 raise ValueError(f"a limit of {self.of} {f'takes {needed}' if needed else 'takes no amount'}: {key}")
-        if self.which != ("*",) and self.of in UNNAMED:
+        if self.which != ("*",) and not self.kind.has_parts:
             raise ValueError(f"which belongs to a limit of parts with names: {self.of} has none")
         if self.polygon or self.machine:
             if self.of != "overturning":
