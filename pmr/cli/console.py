@@ -9,7 +9,7 @@ import tempfile
 import textwrap
 from collections.abc import Iterable, Sequence
 from io import TextIOWrapper
-from os.path import isfile
+from os.path import isdir, isfile
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -29,7 +29,12 @@ Overrides = Annotated[
     list[str] | None, Option("--set", metavar="KEY=VALUE", help="Override a key of the file; repeatable.")
 ]
 Folder = Annotated[
-    Path | None, Option("--out", metavar="DIR", help="Where results go.  [default: in reports, named after the file]")
+    Path | None,
+    Option(
+        "--out",
+        metavar="DIR",
+        help="Where results go.  [default: in reports, named after file or folder]",
+    ),
 ]
 
 SceneFile = Annotated[Path, Argument(metavar="SCENE", help="Scene file, or the name of a scene that comes with pmr.")]
@@ -170,6 +175,15 @@ def scene_file(path: Path) -> Path:
     if "kind" in _tables_or_empty(file):
         raise InputError("command line", "SCENE", str(path), f"that is a study: pmr study {path} computes it")
     return file
+
+
+def scene_name(path: Path) -> str:
+    """Return the name of the scene at `path`, after which folders of results are named.
+
+    It is the name of the file without its ending, but for a folder, or for `scene.toml` in it, that of the folder.
+    """
+    folder = path if isdir(path) else path.parent
+    return (folder.resolve().name if isdir(path) or path.name == "scene.toml" else "") or path.stem
 
 
 def is_study(path: Path) -> bool:

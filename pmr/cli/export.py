@@ -247,7 +247,7 @@ def simulate(model: Model, scene: MotionScene, out_dir: Folder = None, overrides
 
     finish_swap(model.parent)
     system, file = System.load(model), console.scene_file(scene)
-    loaded, folder = scenes.load_any(file, overrides or ()), out_dir or Path("reports", scene.stem)
+    loaded, folder = scenes.load_any(file, overrides or ()), out_dir or Path("reports", console.scene_name(scene))
     if folder.resolve() == model.parent.resolve():
         raise InputError("command line", "--out", str(folder), "a folder other than the model's is allowed")
     console.prepare_folder(folder, RESULT_FILES)

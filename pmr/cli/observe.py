@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from rich.table import Table
 from typer import Argument, Option
 
-from pmr.cli.console import Folder, MotionScene, Overrides, out, scene_file
+from pmr.cli.console import Folder, MotionScene, Overrides, out, scene_file, scene_name
 from pmr.cli.export import Model
 from pmr.errors import InputError, escape_controls
 from pmr.files.whole import finish_swap, write_text
@@ -60,7 +60,7 @@ def observe(
     data = read_measurements(measured, estimator.units)
     true = {} if truth is None else read_measurements(truth, estimator.units)
     observation = Observation.compute(estimator, data, leave_out, true, loaded.title)
-    folder = out_dir or Path("reports", scene.stem)
+    folder = out_dir or Path("reports", scene_name(scene))
     files, figures = observation.write(folder), observation.summary()
     table = Table("estimate at the end", "value", "standard deviation", title_justify="left")
     for name, last in figures["last"].items():
@@ -107,7 +107,7 @@ def identify(
         return pmr.reduce(load_any(file, [*changes, *fitted])).system
 
     result = table.identify(reduce_with, start)
-    folder = out_dir or Path("reports", f"identify_{scene.stem}")
+    folder = out_dir or Path("reports", f"identify_{scene_name(scene)}")
     fitted, figures = folder / "fitted.toml", folder / "identify.json"
     base = f"extends = {json.dumps(os.path.relpath(file, folder))}"
     write_text(fitted, "\n".join([base, *map(_toml_line, [*changes, *result.overrides()]), ""]))

@@ -14,7 +14,6 @@ from contextlib import closing, contextmanager, suppress
 from functools import partial
 from importlib import import_module
 from multiprocessing import active_children, get_context, parent_process
-from os.path import isdir
 from pathlib import Path
 from threading import Timer
 from typing import TYPE_CHECKING, Annotated
@@ -97,7 +96,7 @@ def run(
     changes = [*(overrides or ())]
     if simulators is not None:
         changes.append(f"simulation.simulators={json.dumps([name.strip() for name in simulators.split(',')])}")
-    names = [file.resolve().name if isdir(file) else file.stem for file in scene_files]
+    names = [console.scene_name(file) for file in scene_files]
     files = [console.scene_file(file) for file in scene_files]
     by_tolerance = {} if tolerance is None else {file: _tolerance_overrides(tolerance, file) for file in files}
     loaded = [

@@ -246,7 +246,7 @@ def chart(
     from pmr.studies.chart_draft import chart_study_text, check_chart, usual_load, words_of_usual_load
 
     file = console.scene_file(scene)
-    folder = out_dir or Path("reports", f"chart_{scene.resolve().name if scene.is_dir() else file.stem}")
+    folder = out_dir or Path("reports", f"chart_{console.scene_name(scene)}")
     written = folder / STUDY
     loaded, largest = None if written.exists() else load_any(file), up_to
     if loaded is not None:

@@ -17,7 +17,7 @@ import pmr
 from pmr import __version__
 from pmr import scene as scenes
 from pmr.cli.app import TEMPLATES, app, scene_kinds
-from pmr.cli.console import scene_file, study_file
+from pmr.cli.console import scene_file, scene_name, study_file
 from pmr.errors import InputError
 from pmr.fullmodel.wall_stress import YieldForce
 from pmr.scene.members import member_at, members
@@ -344,6 +344,9 @@ def test_a_chart_of_a_folder_has_its_name(tmp_path: Path, monkeypatch: pytest.Mo
     _only_write_charts(monkeypatch)
     monkeypatch.chdir(tmp_path)
     run_command("new", "crane", "mine")
+    assert [scene_name(Path(of)) for of in ("mine", "mine/scene.toml", "mine/other.toml", "crane")] == [
+        *["mine"] * 2, "other", "crane",
+    ]  # fmt: skip
     run_command("chart", "mine", "--up-to", "20000")
     study = call.load(tmp_path / "reports" / "chart_mine" / "chart.toml").parts[0].study
     limits = [(limit.of, limit.most, limit.factor) for limit in study.limits]
