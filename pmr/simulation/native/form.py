@@ -82,6 +82,11 @@ class SystemForm:
         """Columns (r,) of all modes in the kernel's arrays, without padding."""
         return np.concatenate([np.arange(part.start, part.stop) for part in self.columns.values()])
 
+    @property
+    def modes(self) -> int:
+        """Number of modes in the kernel's arrays, with padding."""
+        return round_up(max(part.stop for part in self.columns.values()))
+
     @cached_property
     def kernel(self) -> Kernel:
         """Kernel of the system and of its `frame`; without a frame, of the system alone."""
@@ -171,7 +176,7 @@ def start_modes(form: SystemForm, x: Array, x_rate: Array, initial: Mapping[str,
     the states by the bodies' names.  A velocity that violates rigid contacts is corrected (`consistent_start`); errors
     as there.
     """
-    modes = np.zeros((2, form.kernel.modes))
+    modes = np.zeros((2, form.modes))
     states = consistent_start(Assembly(form.system), x, x_rate, initial)
     for name, columns in form.columns.items():
         start = form.forms[name].start(states[name])
@@ -185,7 +190,10 @@ def static_start(system: System, excitation: Excitation) -> dict[str, InitialSta
     Raises InputError as `equilibrium`.
     """
     f, c = excitation.forces(system.input_names)[0], excitation.amplitudes(system.term_names)[0]
-    return rest_states(Assembly(system), side_positions(system, excitation)[0], f, c)
+    assembly = Assembly(system)
+    q = equilibrium(assembly, side_positions(system, excitation)[0], f, c).q[None]
+    coordinates = {name: assembly.body_coordinates(name, q)[0] for name in system.bodies}
+    return {name: InitialState(of_body, np.zeros_like(of_body)) for name, of_body in coordinates.items()}
 
 
 def begin(
@@ -201,7 +209,7 @@ def begin(
     found.  An InputError is raised if nothing holds the bodies, or if a system with a hoist has more than
     `DENSE_WITH_HOIST` modes.
     """
-    system, modes, failed = form.system, form.kernel.modes, None
+    system, modes, failed = form.system, form.modes, None
     if initial is None and excitation.start == "equilibrium":
         if system.hoist and modes > DENSE_WITH_HOIST:
             allowed = f"'rest' is allowed with a hoist and {modes} coordinates, of {DENSE_WITH_HOIST} at most"
@@ -221,17 +229,6 @@ def begin(
         arguments = ("given", *start_modes(form, x, x_rate, initial))
     start(*arguments)
     return arguments
-
-
-def rest_states(assembly: Assembly, x: Array, f: Array, c: Array) -> dict[str, InitialState]:
-    """States of all bodies of `assembly` at rest in equilibrium, by the body's name.
-
-    The sides of contacts are at x (sides,) in m; the loads are f (i,), and c (k,) are the amplitudes of k terms.
-    Raises InputError as `equilibrium`.
-    """
-    q = equilibrium(assembly, x, f, c).q[None]
-    coordinates = {name: assembly.body_coordinates(name, q)[0] for name in assembly.system.bodies}
-    return {name: InitialState(of_body, np.zeros_like(of_body)) for name, of_body in coordinates.items()}
 
 
 def start_of(system: System, excitation: Excitation) -> dict[str, InitialState]:

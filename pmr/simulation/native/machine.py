@@ -33,12 +33,11 @@ from pmr.scene import Scene
 from pmr.scene.frame import DIRECTIONS, INERTIA, BaseMotion
 from pmr.scene.keys import LUFFING
 from pmr.scene.signals import Constant
-from pmr.simulation.excitation import Excitation, side_positions, side_velocities
+from pmr.simulation.excitation import Excitation, side_positions
 from pmr.simulation.frame_motion import MachineMotion
 from pmr.simulation.free_base import FreeBase
 from pmr.simulation.moving import OF_BASE, MovingFrame
-from pmr.simulation.native.form import SystemForm, path_text, rest_states, start_modes, step_failure
-from pmr.simulation.start import InitialState
+from pmr.simulation.native.form import SystemForm, begin, path_text, step_failure
 from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import ChangingRows
 from pmr.system.system import System
@@ -293,12 +292,12 @@ class MachineRun:
         assert frame is not None and frame.machine is not None  # of a scene with a machine
         still = BaseMotion(**dict.fromkeys(DIRECTIONS, Constant(amount=0.0)))
         resting = scene.model_copy(update={"frame": frame.model_copy(update={"base": still, "machine": None})})
-        resting, self._luffs = (resting, False) if luffing is None else (luffing, True)
+        resting = resting if luffing is None else luffing
         if system.hoist:
             system = replace(system, hoist=system.hoist.in_frame(resting))
-        self._system, self.form, self._machine = system, SystemForm.of(system), frame.machine
-        self._excitation, self._assembly = Excitation.from_scene(resting), Assembly(system)
-        self._x, stepping = side_positions(system, self._excitation), self._excitation.stepping
+        self.form = SystemForm.of(system)
+        self._excitation = Excitation.from_scene(resting)
+        stepping = self._excitation.stepping
         self.form.refuse_unsupported(side_positions(self.form.modal, self._excitation), stepping.rho_inf)
         self.frame = moving = MovingFrame.in_scene(resting, system)
         self._kernel = Kernel.of(system, self.form.forms, moving)
@@ -347,24 +346,15 @@ class MachineRun:
         motion[:2, self._free] += self._stated_start[:, self._free]
         if self._in_balance:
             motion = self._balance_springs(motion)
-        if self._in_balance and (self._luffs or self._system.hoist):
-            state = self.simulation.state  # also with the pull of a rope, which depends on the equilibrium
-            state.start_in_frame("equilibrium", self._motions_at(motion[0]))
-            z, v = state.z.copy(), state.v.copy()
-        else:
-            states = self._rest_states(motion[0]) if self._in_balance else {}
-            z, v = start_modes(self.form, self._x[0], side_velocities(self._system, self._excitation), states)
+        z, v = self._begin(motion[0])
         self.simulation.load_cylinder(motion[0], z)
         self.simulation.start(motion, z, v)
 
-    def _rest_states(self, place: Array) -> dict[str, InitialState]:
-        """States of the bodies by name, in equilibrium with the loads at t = 0, on a machine at rest.
-
-        `place` (6,) in m and rad is the position of the machine.
-        """
-        motions = self._motions_at(place)
-        f, c = np.split(self._kernel.frame_drivers(motions)[0][self._kernel.paths :], [self._kernel.inputs])
-        return rest_states(self._assembly, self._x[0], f, c)
+    def _begin(self, place: Array) -> Array:
+        """Coordinates and rates (2, modes) with which the boom begins on a machine at rest at `place` (6,)."""
+        state, motions = self.simulation.state, self._motions_at(place)
+        begin(self.form, lambda kind, *modes: state.start_in_frame(kind, motions, None, *modes), self._excitation)
+        return np.array([state.z, state.v])
 
     def _motions_at(self, place: Array) -> Array:
         """Motions (3, n) of the frame at t = 0 with the machine at rest at `place` (6,)."""
@@ -388,8 +378,8 @@ class MachineRun:
             The machine is at rest at `at` (d,) in these directions.
             """
             place[sprung] = at
-            z, _ = start_modes(self.form, self._x[0], np.zeros_like(self._x[0]), self._rest_states(place))
-            return self.simulation.holding_forces(np.vstack([place, np.zeros((2, 6))]), z, nothing, nothing)[sprung]
+            still = np.vstack([place, np.zeros((2, 6))])
+            return self.simulation.holding_forces(still, self._begin(place)[0], nothing, nothing)[sprung]
 
         at = place[sprung].copy()
         for _ in range(TRIALS):
