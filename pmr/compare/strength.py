@@ -134,8 +134,8 @@ def missed_stress_part(scene: Scene, response: Response) -> SummaryPart:
     """Part with a warning if a pad, a support or a probe has its peak between the times of recovered stresses.
 
     The warning names the history that exceeds its largest value at these times the most, by a share of `MISSED` or
-    more.  Histories that are small compared with others of the same kind and unit are left out.  The part is empty if
-    no history does, if stresses are not recovered, or if the response does not have all steps.
+    more.  Histories that are round-off, or small compared with others of the same kind and unit, are left out.  The
+    part is empty if no history does, if stresses are not recovered, or if the response does not have all steps.
     """
     steps, recovery = scene.recovered_steps, scene.recovery
     if recovery is None or not recovery.stress or len(response.t) != scene.time.steps + 1:
@@ -148,8 +148,8 @@ def missed_stress_part(scene: Scene, response: Response) -> SummaryPart:
             largest[of] = max(largest.get(of, 0.0), float(histories[output].max()))
     excess, missed = 1.0 + MISSED, None
     for output, history in histories.items():
-        peak = float(history.max())
-        if peak > SMALL * largest[output.kind, output.unit] and peak > excess * history[steps].max():
+        peak, floor = float(history.max()), 0.0 if output.kind == "probe" else response.force_floor
+        if peak > max(floor, SMALL * largest[output.kind, output.unit], excess * float(history[steps].max())):
             excess, missed = peak / max(float(history[steps].max()), 1e-9 * peak), output
     if missed is None:
         return SummaryPart()
