@@ -302,7 +302,7 @@ STRAIGHT = "straight"
 
 
 def output_contacts(system: BodySystem[Any]) -> list[int]:
-    """Numbers of the contacts whose forces are outputs.
+    """Numbers of the contacts of `system` whose forces are outputs.
 
     Rigid supports are left out, since their forces are reactions, and so are contacts of the kind `STRAIGHT`.  For a
     single body, contacts that neither move nor only push are left out too.
