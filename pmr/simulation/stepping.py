@@ -113,8 +113,8 @@ def describe_lost_features(signals: Sequence[tuple[str, SignalBase]], stepping: 
     """Warnings on what the steps do not resolve of signals, one line for each lost feature; empty if nothing is lost.
 
     A feature is a tone that has too few steps in a period, or the course of a signal at a break between two steps.
-    `signals` are pairs of a name and a signal, `stepping` the time grid.  A line names the signals that have the
-    feature and follow from no others; if there are none, it names the first one and counts the rest.
+    `signals` are pairs of a name and a signal, `stepping` the time grid.  A line names those signals with the feature
+    that follow from no other signals; if all follow from others, the line names the first and counts the rest.
     """
     names, derived = dict[str, list[str]](), dict[str, list[str]]()
     for name, signal in signals:

@@ -206,8 +206,8 @@ def begin(
 
     The kernel begins in the states `initial` of bodies by name, or, if that is None, at rest or in equilibrium, as the
     excitation says.  In addition to the errors of `start`, a StepError is raised if no equilibrium with a hoist is
-    found.  An InputError is raised if nothing holds the bodies, or if a system with a hoist has more than
-    `DENSE_WITH_HOIST` modes.
+    found.  For a start in equilibrium, an InputError is raised if nothing holds the bodies, or if a system with a hoist
+    has more than `DENSE_WITH_HOIST` modes.
     """
     system, modes, failed = form.system, form.modes, None
     if initial is None and excitation.start == "equilibrium":

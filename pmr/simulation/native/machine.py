@@ -351,7 +351,10 @@ class MachineRun:
         self.simulation.start(motion, z, v)
 
     def _begin(self, place: Array) -> Array:
-        """Coordinates and rates (2, modes) with which the boom begins on a machine at rest at `place` (6,)."""
+        """Coordinates and rates (2, modes) with which the boom begins on a machine at rest at `place` (6,).
+
+        Errors as `begin`.
+        """
         state, motions = self.simulation.state, self._motions_at(place)
         begin(self.form, lambda kind, *modes: state.start_in_frame(kind, motions, None, *modes), self._excitation)
         return np.array([state.z, state.v])

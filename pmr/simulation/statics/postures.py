@@ -98,12 +98,12 @@ def with_hook(scene: Scene, point: tuple[float, float, float] | None = None) -> 
 
 
 def with_wind(scene: Scene, name: str, azimuth: float, shape: float) -> Scene:
-    """Scene with wind that turns with the boom, a load of this `name`, on each section whose depth is known.
+    """Scene with wind of zero pressure that turns with the boom: a load of this `name` on sections.
 
     `azimuth` is the angle from the boom to the direction in which the wind blows, in the unit of the scene's frame.  A
-    section with wind of its own keeps the shape factor, depth and profile over the height of this wind; others have the
-    factor `shape`, and a box that varies along its section meets the wind with its largest dimension.  There is none on
-    bodies without a box, nor on given matrices.
+    section that already has wind keeps the shape factor, depth and profile over the height of the first one.  Other
+    sections have the shape factor `shape`, and a box that varies along its section meets the wind with its largest
+    dimension; without a box or with given matrices, they get no wind.
     """
     blows = {"name": name, "azimuth": azimuth, "slews": True, "signal": Constant(amount=0.0)}
     parts = list[Any]()
