@@ -10,6 +10,7 @@ import one_body
 import pytest
 from finished import WORKFLOWS, short_scene
 from oracle import CASES, full_body, generalized_alpha, nrms_error, paper_basis, project
+from textbook import TIP_DEFLECTION
 from turning_cylinder import Rigid, boom
 
 import pmr
@@ -209,13 +210,26 @@ def test_histories_compare_the_three_models(short: str, tmp_path: Path) -> None:
     assert isinstance(chapter, Chapter) and "short case" in chapter.key_numbers[0].label
 
 
+@pytest.mark.numerical
 def test_the_table_of_the_paper() -> None:
+    """Errors over 15 s with the pin's rows left in and dropped, the largest displacement, energies after sliding."""
     pairs = [f"errors.{pair}.{place}" for pair in ("full_vs_ancf", "reduced_vs_full") for place in ("tip", "beam")]
+    pairs += ["dropped.tip", "dropped.beam"]
     simple, evolved = histories.row("paper_simple"), histories.row("paper_evolved")
-    assert [simple[pair] for pair in pairs] == pytest.approx([0.00074, 0.00142, 0.00196, 0.00396], abs=1e-5)
-    assert [evolved[pair] for pair in pairs] == pytest.approx([0.00464, 0.00667, 0.01114, 0.01788], abs=1e-5)
+    expected = [0.00074, 0.00142, 0.00196, 0.00396, 0.00165, 0.00339]
+    assert [simple[pair] for pair in pairs] == pytest.approx(expected, abs=1e-5)
+    expected = [0.00464, 0.00667, 0.01114, 0.01788, 0.00923, 0.01489]
+    assert [evolved[pair] for pair in pairs] == pytest.approx(expected, abs=1e-5)
     assert evolved["max_displacement"] == pytest.approx(47.8586e-3, abs=1e-7)
     assert evolved["max_error"] == pytest.approx(0.713e-3, abs=1e-6)
+    assert (simple["coordinates.full"], simple["coordinates.reduced"]) == (153, 20)
+    t, after = simple["t"], simple["t"] > 11.25
+    for name in histories.SIMULATORS:
+        energy = simple[f"{name}.energy"]
+        assert energy[after] == pytest.approx(1.7233, abs=0.005)  # J; "approximately 1.75" in the paper
+    assert np.abs(simple["full.energy"][t <= 3.75]).max() < 1e-3  # neither integrator nor rows add or remove any
+    at_rest = simple["full.tip_history"][t < 3.58]  # three periods of the first mode about the static deflection
+    assert at_rest.mean() == pytest.approx(TIP_DEFLECTION[1.25], rel=0.01)
     statements, _, _ = histories.histories(["paper_simple", "paper_evolved"])
     assert len(statements) == 14 and {statement.quantity for statement in statements} == {"share", "length"}
 
