@@ -286,8 +286,8 @@ def force_errors(
 
     with the forces f and their reference r over all forces of a kind and all times; r_k are the reference forces of
     each kind k in the same unit.  So the error of a kind with very small forces, such as that of a cylinder that holds
-    still, is relative to `LITTLE_FORCE` times the largest kind.  Kinds are left out if all reference forces in their
-    unit are zero.
+    still, is relative to `LITTLE_FORCE` times the largest kind.  Kinds are left out if the norms of all kinds in their
+    unit are at most `ROUND_OFF` times the largest norm in any unit, as moments about the axis of a straight boom are.
     """
     pairs = dict[tuple[str, str], tuple[float, float]]()
     for key in (key for key in forces if key in reference):
@@ -296,10 +296,10 @@ def force_errors(
             y, r = (np.array([of[key][name] for name in names]) for of in (forces, reference))
             scale = float(np.abs(r).max(initial=0.0)) or 1.0  # scaled, so that squares neither vanish nor overflow
             pairs[key] = scale * float(np.linalg.norm((y - r) / scale)), scale * float(np.linalg.norm(r / scale))
-    errors = dict[str, float]()
+    errors, least = dict[str, float](), ROUND_OFF * max((size for _, size in pairs.values()), default=0.0)
     for (kind, unit), (apart, size) in pairs.items():
         largest = max(other for (_, of), (_, other) in pairs.items() if of == unit)
-        if largest > 0.0:
+        if largest > least:
             errors[kind] = max(errors.get(kind, 0.0), apart / max(size, LITTLE_FORCE * largest))
     return errors
 

@@ -47,6 +47,9 @@ def test_moments_are_beside_moments_and_the_larger_error_counts() -> None:
     own = {("reaction", "N"): {"x": 1.01e3 * T}, ("reaction", "N m"): {"ry": 0.3 * T}}
     assert force_errors(own, reference) == pytest.approx({"reaction": 0.5})
     assert force_errors({("reaction", "N"): {"z": T}}, reference) == {}
+    for forces, moment in ((own, 1e-12), (reference, -1e-12)):  # round-off beside the forces
+        forces["reaction", "N m"] = {"rx": moment * T}
+    assert force_errors(own, reference) == pytest.approx({"reaction": 0.01})
     nothing = {("reaction", "N"): {"x": 0.0 * T}}
     assert force_errors(nothing, nothing) == {}
 
