@@ -52,7 +52,7 @@ FENICSX = (
 #: tested on one of them, but for `EVALUATED`, of which NumPy and SciPy decide.
 READ = (
     *("benchmarks", "cli", "scene", "studies/test_", "tools"),
-    *("test_commands.py", "test_readme.py", "test_rooms.py", "test_workflows.py"),
+    *("test_commands.py", "test_names_in_text.py", "test_readme.py", "test_rooms.py", "test_workflows.py"),
 )
 EVALUATED = ("scene/test_signals.py",)
 #: Ranks of this run, and what files say that have tests for several of them, and for several kernels.

@@ -24,7 +24,7 @@ def declarations(header: str) -> str:
 
 
 def sources_digest() -> str:
-    """SHA-256 digest of all sources of the kernel; the compiled module stores it as `SOURCES_DIGEST`."""
+    """SHA-256 digest of all sources of the kernel; the compiled module stores it as ``SOURCES_DIGEST``."""
     contents = [f"{path.name}\n{path.read_text()}" for path in sorted(SOURCES.glob("*.[ch]"))]
     return hashlib.sha256("\n".join(contents).encode()).hexdigest()
 

@@ -73,7 +73,7 @@ def vectors_from_array(model: FullModel, basis: Vectors) -> Snapshots:
 
 
 def vectors_from_package(model: FullModel, choice: Reduction) -> Snapshots:
-    """Snapshots from a function of an installed package: the entry point `pmr.bases` named as the basis; collective.
+    """Snapshots from a function of an installed package: the entry point ``pmr.bases`` named as the basis; collective.
 
     The function gets the model and the scene's `choice` of a reduction, and returns this rank's part (n_local, k) of k
     vectors.  An InputError is raised if there is no such function, if it fails, or if it returns anything else.

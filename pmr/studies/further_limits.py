@@ -127,7 +127,7 @@ def _operation(function: Callable[..., float], parts: list[Value]) -> Value:
 
 @dataclass(frozen=True)
 class AtRest:
-    """The boom in equilibrium under a load: the argument of functions that packages offer as `pmr.limits`."""
+    """The boom in equilibrium under a load: the argument of functions that packages offer as ``pmr.limits``."""
 
     load: float  # kg
     luffing: float  # rad

@@ -62,7 +62,7 @@ class Pen:
     dash: tuple[float, ...] = ()
 
     def line(self, weight: float = 1.0) -> dict[str, Any]:
-        """Keywords ``color``, ``linewidth`` and ``linestyle`` for `Axes.plot`.
+        """Keywords ``color``, ``linewidth`` and ``linestyle`` for ``Axes.plot``.
 
         `weight` multiplies the line's width; it is below 1 where many curves are close together.
         """
@@ -289,7 +289,7 @@ def _round_values(low: float, high: float, steps: Sequence[float] = (1.0, 2.0, 5
 
 
 def curve_style(number: int, size: float = 2.6) -> dict[str, Any]:
-    """Keywords for `Axes.plot` of the curve with this number: colour, marker of the given `size`, and dash.
+    """Keywords for ``Axes.plot`` of the curve with this number: colour, marker of the given `size`, and dash.
 
     When all colours of `SERIES` are used, they are used again with other dashes and marker fills.  After three rounds,
     styles repeat.

@@ -161,7 +161,7 @@ def frequency_map_figure(result: RunResult) -> Figure:
 
 
 def _circle_style(edge: str, fill: str, size: float) -> dict[str, Any]:
-    """Keywords for `Axes.plot` of circles without a line, by the colours of edge and filling and the size in points."""
+    """Keywords for ``Axes.plot`` of circles without a line, by colours of edge and filling and size in points."""
     return {
         "linestyle": "none",
         "marker": "o",

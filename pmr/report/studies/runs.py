@@ -308,7 +308,7 @@ def error_over_time_figure(done: Sequence[RunRecord], parameter: str, error: str
 def _curves(done: Sequence[RunRecord], parameter: str) -> list[tuple[dict[str, Any], list[RunRecord]]]:
     """Group the runs `done` that differ in `parameter` only; return a pair for each group.
 
-    A pair has the keywords for `Axes.plot` of the group's curve, then the runs of the group.
+    A pair has the keywords for ``Axes.plot`` of the group's curve, then the runs of the group.
     """
     groups: dict[str, list[RunRecord]] = {}
     for run in done:
