@@ -294,7 +294,7 @@ class State:
         """Further outputs (further,) at the end of the last step.
 
         The first outputs are the reactions of rigid supports in N and N m.  In a frame, the position of the tip in m
-        follows, relative to the pivot along the ground's axes, and the force of the luffing cylinder in N. Last come
+        follows, relative to the pivot along the ground's axes, and the force of the luffing cylinder in N.  Last come
         the outputs of outriggers, of a hoist, and of a free luffing angle or extension, as far as the system has them.
         A StepError is raised if forces of outriggers are not found or not finite.
         """

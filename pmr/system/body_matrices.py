@@ -333,6 +333,6 @@ def dependence_of_flexibility(F: Array, names: Sequence[str]) -> Dependence:
 
 
 def _involved_names(shares: Array, names: Sequence[str]) -> tuple[str, ...]:
-    """Names out of `names` (m) of the rows whose share in `shares` (m,) is at least `TAKES_PART` of the largest."""
+    """Names out of `names` (m,) of the rows whose share in `shares` (m,) is at least `TAKES_PART` of the largest."""
     large = np.abs(shares) >= TAKES_PART * np.abs(shares).max()
     return tuple(name for name, takes_part in zip(names, large, strict=True) if takes_part)

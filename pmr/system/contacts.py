@@ -350,7 +350,7 @@ class Friction:
         """Energy (...) in J that cylinders store because of friction, beyond lambda^2 / 2 k.
 
         k is a cylinder's stiffness, and lambda the part of its force that reaches the sections.  The pads have the
-        `friction` (..., n) in N. `forces` (..., m) in N are those of all contacts; the forces of cylinders among them
+        `friction` (..., n) in N.  `forces` (..., m) in N are those of all contacts; the forces of cylinders among them
         include the friction.
         """
         total = self.joint_totals(friction)

@@ -229,7 +229,10 @@ def _differing_entries(stored: Mapping[str, object], expected: Mapping[str, obje
 
 
 def _entries_agree(a: object, b: object) -> bool:
-    """Whether a stored entry `a` of an identity agrees with the expected entry `b`, lists of numbers to `SAME`."""
+    """Whether a stored entry `a` of an identity agrees with the expected entry `b`.
+
+    Numbers in lists agree within the relative deviation `SAME`, everything else only if it is equal.
+    """
     if isinstance(b, list):
         return isinstance(a, list) and len(a) == len(b) and np.allclose(a, b, rtol=SAME, atol=0.0)
     return bool(a == b)

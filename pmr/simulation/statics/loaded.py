@@ -110,7 +110,7 @@ class LoadedState:
 class LoadedStates:
     """Equilibria under p loads."""
 
-    load: Array  # (p,)
+    load: Array  # (p,) kg
     outputs: Array  # (p, o)
     forces: Array  # (p, m)
     in_equilibrium: Mask  # (p,)
@@ -127,7 +127,7 @@ class LoadedStates:
 
     @classmethod
     def with_outputs(cls, state: LoadedState, outputs: Array, forces: Array) -> LoadedStates:
-        """Equilibria with outputs (p, o) and forces (p, m), all under the load and with the form of `state`."""
+        """Valid equilibria with outputs (p, o) and forces (p, m), all under the load and with the form of `state`."""
         count = len(outputs)
         return cls(np.full(count, state.load), outputs, forces, np.ones(count, dtype=bool), (state.form,) * count)
 
