@@ -52,7 +52,7 @@ def system_data(
 
     `frame` is the system's moving frame, None for a system without one.  `reduced` is the system in modes in which
     contacts of a ring are combined, None to convert `system` here.  If it is given, the reactions of rigid supports are
-    not among the outputs.
+    not among the outputs.  Raises InputError if the frame has no motion for one of the system's paths.
     """
     supports = [
         SupportForces.of(body, system.on_one_path, reduced is None and isinstance(body, ReducedModel))

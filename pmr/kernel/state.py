@@ -268,7 +268,7 @@ class State:
     def hoist(self) -> Array:
         """Outputs (10,) of the hoist at the end of the last step, in the order of `pmr.scene.hoist.OUTPUTS`.
 
-        The array is empty if the system has no hoist.
+        The array is empty if the system has no hoist.  Errors as `further`.
         """
         last = self.kernel.further - self.kernel.computed
         return self.further()[last - self.kernel.hoist : last]
@@ -277,7 +277,7 @@ class State:
     def ground(self) -> Array:
         """Outputs (g,) of outriggers at the end of the last step, in the order of `pmr.kernel.further.ground_outputs`.
 
-        The array is empty if the scene has no ground.
+        The array is empty if the scene has no ground.  Errors as `further`.
         """
         last = self.kernel.further - self.kernel.computed - self.kernel.hoist
         return self.further()[last - self.kernel.ground : last]
@@ -286,7 +286,7 @@ class State:
     def computed(self) -> Array:
         """Outputs (k,) of a free luffing angle or extension after the last step, ordered as `ComputedData.outputs`.
 
-        The array is empty if angle and extensions are prescribed.
+        The array is empty if angle and extensions are prescribed.  Errors as `further`.
         """
         return self.further()[self.kernel.further - self.kernel.computed :]
 

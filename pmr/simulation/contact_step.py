@@ -57,7 +57,7 @@ def contact_frequency_within(system: System, ranges: Mapping[str, tuple[float, f
     """Largest omega in rad/s of contacts that only push while all paths go from one end of their range to the other.
 
     All paths move at the same time; omega is computed at `PLACES` positions.  `ranges` are the ends in m, by the paths'
-    names.
+    names.  Raises InputError if a path is missing.
     """
     x = system.side_coordinates({path: np.linspace(*ends, PLACES) for path, ends in ranges.items()})
     return contact_frequency_at(system, np.broadcast_to(x, (PLACES, len(system.sides))))

@@ -314,7 +314,10 @@ class Assembly:
         return np.array(answers)
 
     def row_rates(self, x: Array, x_rate: Array) -> Array:
-        """Rates dC/dt (m, n) of the contacts' rows: places at x (sides,) in m move with x_rate (sides,) in m/s."""
+        """Rates dC/dt (m, n) of the contacts' rows: places at x (sides,) in m move with x_rate (sides,) in m/s.
+
+        Raises ValueError if a place that moves is outside its path.
+        """
         rates = np.zeros((len(self.system.contacts), self.size))
         for side, at, rate in zip(self.system.sides, x, x_rate, strict=True):
             if rate != 0.0:

@@ -249,7 +249,8 @@ class ReducedModel:
     def apply_rows(self, s: Array, q: Array, derivative: int = 0) -> Array:
         """Product C(s) q (T, m) for s (T,) in m and coordinates q (T, r).
 
-        With a `derivative` of 1 or more, that derivative of C with respect to s is used instead of C.
+        With a `derivative` of 1 or more, that derivative of C with respect to s is used instead of C.  Raises
+        ValueError if s is outside the rows' domain.
         """
         return apply_table(self.rows, s, q, derivative)
 

@@ -138,7 +138,8 @@ class Row:
     def forces_on_coordinates(self, s: Array, force: Array, derivative: int = 0) -> sp.csr_matrix:
         """Multipliers `force` (T,) times C(s) at s (T,) in m: sparse (T, n).
 
-        With a `derivative` of 1 or more, that derivative of C with respect to s is used instead of C.
+        With a `derivative` of 1 or more, that derivative of C with respect to s is used instead of C.  Raises
+        ValueError if s is outside the path.
         """
         touched, b = self.touched_weights(s, derivative)
         return self._sparse(touched, b * force[:, None]) @ self.carriers
@@ -146,7 +147,8 @@ class Row:
     def apply(self, s: Array, q: Array, derivative: int = 0) -> Array:
         """Product C(s) q (T,) for s (T,) in m and coordinates q (T, n).
 
-        With a `derivative` of 1 or more, that derivative of C with respect to s is used instead of C.
+        With a `derivative` of 1 or more, that derivative of C with respect to s is used instead of C.  Raises
+        ValueError if s is outside the path.
         """
         touched, b = self.touched_weights(s, derivative)
         return np.einsum("td,td->t", b, np.take_along_axis((self.carriers @ q.T).T, touched, axis=1))
@@ -294,7 +296,10 @@ class Rows:
         return Interval(max(starts, default=0.0), min(ends, default=1.0))
 
     def at(self, s: float, derivative: int = 0) -> sp.csr_matrix:
-        """Rows C(s) at one s in m, or their derivative of the order `derivative` with respect to s: sparse (m, n)."""
+        """Rows C(s) at one s in m, or their derivative of the order `derivative` with respect to s: sparse (m, n).
+
+        Raises ValueError if s is outside the path.
+        """
         if not self.rows:
             return sp.csr_matrix((0, self.size))
         touched, entries = zip(*(row.touched_weights(s, derivative) for row in self.shared_carriers.rows), strict=True)

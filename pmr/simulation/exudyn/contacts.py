@@ -59,6 +59,7 @@ class Contacts:
         """Matrices K + C^T F^-1 C and B - C^T F^-1 H as one array (T, n, n + i), at side positions x (T, sides) m.
 
         C, F and H are the matrices of contacts that give way.  Not to be called if any of these contacts only pushes.
+        Raises SimulationError if F is singular.
         """
         rows, K, B = self.rows(x), self._equations.K, self._equations.B
         answers = self._solve_flexibility(rows, np.concatenate([rows.C, -rows.H], axis=2))

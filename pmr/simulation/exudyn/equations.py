@@ -45,7 +45,10 @@ class Equations:
     """
 
     def __init__(self, system: System) -> None:
-        """Assemble the matrices of the bodies of `system`, without the coordinates that supports hold."""
+        """Assemble the matrices of the bodies of `system`, without the coordinates that supports hold.
+
+        Raises InputError if the only body of a system is a section with joints to others.
+        """
         self.system, self.assembly = system, Assembly(system)
         self.sparse = all(sp.issparse(body.K) for body in system.bodies.values())
         a = self.assembly
@@ -316,7 +319,10 @@ class SignalInputs(Inputs):
         self.begin(0.0)
 
     def positions(self, t: float) -> Array:
-        """Side positions x (1, sides) in m at t s; positions that move within a step are evaluated at each call."""
+        """Side positions x (1, sides) in m at t s; positions that move within a step are evaluated at each call.
+
+        Raises InputError if a path leaves a row.
+        """
         self.number(t)
         if not self._moving:
             return self._x
@@ -325,7 +331,10 @@ class SignalInputs(Inputs):
         )
 
     def begin(self, t: float) -> None:
-        """Evaluate paths, loads and amplitudes of terms at the time t in s, at the start of a step to t."""
+        """Evaluate paths, loads and amplitudes of terms at the time t in s, at the start of a step to t.
+
+        Raises InputError if a path leaves a row.
+        """
         self.s = {name: driving_value(path, self._mbs, t) for name, path in self._paths.items()}  # m
         before, self._t, self._x = self._x, t, self._equations.side_positions_on(self.s)
         self._k += int(not np.array_equal(before, self._x))
@@ -353,7 +362,7 @@ class TabulatedInputs(Inputs):
     def __init__(self, equations: Equations, excitation: Excitation, lengths: StepParts) -> None:
         """Evaluate positions, loads and amplitudes of the excitation at the ends of all parts of its steps, `lengths`.
 
-        `equations` are those of the system.
+        `equations` are those of the system.  Raises InputError if a path leaves a row.
         """
         stepping, numbers = excitation.stepping.divide(lengths.finest), lengths.numbers
         fine = excitation.with_stepping(stepping)

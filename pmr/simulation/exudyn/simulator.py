@@ -165,6 +165,7 @@ def step_lengths(system: System, excitation: Excitation, initial: Mapping[str, I
 
     If contacts only push, they are the numbers of the excitation.  If it has none, the compiled simulator chooses them
     by a run from the `initial` states; for bodies too large for it, a step has enough parts to resolve the contacts.
+    Raises the errors of `contact_frequency` and of this run.
     """
     if np.isnan(system.clearance).all():
         return StepParts.for_contacts(excitation.stepping, 0.0)

@@ -320,7 +320,10 @@ class BoomDrawing:
     """Drawing of a boom in the state that Exudyn shows."""
 
     def __init__(self, mbs: exu.MainSystem, items: SystemItems, scene: Scene, scale: float = 1.0) -> None:
-        """Draw the boom of `scene`, with the `items` in the mbs, with deflections `scale` times as large."""
+        """Draw the boom of `scene`, with the `items` in the mbs, with deflections `scale` times as large.
+
+        Errors as `section_tubes`.
+        """
         self._mbs, self._items, self._scene, self._scale = mbs, items, scene, scale
         self._watched, self.tubes = SystemObserver(mbs, items), section_tubes(scene, items.parts.equations.system)
         place = (0.0, 0.0, 0.0) if scene.frame is None else scene.frame.tail_position

@@ -232,7 +232,10 @@ def begin(
 
 
 def start_of(system: System, excitation: Excitation) -> dict[str, InitialState]:
-    """States of bodies at t = 0, by name, as the excitation says: from `static_start`, or empty for a start at rest."""
+    """States of bodies at t = 0, by name, as the excitation says: from `static_start`, or empty for a start at rest.
+
+    Errors as `static_start`.
+    """
     return {} if excitation.start == "rest" else static_start(system, excitation)
 
 

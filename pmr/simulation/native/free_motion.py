@@ -133,7 +133,10 @@ class ExtensionRun:
     """Simulation of a boom with a free extension, by the kernel's steps."""
 
     def __init__(self, scene: Scene, system: System) -> None:
-        """Prepare the kernel for the `system` of a `scene` with one free extension, at its start."""
+        """Prepare the kernel for the `system` of a `scene` with one free extension, at its start.
+
+        Raises InputError if the kernel does not support the system.
+        """
         self._scene, first = scene, held_at_start(scene)
         ((self._number, self._extension),) = scene.free_extensions.items()
         self._excitation, self.form, self._system = Excitation.from_scene(first), SystemForm.of(system), system

@@ -286,7 +286,7 @@ class MachineRun:
         Three arguments are None except for a free luffing angle, which is simulated as a machine that pitches:
         `luffing`, the scene in which the angle is prescribed; `level`, the luffing angle in rad at which the machine
         does not pitch; and `cylinder`, the fields of the kernel's machine about a luffing cylinder.  `reasons` are the
-        messages for the kernel's error codes.
+        messages for the kernel's error codes.  Raises InputError if the kernel does not support the system.
         """
         frame = scene.frame
         assert frame is not None and frame.machine is not None  # of a scene with a machine

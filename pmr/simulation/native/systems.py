@@ -173,7 +173,8 @@ class March:
 
         `take` is called with the number of the first of some consecutive records, and with these records; their first
         one is also the last one of the call before, or the start.  The energy is not checked.  `progress`, if it is not
-        None, is called with the share of steps that are done.
+        None, is called with the share of steps that are done.  Raises SimulationError if a step fails or a state is not
+        finite, and the errors of `take` and `progress`.
         """
         count = (len(self.t) - 1) // every
         most = max(1, min(BLOCK // every, RECORDED // (2 * self.form.kernel.modes), count))

@@ -125,7 +125,7 @@ class ContactState:
         """
 
         def solution() -> ContactForces:
-            """Forces (m,) in N of all contacts, and the mask (m,) of closed ones."""
+            """Forces (m,) in N of all contacts, and the mask (m,) of closed ones; errors as `solve_contact`."""
             return solve_contact(matrix, motion - self._clearance, self.pushes, self._closed)
 
         if self._comm.size == 1 or not self.pushes.any():

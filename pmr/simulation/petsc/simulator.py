@@ -83,7 +83,7 @@ def observe(
 
 
 class _Run:
-    """One simulation: its excitation on the time grid, the parts of its steps, and its start."""
+    """One simulation: its excitation on the time grid, the parts of its steps, and its start; errors as `simulate`."""
 
     def __init__(
         self, system: FullSystem, excitation: Excitation, states: Sequence[float], initial: Mapping[str, InitialState]

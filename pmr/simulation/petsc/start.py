@@ -300,7 +300,8 @@ def _initial_grip(system: FullSystem, at: SampledExcitation, multipliers: Array)
 def starts_moving(system: FullSystem, at: SampledExcitation, initial: Mapping[str, InitialState]) -> bool:
     """Whether a load of `at` acts, or a body is deformed or moves, at t = 0; the same on every rank.
 
-    `initial` are the initial states of bodies by name; bodies that are missing are undeformed and at rest.
+    `initial` are the initial states of bodies by name; bodies that are missing are undeformed and at rest.  Errors as
+    `stacked_start`.
     """
     load = any(np.any(local_csr(model.inputs) @ at.f[0][inputs]) for model, inputs in _inputs(system))
     start = stacked_start(system, initial)
