@@ -167,7 +167,10 @@ class State:
         self.raise_unless_done(lib.pmr_start_moving(self._state, _STARTS[kind], *pointers), "the start")
 
     def _initial_modes(self, kind: str, z: ArrayLike, v: ArrayLike) -> list[Array]:
-        """Coordinates z and rates v (modes,) for a start: as passed if its `kind` is ``given``, otherwise zeros."""
+        """Coordinates z and rates v (modes,) for a start: as passed if its `kind` is ``given``, otherwise zeros.
+
+        Raises InputError for another shape, or numbers that are not finite.
+        """
         count = self.kernel.modes
         return [self._check_array(n, x if kind == "given" else np.zeros(count), count) for n, x in (("z", z), ("v", v))]
 

@@ -337,7 +337,8 @@ class Pads:
     def _multipliers(self, rows: Rows, q: Array, f: Array, gap: Array | float) -> Array:
         """Contact forces (m,) in N at coordinates q (n,) under loads f (i,), with gaps `gap` (m,) in m by friction.
 
-        The forces are zero for rigid contacts.  `gap` may be one number for all contacts.
+        The forces are zero for rigid contacts.  `gap` may be one number for all contacts.  Raises SimulationError as
+        `Contacts.forces_by_motion`.
         """
         multipliers = np.zeros(len(self.gives))
         gaps = np.broadcast_to(gap, multipliers.shape)[self.gives]

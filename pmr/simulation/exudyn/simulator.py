@@ -240,7 +240,10 @@ class SystemRun:
         return Motion(self._inputs.x, q, v, self._inputs.f, forces, self._inputs.c, none, none, none)
 
     def _sensor_values(self, sensor: exu.SensorIndex) -> Array:
-        """Values (N, c) of the c quantities of a sensor at t = 0 and at the ends of all parts of steps, N in all."""
+        """Values (N, c) of the c quantities of a sensor at t = 0 and at the ends of all parts of steps, N in all.
+
+        Errors as `read_sensor`.
+        """
         return read_sensor(self._mbs, sensor, self._lengths, self._describe)
 
     def _trajectory(self, motion: Motion, balanced: Balance, seconds: float) -> SystemTrajectory:

@@ -340,7 +340,8 @@ class MachineRun:
         """Set the initial state of machine and boom.
 
         If the scene starts in equilibrium, the machine's springs and the boom are in equilibrium with weight and loads.
-        Otherwise the machine begins with the motion that the scene states, and the boom undeformed and at rest.
+        Otherwise the machine begins with the motion that the scene states, and the boom undeformed and at rest.  Raises
+        the errors of `begin` and of `holding_forces`, and SimulationError if the springs find no equilibrium.
         """
         motion = self._given.copy()
         motion[:2, self._free] += self._stated_start[:, self._free]

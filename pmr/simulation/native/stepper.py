@@ -413,7 +413,7 @@ class Stepper:
         """Numbers of parts among which a step chooses, and the contact frequency in rad/s.
 
         The frequency is 0 unless contacts only push and `parts` is 0.  `scene` is the stored scene of the system, None
-        if it has none.
+        if it has none.  Errors as `contact_frequency`.
         """
         modal = self._form.modal
         if np.isnan(modal.clearance).all():

@@ -263,7 +263,7 @@ class Integrator:
         self.constraint = Constraint(system, self._factor, self._q_gain, rows, pushing, shared)
 
     def _factorise(self, model: FullModel) -> MatrixFactor:
-        """Factor of the effective matrix S of a model."""
+        """Factor of the effective matrix S of a model; errors as `factor_for_steps`."""
         S = effective_matrix(model, self._v_gain, self._q_gain)
         factor = factor_for_steps(S, "M + dv D + dq K")
         S.destroy()

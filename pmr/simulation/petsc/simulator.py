@@ -83,7 +83,7 @@ def observe(
 
 
 class _Run:
-    """One simulation: its excitation on the time grid, the parts of its steps, and its start; errors as `simulate`."""
+    """One simulation: its excitation on the time grid, the parts of its steps, and its start; errors as `observe`."""
 
     def __init__(
         self, system: FullSystem, excitation: Excitation, states: Sequence[float], initial: Mapping[str, InitialState]
@@ -136,7 +136,7 @@ class _Run:
         return replace(history, contacts=of_contacts, supports=contacts.forces[:, m:])
 
     def _starting_state(self) -> ReachedState:
-        """State at t = 0."""
+        """State at t = 0; errors as `starting_state`."""
         state = starting_state(self._system, self._at, self._initial, self._mass)
         return ReachedState(0, 0.0, state, self._lengths.parts)
 
