@@ -20,7 +20,6 @@ from pmr.kernel.further import (
     frame_arrays,
     frame_output_arrays,
     further_names,
-    ground_arrays,
     ground_outputs,
     support_arrays,
 )
@@ -75,12 +74,9 @@ def system_data(
     reactions = [reaction_name(qualified_name(body, name)) for body, of in of_bodies for name in of.names]
     modes = [part.modes for part in rows.parts]
     arrays |= support_arrays(system, supports, [*forms.values()], modes, round_up(len(reactions)) + LANES)
-    scene = None if frame is None else frame.scene
-    arrays |= frame_output_arrays(scene, system, rows.paths, reactions, motions)
+    arrays |= frame_output_arrays(frame, system, rows.paths, reactions)
     further = further_names(reactions, arrays)
-    of_ground = {} if frame is None else ground_arrays(frame, system, rows.paths, reactions)
-    arrays |= of_ground
-    ground = {} if frame is None or not of_ground else ground_outputs(frame.scene)
+    ground = ground_outputs(frame.scene) if frame is not None and "ground_stand" in arrays else {}
     computed = None if frame is None else frame.computed
     behind = ground | dict(system.hoist.outputs) | ({} if computed is None else dict(computed.outputs))
     arrays |= {} if computed is None else dict(computed.arrays)

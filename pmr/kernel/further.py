@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import scipy.linalg
@@ -94,64 +94,69 @@ def support_arrays(
     }
 
 
-def cylinder_arrays(scene: Scene, paths: Sequence[str], numbers: Mapping[str, int], outputs: int) -> Arrays:
-    """Arrays by which the kernel computes the force of the luffing cylinder, by name.
+class PressingForces(NamedTuple):
+    """Forces between boom and ground, by their numbers among outputs, reactions of supports and contact forces."""
 
-    ``cylinder_hinges`` (4,) are the coordinates x, z in m of the cylinder's foot and of its lug.  The force of the
-    cylinder follows from K forces on the ground, ``cylinder_sources`` (K,), by their moments about the pivot.
-    ``cylinder_moments`` (K, 1 + P) has the moment of each of them for a force of 1 N with all P paths at 0, in m, then
-    how much this moment changes if one path grows by 1 m.  ``cylinder_pin`` (3,) has the numbers of the pin's reactions
-    along x and z (-1 if there are none) and of the force at the lug.  `numbers` maps the names of outputs, reactions
-    and contact forces to their numbers; `outputs` is the number of outputs.  The result is empty without a cylinder or
-    if a force has no number, and also if the cylinder holds the base, as its force is then that of a contact.
+    numbers: list[int]  # (K,): of those whose wrenches depend on P paths alone
+    wrenches: list[Array]  # K of (6, 1 + P): about the pivot for 1 N with all paths at 0; change by 1 m of each path
+    cylinder: int  # number of the force of a cylinder that holds the base; -1 without one
+
+
+def pressing_forces(scene: Scene, paths: Sequence[str], numbers: Mapping[str, int]) -> PressingForces | None:
+    """Forces with which the boom of a scene presses on the ground; None if one of them has no number.
+
+    `paths` are the names of the system's P paths.  `numbers` maps the names of outputs, reactions and contact forces to
+    their numbers.
     """
-    if scene.frame is None or scene.frame.cylinder is None or scene.holding_cylinder is not None:
-        return {}
-    # without extensions, then with 1 m of each path by itself
-    unit = {name: np.eye(len(paths) + 1)[1 + k] for k, name in enumerate(paths)}
-    still = np.zeros(len(paths) + 1)
-    sources, moments = list[int](), list[Array]()
-    for pressed in ground_contact_wrenches(scene, {name: unit.get(name, still) for name in scene.paths}):
+    unit, still = np.eye(len(paths) + 1), np.zeros(len(paths) + 1)
+    along = {name: unit[1 + paths.index(name)] if name in paths else still for name in scene.paths} | {LUFFING: still}
+    pressing = PressingForces([], [], -1)
+    for pressed in ground_contact_wrenches(scene, along):
         name = next((name for name in pressed.names if name in numbers), None)
         if name is None:
-            return {}
-        about = pressed.wrench[:, 4]
-        if np.any(about):
-            sources.append(numbers[name])
-            moments.append(np.concatenate([about[:1], about[1:] - about[0]]))
-    if not sources:
-        return {}
-    pin, held = (-1, -1, 0), pin_and_cylinder(scene)
-    if held is not None and set(held.pin) <= set(numbers):
-        across = next(numbers[name] for name in held.across if name in numbers)
-        pin = (numbers[held.pin[0]] - outputs, numbers[held.pin[1]] - outputs, across)
-    return {
-        "cylinder_hinges": np.array([*scene.frame.cylinder.foot, *scene.frame.cylinder.lug], float),
-        "cylinder_sources": np.array(sources),
-        "cylinder_moments": np.array(moments),
-        "cylinder_pin": np.array(pin),
-    }
+            return None
+        if scene.holding_cylinder is not None and name in cylinder_force_names(scene):
+            pressing = pressing._replace(cylinder=numbers[name])
+            continue
+        pressing.numbers.append(numbers[name])
+        pressing.wrenches.append(np.vstack([pressed.wrench[:1], pressed.wrench[1:] - pressed.wrench[0]]).T)
+    return pressing
 
 
-def frame_output_arrays(
-    scene: Scene | None, system: System, paths: Sequence[str], reactions: Sequence[str], motions: int
-) -> Arrays:
-    """Arrays of the tip and the luffing cylinder by their names in the kernel's block, and the counts ``further``.
+def frame_output_arrays(frame: Frame | None, system: System, paths: Sequence[str], reactions: Sequence[str]) -> Arrays:
+    """Arrays of tip, luffing cylinder and outriggers by their names in the kernel's block, and the counts ``further``.
 
-    ``further`` (3,) has the number of `reactions`, 1 if there is a tip, and the number of forces that make the
-    cylinder's moment.  `paths` are the names of the system's paths.  `motions` is the number of motions that drive the
-    frame.  There is neither a tip nor a cylinder if `motions` is 0 or if `scene` is None or has no frame.
+    ``further`` (3,) has the number of `reactions` of rigid supports, then 1 if there is a tip and 1 if the force of the
+    luffing cylinder is computed, else 0.  ``pressing_numbers`` (K,) and ``pressing_wrenches`` (K, 6, 1 + P) are those
+    of `PressingForces`, from whose moments the cylinder's force follows unless the cylinder holds the base itself.
+    ``cylinder_hinges`` (4,) are the coordinates x, z in m of the cylinder's foot and of its lug.  ``cylinder_pin`` (3,)
+    has the numbers of the pin's reactions along x and z (-1 if there are none) and of the force at the lug.  Without a
+    `frame` there are `reactions` alone; without a known force between boom and ground, there is a tip at most.
     """
-    arrays, sources = Arrays(), 0
-    if scene is not None and scene.frame is not None and motions:
-        outputs, last = len(system.output_names), [*system.bodies.values()][-1]
-        kinds, first = list(kinds_of(last)), outputs - last.outputs.shape[0]
-        tip = [first + kinds.index(f"tip {axis}") if f"tip {axis}" in kinds else -1 for axis in "xyz"]
-        place = np.array(scene.frame.tail_position) + [scene.sections[-1].length, 0.0, 0.0]
-        arrays = {"tip_numbers": np.array([*tip, len(scene.sections) - 1]), "tip_place": place}
-        if cylinder := cylinder_arrays(scene, paths, numbers_of_forces(system, reactions), outputs):
-            arrays, sources = arrays | cylinder, len(cylinder["cylinder_sources"])
-    return arrays | {"further": np.array([len(reactions), int("tip_numbers" in arrays), sources])}
+    if frame is None or frame.scene.frame is None:
+        return {"further": np.array([len(reactions), 0, 0])}
+    scene, outputs, last = frame.scene, len(system.output_names), [*system.bodies.values()][-1]
+    kinds, first, cylinder = list(kinds_of(last)), outputs - last.outputs.shape[0], frame.scene.frame.cylinder
+    tip = [first + kinds.index(f"tip {axis}") if f"tip {axis}" in kinds else -1 for axis in "xyz"]
+    arrays: Arrays = {
+        "tip_numbers": np.array([*tip, len(scene.sections) - 1]),
+        "tip_place": np.array(frame.scene.frame.tail_position) + [scene.sections[-1].length, 0.0, 0.0],
+        "cylinder_hinges": np.array([0.0] * 4 if cylinder is None else [*cylinder.foot, *cylinder.lug]),
+    }
+    numbers = numbers_of_forces(system, reactions)
+    pressing, turns = pressing_forces(scene, paths, numbers), False
+    if pressing is not None:
+        wrenches = np.array(pressing.wrenches).reshape(-1, 6, 1 + len(paths))
+        arrays |= {"pressing_numbers": np.array(pressing.numbers, np.int64), "pressing_wrenches": wrenches.ravel()}
+        turns = cylinder is not None and scene.holding_cylinder is None and bool(wrenches[:, 4].any())
+        arrays |= ground_arrays(frame, pressing.cylinder)
+    if turns:
+        pin, held = (-1, -1, 0), pin_and_cylinder(scene)
+        if held is not None and set(held.pin) <= set(numbers):
+            across = next(numbers[name] for name in held.across if name in numbers)
+            pin = (numbers[held.pin[0]] - outputs, numbers[held.pin[1]] - outputs, across)
+        arrays["cylinder_pin"] = np.array(pin)
+    return arrays | {"further": np.array([len(reactions), 1, int(turns)])}
 
 
 def further_names(reactions: Sequence[str], arrays: Arrays) -> list[str]:
@@ -317,44 +322,23 @@ def mass_numbers(masses: Sequence[MachineMass]) -> Array:
     return np.array(rows, float).reshape(-1, 8)
 
 
-def ground_arrays(frame: Frame, system: System, paths: Sequence[str], reactions: Sequence[str]) -> Arrays:
-    """Arrays of the outriggers, by name, of a system in a `frame` with these paths and reactions of rigid supports.
+def ground_arrays(frame: Frame, cylinder: int) -> Arrays:
+    """Arrays of the outriggers, by name, of a scene in a `frame`; empty if the scene has no ground.
 
-    ``ground_sources`` (K,) has the numbers of the K forces on the ground.  ``ground_wrenches`` has (6, 1 + P) numbers
-    for each of them: its wrench about the pivot for a force of 1 N with all P paths at 0, then how much this wrench
-    changes if one path grows by 1 m.  Further arrays have the numbers of the base's motions, of gravity, and of the
-    force of a cylinder that holds the base (-1 for what there is not), the machine's masses, and the corners, places,
-    stiffness and tipping edges of the outriggers.  The result is empty if the scene has no ground, or if a force
-    between boom and ground is not known.
+    They have the numbers of the base's motions, of gravity, and of the force of a `cylinder` that holds the base (-1
+    for what there is not), the machine's masses, and the corners, places, stiffness and tipping edges of the
+    outriggers.
     """
-    scene = frame.scene
-    ground = None if scene.frame is None else scene.frame.ground
+    ground = None if frame.scene.frame is None else frame.scene.frame.ground
     if ground is None:
         return {}
-    numbers = numbers_of_forces(system, reactions)
-    unit, still = np.eye(len(paths) + 1), np.zeros(len(paths) + 1)
-    along = {name: unit[1 + paths.index(name)] if name in paths else still for name in scene.paths} | {LUFFING: still}
-    sources, wrenches, cylinder = list[int](), list[Array](), -1
-    for pressed in ground_contact_wrenches(scene, along):
-        name = next((name for name in pressed.names if name in numbers), None)
-        if name is None:
-            return {}
-        if scene.holding_cylinder is not None and name in cylinder_force_names(scene):
-            cylinder = numbers[name]
-            continue
-        sources.append(numbers[name])
-        wrenches.append(np.vstack([pressed.wrench[:1], pressed.wrench[1:] - pressed.wrench[0]]).T)
     motions = [frame.drivers.index(name) if name in frame.drivers else -1 for name in (*AXES, "gravity")]
-    of_cylinder = None if scene.frame is None else scene.frame.cylinder
-    hinges = (0.0,) * 4 if of_cylinder is None else (*of_cylinder.foot, *of_cylinder.lug)
     places = [place for outrigger in ground.outriggers for place in outrigger.at]
     stiffness = [outrigger.stiffness for outrigger in ground.outriggers]
     edges = edge_rows(ground.polygon, ground.height).ravel()
     return {
         "ground_numbers": np.array([*motions, cylinder]),
-        "ground_sources": np.array(sources, np.int64),
-        "ground_wrenches": np.array(wrenches).ravel(),
         "ground_masses": mass_numbers(ground.masses).ravel(),
         "ground_corners": np.array(ground.corner_numbers),
-        "ground_stand": np.array([ground.height, *hinges, *places, *stiffness, *edges], float),
+        "ground_stand": np.array([ground.height, *places, *stiffness, *edges], float),
     }

@@ -168,7 +168,7 @@ static int evaluate_along(pmr_state *st, const double *at, const double *seed_at
             copy_values(st, to, st->values, st->acceleration);
             if (to->further && y->motions)
                 failed = pmr_frame_outputs(y, at, NULL, st->values, NULL, to->further, NULL);
-            if (to->further) show_behind(st, to->further + y->reactions + 3 * y->has_tip + (y->sources > 0) + y->ground);
+            if (to->further) show_behind(st, to->further + y->reactions + 3 * y->has_tip + y->has_cylinder + y->ground);
         }
     }
     return return_to(st, &progress, failed);

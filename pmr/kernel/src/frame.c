@@ -204,11 +204,11 @@ static number value_of(const pmr_system *y, const double *values, const double *
     return (number){values[n], changes ? changes[n] : 0.0};
 }
 
-/* Direction from foot to lug (hinges, x and z of each) of the cylinder that raises the boom, x and z in axes of the boom;
+/* Direction from foot to lug of the cylinder that raises the boom, x and z in axes of the boom;
    returned is what its length grows by for each radian. */
-static number cylinder_direction(const course *c, const double *hinges, number direction[2])
+static number cylinder_direction(const course *c, number direction[2])
 {
-    const double *foot = hinges, *lug = hinges + 2;
+    const double *foot = c->system->cylinder_hinges, *lug = foot + 2;
     const number phi = angle_of(c, 0).at, s = sine(phi), co = cosine(phi);
     const number at[2] = {minus(times(constant(lug[0]), co), times(constant(lug[1]), s)),
                           plus(times(constant(lug[0]), s), times(constant(lug[1]), co))};
@@ -220,29 +220,20 @@ static number cylinder_direction(const course *c, const double *hinges, number d
     return times(minus(times(z, at[0]), times(x, at[1])), inverse(length));
 }
 
-/* The part of a wrench by a unit of a source, m or 1, and by each path, where the paths stand. */
-static number lever_of(const course *c, const double *of)
-{
-    number lever = constant(of[0]);
-    int p;
-    for (p = 0; p < c->system->paths; p++)
-        lever = plus(lever, times(constant(of[1 + p]), motion(c, c->system->frame_paths[p], 0)));
-    return lever;
-}
-
-/* Force of the cylinder, positive where it presses: the moment about the pivot over what its length grows by for each
-   radian. */
-static number cylinder_force(const course *c, const double *values, const double *changes, number direction[2])
+/* Component j of the wrench about the pivot with which the boom presses on the ground, but for a cylinder that gives
+   way. */
+static number pressed(const course *c, const double *values, const double *changes, int j)
 {
     const pmr_system *y = c->system;
-    const number arm = cylinder_direction(c, y->cylinder_hinges, direction);
-    number moment = constant(0.0);
-    int k;
-    for (k = 0; k < y->sources; k++) {
-        const number lever = lever_of(c, y->cylinder_moments + (size_t)k * (1 + y->paths));
-        moment = plus(moment, times(value_of(y, values, changes, y->cylinder_sources[k]), lever));
+    number sum = constant(0.0);
+    int k, p;
+    for (k = 0; k < y->pressing; k++) {
+        const double *of = y->pressing_wrenches + (size_t)(6 * k + j) * (1 + y->paths);
+        number lever = constant(of[0]); /* of a unit, where the paths stand */
+        for (p = 0; p < y->paths; p++) lever = plus(lever, times(constant(of[1 + p]), motion(c, y->frame_paths[p], 0)));
+        sum = plus(sum, times(value_of(y, values, changes, y->pressing_numbers[k]), lever));
     }
-    return times(moment, inverse(arm));
+    return sum;
 }
 
 /* Outriggers under forces of boom, rope and machine; values end with the wrench of a rope on a winch on the machine. */
@@ -255,16 +246,12 @@ int pmr_ground_outputs(const pmr_system *y, const double *motions, const double 
     const int32_t *of = y->ground_numbers;
     number boom[6], wrench[6] = {{0.0, 0.0}}, falling[3], direction[2];
     int i, j, k;
-    for (j = 0; j < 6; j++) boom[j] = constant(values[y->op + y->hp + y->forces + j]); /* no derivatives with a hoist */
-    for (k = 0; k < y->ground_sources; k++)
-        for (j = 0; j < 6; j++) {
-            const number lever = lever_of(&c, y->ground_wrenches + (size_t)(6 * k + j) * (1 + y->paths));
-            boom[j] = plus(boom[j], times(value_of(y, values, changes, y->ground_source_list[k]), lever));
-        }
+    for (j = 0; j < 6; j++) /* no derivatives with a hoist */
+        boom[j] = plus(constant(values[y->op + y->hp + y->forces + j]), pressed(&c, values, changes, j));
     if (of[4] >= 0) { /* a cylinder that gives way pushes the ground from lug to foot */
-        const double *lug = y->ground_hinges + 2;
+        const double *lug = y->cylinder_hinges + 2;
         const number force = negative(value_of(y, values, changes, of[4]));
-        (void)cylinder_direction(&c, y->ground_hinges, direction);
+        (void)cylinder_direction(&c, direction);
         for (k = 0; k < 2; k++) direction[k] = times(force, direction[k]);
         boom[0] = plus(boom[0], direction[0]);
         boom[2] = plus(boom[2], direction[1]);
@@ -299,8 +286,9 @@ int pmr_frame_outputs(const pmr_system *y, const double *motions, const double *
             if (along) along[n] = at.along;
         }
     }
-    if (y->sources) {
-        number direction[2], force = cylinder_force(&c, values, changes, direction);
+    if (y->has_cylinder) { /* positive where it presses: the moment over what its length grows by for each radian */
+        number direction[2], arm = cylinder_direction(&c, direction),
+                             force = times(pressed(&c, values, changes, 4), inverse(arm));
         further[n] = force.at;
         if (along) along[n] = force.along;
         for (k = 0; k < 2 && y->cylinder_pin[k] >= 0; k++) { /* a pin bears what the cylinder does not */

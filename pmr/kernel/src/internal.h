@@ -109,7 +109,7 @@ struct pmr_system {
     const double *factors;        /* (products) */
     /* further outputs: reactions of rigid supports, in bodies' tables as outputs are; what rates of modes add to them,
        and entries of each term; in a frame the tip and the luffing cylinder (frame.c) */
-    int32_t reactions, hp, has_tip, sources; /* width of rows of reactions; forces that make the cylinder's moment */
+    int32_t reactions, hp, has_tip, has_cylinder; /* width of rows of reactions */
     const double *reaction_shapes, *reaction_direct, *reaction_X0, *table_R; /* (r', hp), (i, hp), (rows, hp) */
     const double *reaction_rates;                                            /* (r', hp) */
     const int32_t *reaction_blocks;  /* (blocks, 4): first reaction, number, powers, place in the table */
@@ -119,17 +119,15 @@ struct pmr_system {
     const int32_t *tip_numbers;      /* (4): outputs along x, y and z, less than 0: none; paths that lead to the tip */
     const double *tip_place;         /* (3) m, without extensions */
     const double *cylinder_hinges;   /* (4) m: x and z of foot and lug */
-    const int32_t *cylinder_sources; /* (sources): outputs, behind them reactions, behind them forces of contacts */
-    const double
-        *cylinder_moments;       /* (sources, 1 + P): moment about the pivot of a unit of each, m, and by each path */
+    int32_t pressing;                /* K: forces with which the boom presses on the ground */
+    const int32_t *pressing_numbers; /* (K): outputs, behind them reactions, behind them forces of contacts */
+    const double *pressing_wrenches; /* (K, 6, 1 + P): about the pivot by a unit of each, and by each path */
     const int32_t *cylinder_pin; /* (3): reactions of a pin along x and z, less than 0: none; source at the lug */
-    /* outriggers (ground.c): their outputs, 0 without any; forces that press on the ground and masses of the machine */
-    int32_t ground, ground_sources, ground_mass_count, ground_reads_outputs;
-    const int32_t *ground_numbers;     /* (5): motions that accelerate the base, gravity, source that is a cylinder which gives
-                                          way; less than 0: none */
-    const int32_t *ground_source_list; /* (sources): as those of the cylinder */
-    const double *ground_wrenches;     /* (sources, 6, 1 + P): about the pivot by a unit of each, and by each path */
-    const double *ground_hinges, *ground_masses; /* (4), (masses, 8) */
+    /* outriggers (ground.c): their outputs, 0 without any; masses of the machine */
+    int32_t ground, ground_mass_count, ground_reads_outputs;
+    const int32_t *ground_numbers; /* (5): motions that accelerate the base, gravity, force of a cylinder which gives way;
+                                      less than 0: none */
+    const double *ground_masses;   /* (masses, 8) */
     pmr_stand stand;
     /* a hoist (hoist.c) */
     int32_t hoist;               /* k: inputs by which its rope pulls the bodies; 0 without one */

@@ -116,7 +116,7 @@ static int further_outputs(pmr_state *st, double *further)
     const pmr_system *y = st->system;
     find_all(st, 1, st->values);
     copy(further, st->values + y->op, y->reactions);
-    show_behind(st, further + y->reactions + 3 * y->has_tip + (y->sources > 0) + y->ground);
+    show_behind(st, further + y->reactions + 3 * y->has_tip + y->has_cylinder + y->ground);
     return y->motions ? pmr_frame_outputs(y, st->motions, NULL, st->values, NULL, further, NULL) : PMR_DONE;
 }
 

@@ -147,10 +147,10 @@ static int read_further(pmr_system *y, char *why)
     int64_t sources;
     int k;
     if (!sizes) return 1;
-    if (sizes[0] < 0 || sizes[0] > 1 << 20 || sizes[2] < 0 || sizes[2] > 1 << 20 || sizes[1] < 0 || sizes[1] > 1 ||
+    if (sizes[0] < 0 || sizes[0] > 1 << 20 || sizes[2] < 0 || sizes[2] > 1 || sizes[1] < 0 || sizes[1] > 1 ||
         ((sizes[1] || sizes[2]) && !y->motions))
         return pmr_say(why, "damaged: sizes of further outputs"), 1;
-    y->reactions = sizes[0], y->has_tip = sizes[1], y->sources = sizes[2];
+    y->reactions = sizes[0], y->has_tip = sizes[1], y->has_cylinder = sizes[2];
     y->hp = PMR_UP(y->reactions) + PMR_LANES;
     sources = (int64_t)y->outputs + y->reactions + y->forces;
     TAKE(reaction_shapes, PMR_NUMBERS, (int64_t)y->modes * y->hp);
@@ -164,12 +164,13 @@ static int read_further(pmr_system *y, char *why)
     TAKE(support_values, PMR_NUMBERS, values);
     TAKE(tip_numbers, PMR_INTEGERS, y->has_tip ? 4 : 0);
     TAKE(tip_place, PMR_NUMBERS, y->has_tip ? 3 : 0);
-    TAKE(cylinder_hinges, PMR_NUMBERS, y->sources ? 4 : 0);
-    TAKE(cylinder_sources, PMR_INTEGERS, y->sources);
-    TAKE(cylinder_moments, PMR_NUMBERS, (int64_t)y->sources * (1 + y->paths));
-    TAKE(cylinder_pin, PMR_INTEGERS, y->sources ? 3 : 0);
+    TAKE(cylinder_hinges, PMR_NUMBERS, y->has_tip ? 4 : 0);
+    y->pressing = (int32_t)pmr_block_count(y, "pressing_numbers");
+    TAKE(pressing_numbers, PMR_INTEGERS, y->pressing);
+    TAKE(pressing_wrenches, PMR_NUMBERS, 6 * (int64_t)y->pressing * (1 + y->paths));
+    TAKE(cylinder_pin, PMR_INTEGERS, y->has_cylinder ? 3 : 0);
     if (!ascends(y->support_first, y->terms + 1, (int32_t)values) ||
-        !within(y->cylinder_sources, y->sources, 0, (int32_t)sources))
+        !within(y->pressing_numbers, y->pressing, 0, (int32_t)sources))
         return pmr_say(why, "damaged: supports or cylinder"), 1;
     for (k = 0; k < values; k++)
         if (!within(y->support_entries + 2 * k, 1, 0, y->reactions) ||
@@ -177,8 +178,8 @@ static int read_further(pmr_system *y, char *why)
             return pmr_say(why, "damaged: terms of supports"), 1;
     if (y->has_tip && (!within(y->tip_numbers, 3, -1, y->outputs) || !within(y->tip_numbers + 3, 1, 0, y->motions + 1)))
         return pmr_say(why, "damaged: the tip"), 1;
-    if (y->sources && (!within(y->cylinder_pin, 2, -1, y->reactions) ||
-                       !within(y->cylinder_pin + 2, 1, 0, (int32_t)sources) || y->frame_angles[0] < 0))
+    if (y->has_cylinder && (!y->has_tip || !within(y->cylinder_pin, 2, -1, y->reactions) ||
+                            !within(y->cylinder_pin + 2, 1, 0, (int32_t)sources) || y->frame_angles[0] < 0))
         return pmr_say(why, "damaged: the cylinder's pin"), 1;
     return 0;
 }
@@ -191,27 +192,23 @@ static int read_ground(pmr_system *y, char *why)
     const double *numbers;
     if (!count || count > 1 << 20) return count ? (pmr_say(why, "damaged: outriggers"), 1) : 0;
     s->corners = (int32_t)pmr_block_count(y, "ground_corners");
-    s->outriggers = (int32_t)((count - 5 - 6 * (int64_t)s->corners) / 3);
-    y->ground_sources = (int32_t)pmr_block_count(y, "ground_sources");
+    s->outriggers = (int32_t)((count - 1 - 6 * (int64_t)s->corners) / 3);
     y->ground_mass_count = (int32_t)(pmr_block_count(y, "ground_masses") / 8);
     TAKE(ground_numbers, PMR_INTEGERS, 5);
-    TAKE(ground_wrenches, PMR_NUMBERS, 6 * (int64_t)y->ground_sources * (1 + y->paths));
     TAKE(ground_masses, PMR_NUMBERS, 8 * (int64_t)y->ground_mass_count);
-    y->ground_source_list = pmr_block_take(y, "ground_sources", PMR_INTEGERS, y->ground_sources, why);
     s->at_corners = pmr_block_take(y, "ground_corners", PMR_INTEGERS, s->corners, why);
     numbers = pmr_block_take(y, "ground_stand", PMR_NUMBERS,
-                             5 + 3 * (int64_t)s->outriggers + 6 * (int64_t)s->corners, why);
-    if (!y->ground_source_list || !s->at_corners || !numbers) return 1;
-    if (!y->motions || s->outriggers < 3 || s->outriggers > PMR_MOST_OUTRIGGERS || s->corners < 3 ||
+                             1 + 3 * (int64_t)s->outriggers + 6 * (int64_t)s->corners, why);
+    if (!s->at_corners || !numbers) return 1;
+    if (!y->has_tip || s->outriggers < 3 || s->outriggers > PMR_MOST_OUTRIGGERS || s->corners < 3 ||
         s->corners > s->outriggers || !within(s->at_corners, s->corners, 0, s->outriggers) ||
-        !within(y->ground_numbers, 4, -1, y->motions) || !within(y->ground_numbers + 4, 1, -1, (int32_t)forces) ||
-        !within(y->ground_source_list, y->ground_sources, 0, (int32_t)forces))
+        !within(y->ground_numbers, 4, -1, y->motions) || !within(y->ground_numbers + 4, 1, -1, (int32_t)forces))
         return pmr_say(why, "damaged: outriggers"), 1;
-    s->height = numbers[0], y->ground_hinges = numbers + 1;
-    s->places = numbers + 5, s->stiffness = s->places + 2 * s->outriggers;
+    s->height = numbers[0];
+    s->places = numbers + 1, s->stiffness = s->places + 2 * s->outriggers;
     s->edges = s->stiffness + s->outriggers;
     y->ground = 7 + s->outriggers + s->corners;
-    y->ground_reads_outputs = !within(y->ground_source_list, y->ground_sources, y->outputs, (int32_t)forces) ||
+    y->ground_reads_outputs = !within(y->pressing_numbers, y->pressing, y->outputs, (int32_t)forces) ||
                               (y->ground_numbers[4] >= 0 && y->ground_numbers[4] < y->outputs);
     return 0;
 }
@@ -532,7 +529,7 @@ void pmr_system_sizes(const pmr_system *y, pmr_sizes *sizes)
                              .drivers = y->drivers,
                              .motions = y->motions,
                              .pushing = y->pushing,
-                             .further = y->reactions + 3 * y->has_tip + (y->sources > 0) + y->ground +
+                             .further = y->reactions + 3 * y->has_tip + y->has_cylinder + y->ground +
                                         (y->hoist ? PMR_HOIST_OUTPUTS : 0) + y->computed,
                              .hoist = y->hoist ? PMR_HOIST_OUTPUTS : 0,
                              .computed = y->computed,
