@@ -163,7 +163,7 @@ class Form:
     """Equilibria with a fixed set of closed contacts, a mask (m,), for any load.
 
     `held` says whether these contacts hold the structure without the load that grows.  The structure buckles at the
-    load `critical`, which is infinite if it never buckles.
+    load `critical` in kg, which is infinite if it never buckles.
     """
 
     def __init__(self, equations: Equations, closed: Mask) -> None:
