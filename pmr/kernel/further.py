@@ -98,7 +98,8 @@ class PressingForces(NamedTuple):
     """Forces between boom and ground, by their numbers among outputs, reactions of supports and contact forces."""
 
     numbers: list[int]  # (K,): of those whose wrenches depend on P paths alone
-    wrenches: list[Array]  # K of (6, 1 + P): about the pivot for 1 N with all paths at 0; change by 1 m of each path
+    # K arrays (6, 1 + P): wrench about the pivot by 1 N with all paths at 0, then its change by 1 m of each path
+    wrenches: list[Array]
     cylinder: int  # number of the force of a cylinder that holds the base; -1 without one
 
 
@@ -127,11 +128,15 @@ def frame_output_arrays(frame: Frame | None, system: System, paths: Sequence[str
     """Arrays of tip, luffing cylinder and outriggers by their names in the kernel's block, and the counts ``further``.
 
     ``further`` (3,) has the number of `reactions` of rigid supports, then 1 if there is a tip and 1 if the force of the
-    luffing cylinder is computed, else 0.  ``pressing_numbers`` (K,) and ``pressing_wrenches`` (K, 6, 1 + P) are those
-    of `PressingForces`, from whose moments the cylinder's force follows unless the cylinder holds the base itself.
-    ``cylinder_hinges`` (4,) are the coordinates x, z in m of the cylinder's foot and of its lug.  ``cylinder_pin`` (3,)
-    has the numbers of the pin's reactions along x and z (-1 if there are none) and of the force at the lug.  Without a
-    `frame` there are `reactions` alone; without a known force between boom and ground, there is a tip at most.
+    luffing cylinder is computed, else 0.  ``pressing_numbers`` (K,) and ``pressing_wrenches`` (K, 6, 1 + P), flattened,
+    are those of `PressingForces`, from whose moments the cylinder's force follows unless the cylinder holds the base
+    itself.  ``cylinder_hinges`` (4,) are the coordinates x, z in m of the cylinder's foot and of its lug, zeros without
+    a cylinder.  ``cylinder_pin`` (3,) has the numbers of the pin's reactions along x and z (-1 if there are none) and
+    of the force at the lug.
+
+    `paths` are the names of the P paths of the `system`, and `reactions` those of the reactions.  Without a `frame`,
+    ``further`` is the only array.  If a force between boom and ground has no number, the arrays of the pressing forces,
+    of the pin and of the outriggers are missing.
     """
     if frame is None or frame.scene.frame is None:
         return {"further": np.array([len(reactions), 0, 0])}
