@@ -93,24 +93,22 @@ static number quantity(const course *c, const turning *turned, const int32_t *of
         for (k = 0; k < of[1]; k++) sum = plus(sum, motion(c, k, of[2]));
         return sum;
     case PMR_OVER: return inverse(motion(c, of[1] - 1, 0));
-    case PMR_RAISED: return slew(c).R[2][of[1]];
+    case PMR_RAISED: return of[1] == 1 ? constant(0.0) : of[1] ? cosine(angle_of(c, 0).at) : sine(angle_of(c, 0).at);
     default: return constant(1.0);
     }
 }
 
-void pmr_frame_along(const pmr_system *y, const double *motions, const double *seed, int drivers, double *u,
-                     double *along, double *work)
+/* Drivers where the boom is turned so, and unless NULL how they change. */
+static void show_drivers(const course *c, const turning *turned, int drivers, double *u, double *along, double *work)
 {
-    const course c = {y, motions, seed};
-    turning base;
-    const turning turned = turn(&c, &base);
+    const pmr_system *y = c->system;
     number *quantities = (number *)work;
     int32_t k, n;
-    for (k = 0; k < y->quantities; k++) quantities[k] = quantity(&c, &turned, y->quantity_list + 3 * k);
+    for (k = 0; k < y->quantities; k++) quantities[k] = quantity(c, turned, y->quantity_list + 3 * k);
     for (k = 0; k < y->paths; k++) {
-        const number path = motion(&c, y->frame_paths[k], 0);
+        const number path = motion(c, y->frame_paths[k], 0);
         u[k] = path.at;
-        along[k] = path.along;
+        if (along) along[k] = path.along;
     }
     for (; k < drivers; k++) {
         const int32_t *first = y->first_product + (k - y->paths);
@@ -121,60 +119,37 @@ void pmr_frame_along(const pmr_system *y, const double *motions, const double *s
             sum = plus(sum, times(constant(y->factors[n]), product));
         }
         u[k] = sum.at;
-        along[k] = sum.along;
+        if (along) along[k] = sum.along;
     }
 }
 
-/* `quantity` without a derivative. */
-static double plain_quantity(const pmr_system *y, const double *motions, const pmr_turning *boom, const int32_t *of)
+void pmr_frame_along(const pmr_system *y, const double *motions, const double *seed, int drivers, double *u,
+                     double *along, double *work)
 {
-    const double *w = boom->velocity;
-    double sum = 0.0;
-    int k;
-    switch (of[0]) {
-    case PMR_TURNED: return boom->R[3 * of[1] + of[2]];
-    case PMR_VELOCITY: return w[of[1]];
-    case PMR_TURNING: return boom->acceleration[of[1]];
-    case PMR_GRADIENT:
-        if (of[1] != of[2]) return w[of[1]] * w[of[2]] + GRADIENT_SIGN[of[1]][of[2]] * boom->acceleration[3 - of[1] - of[2]];
-        for (k = 0; k < 3; k++)
-            if (k != of[1]) sum -= w[k] * w[k];
-        return sum;
-    case PMR_MOTION: return motions[of[1]];
-    case PMR_REACH:
-        for (k = 0; k < of[1]; k++) sum += motions[of[2] * y->motions + k];
-        return sum;
-    case PMR_OVER: return 1.0 / motions[of[1] - 1];
-    case PMR_RAISED:
-        if (y->frame_angles[0] < 0) return of[1] == 2;
-        return of[1] == 1 ? 0.0 : of[1] ? cos(motions[y->frame_angles[0]]) : sin(motions[y->frame_angles[0]]);
-    default: return 1.0;
-    }
+    const course c = {y, motions, seed};
+    turning base;
+    const turning turned = turn(&c, &base);
+    show_drivers(&c, &turned, drivers, u, along, work);
 }
 
 void pmr_frame_turned(const pmr_system *y, const double *motions, const pmr_turning *boom, int drivers, double *u,
                       double *work)
 {
-    int32_t k, n;
-    for (k = 0; k < y->quantities; k++) work[k] = plain_quantity(y, motions, boom, y->quantity_list + 3 * k);
-    for (k = 0; k < y->paths; k++) u[k] = motions[y->frame_paths[k]];
-    for (; k < drivers; k++) {
-        const int32_t *first = y->first_product + (k - y->paths);
-        double sum = 0.0;
-        for (n = first[0]; n < first[1]; n++) {
-            const int32_t *of = y->products + 3 * n;
-            sum += y->factors[n] * (work[of[0]] * work[of[1]] * work[of[2]]);
-        }
-        u[k] = sum;
+    const course c = {y, motions, NULL};
+    turning turned;
+    int i, j;
+    for (i = 0; i < 3; i++) {
+        turned.velocity[i] = constant(boom->velocity[i]);
+        turned.acceleration[i] = constant(boom->acceleration[i]);
+        for (j = 0; j < 3; j++) turned.R[i][j] = constant(boom->R[3 * i + j]);
     }
+    show_drivers(&c, &turned, drivers, u, NULL, work);
 }
 
 int pmr_frame_drivers(const pmr_system *y, const double *motions, double *u, double *work)
 {
-    pmr_turning boom, base;
     if (!y->motions) return PMR_REFUSED;
-    pmr_frame_turning(y, motions, &boom, &base);
-    pmr_frame_turned(y, motions, &boom, y->drivers, u, work);
+    pmr_frame_along(y, motions, NULL, y->drivers, u, NULL, work);
     return PMR_DONE;
 }
 
