@@ -22,6 +22,7 @@ from pmr.scene.keys import LUFFING_CYLINDER
 from pmr.scene.mechanism import CYLINDER, NEAR, PinAndCylinder, pin_and_cylinder, supports_at_lug
 from pmr.simulation.frame_motion import ComputedMotion
 from pmr.simulation.native.free_motion import ACCELERATION, CYLINDER_UNITS, STOP, column_name
+from pmr.simulation.native.watched import EXTENSION_CYLINDER, NO_DEPTH, highest_pressure, stop_event
 
 #: A support can't stand in for a cylinder if the cylinder's largest stiffness about the pivot is more than this times
 #: its smallest.
@@ -30,12 +31,8 @@ TURNED = 1.1
 LEANING = 0.1
 #: A rope that jerks its payload at t = 0 by less than this share of the weight is not worth a word.
 JERK = 0.01
-#: Depth in m by which a stop is pressed in by round-off.
-ROUND_OFF = 1e-9
 #: Number of steps that resolve the impact on a stop.
 IMPACT = 8
-#: Name of the cylinder that drives a free extension.
-EXTENSION_CYLINDER = "extension cylinder"
 
 
 def luffing_part(scene: Scene, response: Response) -> SummaryPart:
@@ -73,7 +70,7 @@ def luffing_part(scene: Scene, response: Response) -> SummaryPart:
     speed = arm * angle.rate(t)
     histories = {"force": force, "length": length, "speed": speed, "power": force * speed}
     histories |= _use_of_cylinder(cylinder, force, length)
-    return _cylinder_part(LUFFING_CYLINDER, histories, response, along, luffing_warnings(scene, angle.value(t)))
+    return _cylinder_part(LUFFING_CYLINDER, histories, response, along, turning_warnings(scene, angle.value(t)))
 
 
 def _use_of_cylinder(cylinder: LuffingCylinder, force: Array, length: Array) -> dict[str, Array]:
@@ -131,7 +128,7 @@ def _driven_part(
     greatest length, below 0 at the smallest.  `along` (T,) in m is the path coordinate, or the reach of several
     sections.  `warnings` come before the part's own.
     """
-    stop = np.where(np.abs(stop) > ROUND_OFF, stop, 0.0)
+    stop = np.where(np.abs(stop) > NO_DEPTH, stop, 0.0)
     spans = _stop_spans(response.t, stop, histories)
     for end, sign in (("smallest", -1.0), ("greatest", 1.0)):
         at_end = [of for of in spans if sign * of["give"] > 0.0]
@@ -160,7 +157,7 @@ def _stop_warnings(name: str, end: str, spans: list[dict[str, float]]) -> list[s
     fewest = min(of["steps"] for of in spans)
     missed = f"; {fewest:g} steps do not resolve it: a shorter time.step or a softer stop" * (fewest < IMPACT)
     return [
-        f"{name} meets the stop at its {end} at {worst['start']:.4g} s with {abs(worst['speed']):.3g} m/s"
+        f"{stop_event(name, end)} at {worst['start']:.4g} s with {abs(worst['speed']):.3g} m/s"
         f"{more}; the stop gives way by up to {deepest}{missed}"
     ]
 
@@ -194,32 +191,14 @@ def _spans(holds: Mask) -> list[tuple[int, int]]:
 def _cylinder_part(
     cylinder: str, histories: Mapping[str, Array], response: Response, along: Array, warnings: list[str]
 ) -> SummaryPart:
-    """Part of the summary with the extremes of a cylinder's `histories` (T,), and a warning if its oil would boil.
+    """Part of the summary with the extremes of a cylinder's `histories` (T,).
 
     `along` (T,) in m is the path coordinate, or the reach of several sections, at the times of the response.
     `warnings` are added to the part.
     """
     extremes = {key: Extremes.from_history(history, response.t, along) for key, history in histories.items()}
     figures = {key.replace(" ", "_"): of.summary() for key, of in extremes.items()}
-    return SummaryPart({cylinder.replace(" ", "_"): figures}, warnings, boiling_warnings(cylinder, extremes, response))
-
-
-def luffing_warnings(scene: Scene, angles: Array) -> list[str]:
-    """Warnings about the luffing cylinder at the prescribed luffing `angles` (T,) in rad.
-
-    The warnings are those of `turning_warnings`, and one if the angles need lengths of the cylinder beyond its stroke.
-    """
-    warnings = turning_warnings(scene, angles)
-    cylinder = scene.frame.cylinder if scene.frame is not None else None
-    if cylinder is not None and cylinder.stroke is not None:
-        length = cylinder.length_and_arm(angles).length
-        if cylinder.beyond_stroke(length):
-            low, high = cylinder.stroke
-            warnings.append(
-                f"the luffing angles need a luffing cylinder of {length.min():.4g} to {length.max():.4g} m, but "
-                f"frame.cylinder.stroke is {low:g} to {high:g} m: the boom can't be at all of these angles"
-            )
-    return warnings
+    return SummaryPart({cylinder.replace(" ", "_"): figures}, warnings)
 
 
 def turning_warnings(scene: Scene, angles: Array) -> list[str]:
@@ -338,13 +317,6 @@ def hoist_part(scene: Scene, response: Response) -> SummaryPart:
         warnings.append(
             f"the hoist rope is slack {slack}, and {snatch}: {QUANTITIES['hoist_force'].label} need short steps then"
         )
-    below = columns["height"] < 0.0
-    if scene.pivot_height and below.any():
-        warnings.append(
-            f"the hook is below the ground {response.when(response.t[np.argmax(below)])}, by up to "
-            f"{with_unit(-float(columns['height'].min()), 'm')} later: nothing in the model stops it there, and the "
-            "rope bears it as if it hung freely"
-        )
     return SummaryPart({"hoist": figures}, _jerk_warnings(scene, hoist, scene.gravity.acceleration), warnings)
 
 
@@ -371,25 +343,6 @@ def _jerk_warnings(scene: Scene, hoist: Hoist, gravity: float) -> list[str]:
     ]
 
 
-#: Pressure in Pa of the surroundings: oil boils where its pressure is lower by this.
-VACUUM = 1e5
-#: Share of the supply's pressure by which that of a chamber has to be above it for a warning.
-ABOVE = 0.005
-
-
-def boiling_warnings(cylinder: str, extremes: Mapping[str, Extremes], response: Response) -> list[str]:
-    """List a warning for each chamber of the cylinder called `cylinder` whose oil would boil.
-
-    `extremes` are the extremes of the cylinder's quantities, ``pressure bore`` and ``pressure rod`` among them.
-    """
-    return [
-        f"the oil on the {key.removeprefix('pressure ')} side of the {cylinder} would have "
-        f"{with_unit(of.least, 'Pa')} {response.when(of.t_least)}, and boils: the model pulls on it"
-        for key, of in extremes.items()
-        if key.startswith("pressure") and of.least < -VACUUM
-    ]
-
-
 def supply_warnings(
     cylinder: str, oil: Oil, histories: Mapping[str, Array], stop: Array, response: Response
 ) -> list[str]:
@@ -398,7 +351,7 @@ def supply_warnings(
     The first warning is for times at which the valve connects the chamber to the supply: the supply is too weak for the
     load, and oil flows back unless a counterbalance valve stops it.  The second is for all other times: a real relief
     valve might open, which the model does not have.  The pressure has to exceed the supply by the valve's laminar
-    pressure drop or the share `ABOVE`, whichever is larger.
+    pressure drop or a small share, whichever is larger (`highest_pressure`).
 
     `histories` (T,) are by ``pressure bore`` and ``pressure rod``.  `stop` (T,) is how far a stop gives way: above 0 at
     the greatest length, below 0 at the smallest.  Times on a stop are ignored, and so are the times after a stop until
@@ -410,7 +363,7 @@ def supply_warnings(
     supply = with_unit(oil.supply, "Pa")
     for side, way, verb in (("bore", 1.0, "extend"), ("rod", -1.0, "retract")):
         pressure = histories[f"pressure {side}"]
-        above = (stop == 0.0) & (pressure > oil.supply + max(oil.valve.laminar, ABOVE * oil.supply))
+        above = (stop == 0.0) & (pressure > highest_pressure(oil))
         feeds, number = way * opening > oil.valve.dead_band, np.arange(len(opening))
         last_stop, last_shut = (
             np.maximum.accumulate(np.where(is_so, number, -1)) for is_so in (way * stop > 0.0, ~feeds)

@@ -1,4 +1,4 @@
-"""Forces of pads, cylinders, ropes and supports: their extremes, and warnings if they pull or are unknown."""
+"""Forces of pads, cylinders, ropes and supports: their extremes, what exceeds limits, and forces that are unknown."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import scipy.sparse.linalg as spla
 
 from pmr.files.arrays import Array
 from pmr.results import Response
-from pmr.results.quantities import with_unit
+from pmr.results.quantities import FORCE
 from pmr.results.response import Extremes
 from pmr.results.run import SummaryPart
 from pmr.results.tables import reaction_extremes, support_forces
@@ -19,17 +19,13 @@ from pmr.scene import Scene
 from pmr.scene.built import PadRing, force_name, friction_name, reaction_name
 from pmr.scene.choice import has_axial_motion
 from pmr.scene.frame import INERTIA
-from pmr.scene.keys import cylinder_name, qualified_name
+from pmr.scene.keys import LUFFING, cylinder_name, qualified_name
 from pmr.scene.mechanism import drive_rows, longest_rope, rope_shares
 from pmr.scene.members import EXTENSION, members, pads_on_faces
-from pmr.simulation.frame_motion import ComputedMotion
+from pmr.simulation.native.watched import NO_FORCE, History, exceeded_limits, exceeded_warnings, run_limits
 from pmr.system.body import SlidingBody
-from pmr.system.contacts import Contact, Friction
+from pmr.system.contacts import Friction
 from pmr.system.system import System
-
-#: There is a warning if a pad's pull exceeds this share of its largest push, or of a tenth of the largest force of any
-#: pad if that is more.
-PULLED = 0.01
 
 
 def forces_part(scene: Scene, system: System, response: Response) -> SummaryPart:
@@ -38,24 +34,48 @@ def forces_part(scene: Scene, system: System, response: Response) -> SummaryPart
     Each has its time and place.  Pads have the largest mean ``pressure`` in Pa too, the size of their force over length
     times width, and the ``allowed_pressure`` of their ring if it states one.  Cylinders also have the largest
     ``friction`` in N to be overcome, the energy in J ``dissipated`` by friction, and their impulses at ``kinks``.
-    Warnings name pulled pads, a pressure above the allowed one, forces and reactions that are not known, and kinks of
-    paths at which cylinders take impulses.
+    Warnings name forces and reactions that are not known, and kinks of paths at which cylinders take impulses.
     """
     joined, along, figures = len(scene.sections) > 1, scene.path_positions(response.t), dict[str, Any]()
-    pressed: Sequence[str] = ()
     if joined or scene.pads:
-        loads = pad_extremes(scene, response)
-        figures["pads"] = list(_pad_rows(scene, loads))
-        pressed = _pressure_warnings(figures["pads"], loads, response)
+        figures["pads"] = list(_pad_rows(scene, pad_extremes(scene, response)))
     if joined:
         figures["cylinders"] = list(_cylinder_rows(scene, system, response))
     kinks = {row["name"]: row.get("kinks", ()) for row in figures.get("cylinders", ())}
     warnings = _kink_warnings(kinks) + unknown_force_warnings(scene, response)
     warnings += missing_reaction_warnings(scene)
-    pulled = pulled_pad_warnings(scene, system.contacts, response)
     figures |= reaction_rows(scene, response, along)
     supports = support_rows(scene, response)
-    return SummaryPart(figures | ({"supports": supports} if supports else {}), warnings, [*pressed, *pulled])
+    return SummaryPart(figures | ({"supports": supports} if supports else {}), warnings)
+
+
+def limits_part(scene: Scene, system: System, response: Response) -> SummaryPart:
+    """Entry ``exceeded`` of summary.json: a row for each limit of `run_limits` that does not hold in a response.
+
+    A row has ``what`` happens and the time ``t`` in s at which it began.  There is a warning for each cause.  The entry
+    is missing if all limits hold.
+    """
+    limits = run_limits(scene, system.contacts, max(NO_FORCE, response.force_floor))
+    exceeded = exceeded_limits(limits, histories(scene, response))
+    rows: list[dict[str, Any]] = [{"what": of.limit.event, "t": float(response.t[of.first])} for of in exceeded]
+    lines = exceeded_warnings(exceeded, lambda k: response.when(float(response.t[k])))
+    return SummaryPart({"exceeded": rows} if rows else {}, grave=list(lines))
+
+
+def histories(scene: Scene, response: Response) -> History:
+    """Return a function from the name of an output, or of the luffing angle, to its history (T,), or None."""
+
+    def history(name: str) -> Array | None:
+        if name in response.force_names:
+            return response.force(name, 0)
+        if name == LUFFING and scene.frame is not None:
+            return np.asarray(scene.frame.angles.luffing.value(response.t))
+        # the force of a rigid pad that does not move is the reaction of a support
+        named = (name, reaction_name(name.removeprefix(FORCE)))
+        known = next((of for of in named if of in response.other_names), None)
+        return None if known is None else response.other(known)
+
+    return history
 
 
 def _pad_rows(scene: Scene, loads: Mapping[str, Extremes]) -> Iterator[dict[str, Any]]:
@@ -68,24 +88,6 @@ def _pad_rows(scene: Scene, loads: Mapping[str, Extremes]) -> Iterator[dict[str,
             if pad.ring.allowed_pressure is not None:
                 row["allowed_pressure"] = pad.ring.allowed_pressure
         yield row
-
-
-def _pressure_warnings(
-    rows: Sequence[Mapping[str, Any]], loads: Mapping[str, Extremes], response: Response
-) -> list[str]:
-    """List a warning on the pad whose mean pressure is above the allowed one by the largest factor, if any is above it.
-
-    `rows` are those of ``pads`` in summary.json, and `loads` the extremes of the pads' forces by name.
-    """
-    factors = {row["name"]: row["pressure"] / row["allowed_pressure"] for row in rows if "allowed_pressure" in row}
-    name = max(factors, key=lambda name: factors[name], default="")
-    if not name or factors[name] <= 1.0:
-        return []
-    largest = loads[name].largest
-    return [
-        f"the mean pressure of a pad is {factors[name]:.3g} times its allowed_pressure: {name} with "
-        f"{with_unit(abs(largest.value), 'N')} {response.when(largest.t, largest.s)}"
-    ]
 
 
 def support_rows(scene: Scene, response: Response) -> list[dict[str, Any]]:
@@ -200,61 +202,6 @@ def _pad_force(response: Response, name: str) -> Array | None:
     return response.other(reaction_name(name)) if reaction_name(name) in response.other_names else None
 
 
-def pulled_pad_warnings(scene: Scene, contacts: Sequence[Contact], response: Response) -> list[str]:
-    """Warnings about pads that hold both ways and are pulled: one per ring of a single body, or one for all joints.
-
-    `contacts` are all contacts of the system.  Each warning says how many pads pull, which pad pulls most, and which
-    key to set.  With a computed motion, pads that only push are refused, so the key is then that of the faces.  Points
-    that hold a planar beam both ways are meant to pull, so only pads count.
-    """
-    computed = _computed_motion(scene)
-    loads, lines = pad_extremes(scene, response), list[str]()
-    largest = max((max(load.most, -load.least) for load in loads.values()), default=0.0)
-    pulling = {name: load for name, load in loads.items() if -load.least > PULLED * max(load.most, 0.1 * largest)}
-    pulling = {name: load for name, load in pulling.items() if -load.least > response.force_round_off}
-    for ring in _pad_rings(scene):
-        of_ring = {name: pulling[name] for name, _, _ in ring.named_pads if name in pulling and not ring.unilateral}
-        lines += [_ring_warning(ring, of_ring, response) + _push_clause("this ring", computed)] if of_ring else []
-    held = [contact for contact in contacts if contact.clearance is None and contact.name in pulling]
-    held = [contact for contact in held if contact.inner.body in scene.names[1:]]
-    faces = pads_on_faces(scene) if held else {}
-    sideways = all(of.name in faces and faces[of.name].face in ("left", "right") for of in held)
-    lines += [_joints_warning(held, pulling, response, computed, sideways)] if held else []
-    return lines
-
-
-def _computed_motion(scene: Scene) -> str | None:
-    """Text with key and value of a computed motion of the frame, with which pads that only push are refused.
-
-    None is returned if all of the frame's motion is prescribed.
-    """
-    frame = scene.frame
-    if frame is None or frame.machine is not None:
-        return None if frame is None else "frame.machine"
-    is_computed = frame.luffing == "free" or isinstance(frame.luffing, ComputedMotion)
-    return "frame.luffing = 'free'" if is_computed else None
-
-
-def _push_clause(rings: str, computed: str | None, sideways: bool = False) -> str:
-    """Clause that says which key of `rings` to change if pads can only push.
-
-    `rings` names the rings in the clause.  `computed` names the motion that is computed, None if all motion is
-    prescribed (`_computed_motion`); `sideways` says that only pads at the left and at the right pull.
-    """
-    if computed is None:
-        return f"; if they can only push, set unilateral = true in {rings}"
-    if sideways:
-        return (
-            f"; if they can only push: unilateral = true is refused beside {computed}; where such a pad pulls, the one "
-            "on the other side would bear all, and two that share a force are twice as stiff as one that bears it"
-        )
-    return (
-        f"; if they can only push: unilateral = true is refused beside {computed}, so leave only the faces that bear "
-        f"in faces of {rings}, top at the tail and bottom at the mouth where the tip hangs down; a pad without another "
-        "opposite would lift off there"
-    )
-
-
 def unknown_force_warnings(scene: Scene, response: Response) -> list[str]:
     """A warning that names rigid pads at rest whose forces the model does not contain.
 
@@ -266,45 +213,6 @@ def unknown_force_warnings(scene: Scene, response: Response) -> list[str]:
         return []
     pads = f"the pads {', '.join(names)} are" if len(names) > 1 else f"the pad {names[0]} is"
     return [f"{pads} rigid and stay on the body: their forces are unknown; give them a stiffness in N/m"]
-
-
-def _ring_warning(ring: PadRing, pulling: Mapping[str, Extremes], response: Response) -> str:
-    """Warning about the pads of one ring that pull; `pulling` has the extremes of their forces by name."""
-    most = min(pulling, key=lambda name: pulling[name].least)
-    load = pulling[most]
-    pads = f"{len(pulling)} of {len(ring.named_pads)} pads of the ring {ring.name} pull"
-    if len(pulling) == 1:
-        pads = f"one of {len(ring.named_pads)} pads of the ring {ring.name} pulls"
-    worst = f"{most} with up to {with_unit(-load.least, 'N')} {response.when(load.t_least, load.s_least)}"
-    most_of_all = "most of all " if len(pulling) > 1 else ""
-    return f"{pads} the body outwards, {most_of_all}{worst}"
-
-
-def _joints_warning(
-    contacts: Sequence[Contact],
-    pulling: Mapping[str, Extremes],
-    response: Response,
-    computed: str | None,
-    sideways: bool,
-) -> str:
-    """Warning that pads between sections pull.
-
-    The warning names the pad that pulls most, its force and its time, and says how many others pull.  `contacts` are
-    the contacts of all of these pads.  `pulling` maps each contact's name to the extremes of its force.  `computed` is
-    the result of `_computed_motion`, None if no motion of the scene is computed.  `sideways` says that only pads at the
-    left and at the right pull.
-    """
-    pad = min((contact.name for contact in contacts), key=lambda name: pulling[name].least)
-    sections = list(dict.fromkeys(contact.inner.body for contact in contacts))
-    more = f", and {len(contacts) - 1} more" if len(contacts) > 1 else ""
-    at_tail = {contact.inner.path is None for contact in contacts}  # pads at the tail travel with the inner section
-    keys = " and ".join(f"joint.{end}" for end, is_tail in (("tail", True), ("mouth", False)) if is_tail in at_tail)
-    joints, these = ("joints", "these sections") if len(sections) > 1 else ("joint", "this section")
-    return (
-        f"pads in the {joints} of {', '.join(sections)} hold both ways and pull: {pad} with up to "
-        f"{with_unit(-pulling[pad].least, 'N')} {response.when(pulling[pad].t_least)}{more}"
-        f"{_push_clause(f'{keys} of {these}', computed, sideways)}"
-    )
 
 
 def cylinder_impulses(boom: Scene, system: System) -> dict[str, list[dict[str, float]]]:
@@ -382,12 +290,12 @@ def ropes_part(scene: Scene, response: Response) -> SummaryPart:
 
     A row has the ``name`` of the section and the section that it ``follows``, or None.  A section that follows no other
     also has the ``power`` in W: that for moving it and all its followers.  A rope with a stiffness EA also has its
-    largest ``length`` in m on the way, and the ``stiffness`` in N/m of all its strands together at that length.  There
-    is a warning about ropes that would have to push.  The part is empty without such sections.
+    largest ``length`` in m on the way, and the ``stiffness`` in N/m of all its strands together at that length.  The
+    part is empty without such sections.
     """
     if len(scene.sections) < 2:
         return SummaryPart()
-    along, rows, slack = scene.path_positions(response.t), list[Mapping[str, Any]](), list[str]()
+    along, rows = scene.path_positions(response.t), list[Mapping[str, Any]]()
     for name, force in rope_forces(scene, response).items():
         number = scene.names.index(name)
         follows = scene.joint(number).follows
@@ -401,10 +309,4 @@ def ropes_part(scene: Scene, response: Response) -> SummaryPart:
             length = longest_rope(scene, number)
             row |= {"length": length, "stiffness": rope.strands * rope.EA / length}
         rows.append(row)
-        if (rope or follows) and -extremes.least > PULLED * max(extremes.most, 0.0):
-            most = f"{with_unit(-extremes.least, 'N')} {response.when(extremes.t_least)}"
-            slack.append(
-                f"the rope of {name} would have to push with up to {most}: the model holds both ways, as with a second "
-                "rope that pulls the section in"
-            )
-    return SummaryPart({"ropes": rows} if rows else {}, grave=slack)
+    return SummaryPart({"ropes": rows} if rows else {})

@@ -21,6 +21,7 @@ from pmr.scene.keys import input_name
 from pmr.scene.mechanism import TIPPING_MARGIN, FrameTerm, frame_terms
 from pmr.scene.rotation import FrameRotation
 from pmr.simulation import Excitation
+from pmr.simulation.native.watched import TIPS
 from pmr.simulation.stepping import row_products, step_means
 from pmr.system.body import SlidingBody
 from pmr.system.states import SystemTrajectory
@@ -180,7 +181,7 @@ def ground_part(scene: Scene, response: Response) -> SummaryPart:
     if use.max() >= 1.0:
         first = int(np.argmax(use >= 1.0))
         over, tips = rows["margin"][int(np.argmin(response.of("margin")[loaded][first]))]["name"], float(t[first])
-        fallen = [f"the machine tips at {tips:.4g} s over {over}: from then on no forces of outriggers hold it"]
+        fallen = [f"the machine tips over {over} at {tips:.4g} s: {TIPS}"]
     figures = {"outriggers": rows["outrigger"], "margins": rows["margin"], "use": rows["tipping"][0], "tips": tips}
     return SummaryPart(
         {"ground": figures}, [f"outriggers lift off: {'; '.join(lifted)}"] * bool(lifted and tips is None), fallen

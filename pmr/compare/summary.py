@@ -23,7 +23,7 @@ from pmr.compare.errors import (
     with_common_forces,
 )
 from pmr.compare.evaluation import SimulatedSystem
-from pmr.compare.forces import forces_part, ropes_part
+from pmr.compare.forces import forces_part, limits_part, ropes_part
 from pmr.compare.frequencies import (
     frequencies_on_way,
     frequency_part,
@@ -168,7 +168,8 @@ def masses_part(masses_of_bodies: Summary) -> SummaryPart:
 def parts_of_forces(scene: Scene, system: System, response: Response) -> list[SummaryPart]:
     """Parts on forces of pads, supports, ropes, cylinders, hoist and outriggers, and on fatigue, in a response."""
     further_parts = ropes_part, luffing_part, extension_part, hoist_part, ground_part, fatigue_part
-    return [forces_part(scene, system, response), *(of(scene, response) for of in further_parts)]
+    parts = [forces_part(scene, system, response), *(of(scene, response) for of in further_parts)]
+    return [limits_part(scene, system, response), *parts]
 
 
 def warnings_of_response(scene: Scene, system: System, response: Response) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ from pmr.scene.choice import has_walls_that_could_give
 from pmr.scene.members import members
 from pmr.scene.signals import SignalBase
 from pmr.simulation import TimeStepping
-from pmr.simulation.native.driving import SMALL
+from pmr.simulation.native.watched import SMALL
 from pmr.simulation.stepping import NOTABLE, describe_surplus
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import AnyBody, BodySystem

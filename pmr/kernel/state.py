@@ -398,10 +398,14 @@ class BoundStep:
 
     `observe` writes to `values` the quantities with the chosen `numbers`.  The numbers count through the outputs, then
     the forces of contacts, and then the outputs of a hoist, of a free luffing angle or extension, and of outriggers.
+    If there are limits, `observe` returns -1 - k if limit number k does not hold, once for each limit.
     """
 
-    def __init__(self, state: State, numbers: Sequence[int]) -> None:
-        """Bind the steps of `state` to arrays of this object, and `observe` to the quantities `numbers` (k)."""
+    def __init__(self, state: State, numbers: Sequence[int], limits: Any = None) -> None:
+        """Bind the steps of `state` to arrays of this object, and `observe` to the quantities `numbers` (k).
+
+        `limits` are those that the kernel looks at, its `pmr_limits`; None for no limits.
+        """
         kernel, count = state.kernel, len(numbers)
         self.motions = np.zeros((3, kernel.motions or kernel.drivers))
         self.rows: Integers = np.ones(self.motions.shape[1], np.int32)
@@ -413,7 +417,11 @@ class BoundStep:
         else:
             self.step = partial(lib.pmr_step, handle, motions, ffi.NULL)
         self.step_by_rates = partial(lib.pmr_step, handle, motions, pointer(self.rates))
-        if numbers == [*range(kernel.outputs)]:
+        all_outputs = numbers == [*range(kernel.outputs)]
+        arguments = handle, count, ffi.NULL if all_outputs else pointer(self._numbers), pointer(self.values)
+        if limits is not None:
+            self.observe = partial(lib.pmr_observe_and_watch, *arguments, limits)
+        elif all_outputs:
             self.observe = partial(lib.pmr_outputs, handle, pointer(self.values), ffi.NULL)
         else:
-            self.observe = partial(lib.pmr_observe, handle, count, pointer(self._numbers), pointer(self.values))
+            self.observe = partial(lib.pmr_observe, *arguments)

@@ -263,6 +263,21 @@ class LuffingCylinder(DrivenCylinder):
         between = (between + np.pi) % (2.0 * np.pi) - np.pi
         return float(angle - between + np.copysign(np.pi / 2.0, between))
 
+    def stroke_angles(self, angle: float) -> Interval:
+        """Return the smallest and largest luffing angle in rad, on the side of `angle` in rad, within the stroke.
+
+        An end that no angle reaches is the dead point at which foot, lug and pivot are in line.  There has to be a
+        stroke.
+        """
+        assert self.stroke is not None  # as the docstring says
+        foot, lug = (float(np.hypot(*hinge)) for hinge in (self.foot, self.lug))
+        cosines = (foot**2 + lug**2 - np.square(self.stroke)) / (2.0 * foot * lug)
+        between = np.arccos(np.clip(cosines, -1.0, 1.0)) * (1.0 + np.array([-ROUND_OFF, ROUND_OFF]))
+        square = self.square_angle(angle)
+        ahead = float(self.length_and_arm(square).arm) > 0.0  # the cylinder gets longer as the boom rises
+        ends = square + (between - np.pi / 2.0) * (1.0 if ahead else -1.0)
+        return Interval(float(ends.min()), float(ends.max()))
+
     def lug_position(self, angle: ArrayLike) -> NDArray[np.float64]:
         """Return the lug's positions (..., 2) in m at the luffing angles `angle` (...) in rad.
 

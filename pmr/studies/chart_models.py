@@ -15,6 +15,7 @@ from pmr.files import npz
 from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.choice import traits_of
+from pmr.scene.keys import LUFFING
 from pmr.scene.members import members
 from pmr.scene.model_ladder import model_comparison
 from pmr.scene.structures import PointMass
@@ -69,8 +70,9 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
     The task's warnings are those warnings of a run that hold for the scene in all postures.
     """
     from pmr.compare import other_runs
-    from pmr.compare.drives import luffing_warnings
+    from pmr.compare.drives import turning_warnings
     from pmr.fullmodel.build import warnings
+    from pmr.simulation.native.watched import exceeded_limits, exceeded_warnings, stroke_limits
 
     at = PostureSet.from_task(arguments["at"])
     scene = with_fields(tasks.scene_of(arguments), arguments.get("fields", ()), at.count)
@@ -102,7 +104,9 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
         full = tasks.full_system(scene)
         arrays["too_stiff"] = np.array(stiffness_excess(scene, better, full, at, arguments["up_to"]))
     of_structures = [line for body in tasks.bodies_of(scene).values() for line in warnings(body.structure)]
-    lines = dict.fromkeys((*of_structures, *other_runs.mesh_warnings(scene), *luffing_warnings(scene, at.luffing)))
+    beyond = exceeded_limits(stroke_limits(scene), {LUFFING: at.luffing}.get)
+    of_luffing = [*turning_warnings(scene, at.luffing), *exceeded_warnings(beyond, lambda _: "in the chart")]
+    lines = dict.fromkeys((*of_structures, *other_runs.mesh_warnings(scene), *of_luffing))
     return TaskResult(arrays=arrays, warnings=tuple(lines))
 
 

@@ -13,16 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from pmr.compare.forces import missing_reaction_warnings, pulled_pad_warnings, ropes_part, unknown_force_warnings
+from pmr.compare.forces import histories, missing_reaction_warnings, unknown_force_warnings
 from pmr.compare.trust import large_motion_warnings
 from pmr.files.arrays import Array, Summary
 from pmr.results import Energy, Response
 from pmr.results.quantities import von_mises_stress
-from pmr.results.run import SummaryPart, grave_warnings
 from pmr.scene import Scene
 from pmr.scene.built import force_name
 from pmr.scene.hints import is_hung
 from pmr.scene.keys import SceneTable, Usual
+from pmr.simulation.native.watched import exceeded_limits, exceeded_warnings, pulled_pads, pushed_ropes
 from pmr.simulation.statics.loaded import LoadedState, LoadedStates, LoadEffects
 from pmr.simulation.statics.postures import HOOK, DeflectionOutputs, PostureMatrices
 from pmr.simulation.statics.swings import stopping_swing
@@ -90,13 +90,13 @@ def warnings_of_row(
     if not equilibria:
         return ()
     response = _response_at_equilibria(equilibria, models.reduced)
-    parts = [
-        SummaryPart(grave=pulled_pad_warnings(scene, contacts, response)),
-        ropes_part(scene, response),
-        SummaryPart(grave=large_motion_warnings(float(reach.max()), [response])),
-    ]
-    hints = [*unknown_force_warnings(scene, response), *missing_reaction_warnings(scene)]
-    return (*grave_warnings(parts), *hints)
+    exceeded = exceeded_limits([*pulled_pads(scene, contacts), *pushed_ropes(scene)], histories(scene, response))
+    return (
+        *exceeded_warnings(exceeded, response.when),
+        *large_motion_warnings(float(reach.max()), [response]),
+        *unknown_force_warnings(scene, response),
+        *missing_reaction_warnings(scene),
+    )
 
 
 def unnamed_loads(scene: Scene, cases: Sequence[Summary]) -> Iterator[str]:

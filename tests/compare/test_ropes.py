@@ -28,6 +28,7 @@ from pmr.scene.keys import cylinder_name
 from pmr.simulation import Excitation
 from pmr.simulation.moving import read_scene
 from pmr.simulation.native import systems
+from pmr.simulation.native.watched import exceeded_limits, pushed_ropes
 from pmr.system.assembly import Assembly
 
 G, TIP, SECOND = 9.80665, 250.0, 0.7
@@ -229,10 +230,10 @@ def test_a_section_swings_on_a_winchs_rope_as_its_equation_says(simulator: str) 
     (said,) = ropes.ropes_part(scene, found).figures["ropes"]
     ends = [5.0 - scene.paths["fly"].value(t) for t in (0.0, scene.time.end)]
     assert (said["name"], said["follows"], said["length"]) == ("fly", None, pytest.approx(max(ends)))
-    (pushed,) = ropes.ropes_part(scene, found).grave
-    assert pushed.startswith(f"the rope of fly would have to push with up to {force.max() / 1e3:.3g} kN at ")
+    (pushed,) = exceeded_limits(pushed_ropes(scene), ropes.histories(scene, found))
+    assert pushed.limit.event == "the rope of fly would have to push" and pushed.value == pytest.approx(-force.max())
     pulls = replace(found, slider_force=found.slider_force + force.max(), force_peaks=None)
-    assert force.max() > 0.0 and not ropes.ropes_part(scene, pulls).grave
+    assert force.max() > 0.0 and not exceeded_limits(pushed_ropes(scene), ropes.histories(scene, pulls))
     assert said["stiffness"] == pytest.approx(2e6 / max(ends)) and said["force"]["min"] == pytest.approx(-force.max())
 
 
@@ -321,4 +322,5 @@ def test_a_rope_that_bears_round_off_does_not_push(simulated) -> None:
     for size, said in ((-1e-15, 0), (-1.0, 2)):
         forces = response.slider_force.copy()
         forces[:, drives] = size
-        assert len(ropes.ropes_part(scene, replace(response, slider_force=forces, force_peaks=None)).grave) == said
+        changed = replace(response, slider_force=forces, force_peaks=None)
+        assert len(exceeded_limits(pushed_ropes(scene), ropes.histories(scene, changed))) == said

@@ -72,7 +72,7 @@ def test_a_run_states_the_share_of_the_pad_that_uses_the_most_and_warns_beyond_i
     lower = {end: pressure * shares[most] / 1.5 for end, pressure in ALLOWED.items()}
     beyond = run(tmp_path, scene(**lower))
     (warning,) = [line for line in beyond.summary["warnings"] if "allowed_pressure" in line]
-    assert warning.startswith(f"the mean pressure of a pad is 1.5 times its allowed_pressure: {most} with ")
+    assert warning.startswith(f"the pad {most} bears more than its allowed_pressure, 1.5 times as much at ")
     assert any("largest share of the allowed pressure" in line for line in overload_sentences(beyond))
     bare = run(tmp_path, scene())
     assert "allowed_pressure" not in bare.summary["pads"][0] and "pressure" in bare.summary["pads"][0]

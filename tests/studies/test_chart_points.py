@@ -114,9 +114,9 @@ def test_a_chart_warns_as_a_run_of_the_boom_at_rest_does(chart: StudyResults, fo
     hung = {"name": "hook", "on": "tip", "mass": float(load)}
     outcome = pmr.run(load_any(folder / "scene.toml", [f"sections.fly.masses=[{toml.value(hung)}]"]))
     assert outcome is not None
-    (pull,) = [one for one in outcome.result.summary["warnings"] if "hold both ways and pull" in one]
-    (said,) = [one for one in record.warnings if "hold both ways and pull" in one]
-    of = re.compile(r"pull: (.*) with up to ([\d.]+) kN")
+    (pull,) = [one for one in outcome.result.summary["warnings"] if "holds both ways and pulls" in one]
+    (said,) = [one for one in record.warnings if "holds both ways and pulls" in one]
+    of = re.compile(r"the pad (.*) holds both ways and pulls with up to ([\d.]+) kN")
     (name, force), (of_run, force_of_run) = (of.search(one).groups() for one in (said, pull))
     assert name == of_run and float(force) == pytest.approx(float(force_of_run), rel=0.01)
     assert (

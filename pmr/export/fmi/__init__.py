@@ -31,15 +31,16 @@ from pmr.export.fmi.description import (
     outputs_csv,
     reference,
 )
-from pmr.export.fmi.variables import Drivers, Identifiers, Role, Variable, output_kinds, variables
+from pmr.export.fmi.variables import Drivers, Identifiers, Role, Variable, variables
 from pmr.files.arrays import Array
 from pmr.files.whole import replacement_file
 from pmr.kernel.blocks import LINE, lines, pack, seal
 from pmr.kernel.filter import FilterData
 from pmr.kernel.kernel import checksum
+from pmr.kernel.limits import LimitCheck
 from pmr.simulation import contact_step
 from pmr.simulation.moving import StoredScene, read_scene
-from pmr.simulation.native.driving import watched_outputs
+from pmr.simulation.native.watched import watched_limits
 from pmr.system.system import System
 
 #: Sizes and numbers of a filter in the order in which source/estimator.c reads them.
@@ -350,8 +351,8 @@ def system_file(
         Arrays of an observer (`UnitObserver.arrays`); then there is no Model Exchange.
     """
     settings = [omega, contact_step.TOLERANCE, contact_step.RESOLVED, contact_step.MOST_PARTS, BEYOND_ENDS]
-    names = [name for name, _, _ in output_kinds(drivers)]
-    watched = watched_outputs(drivers.system, None if drivers.frame is None else drivers.frame.scene, names)
+    numbers = {name: k for k, name in enumerate(drivers.observed)}
+    limits = LimitCheck(watched_limits(drivers.system, numbers), numbers)
     arrays: dict[str, NDArray[Any] | str] = {
         **drivers.data.arrays,
         "unit_start": start_values,
@@ -359,9 +360,8 @@ def system_file(
         "unit_modes": drivers.data.used_modes,
         "unit_kinds": np.array(drivers.kinds()),
         "unit_settings": np.array(settings, float),
-        "unit_watched": np.array([*zip(map(names.index, watched.names), watched.kinds, strict=True)], np.int64).ravel(),
-        "unit_bounds": watched.limits.ravel(),
-        "names_watched": lines(watched.messages),
+        **{f"unit_limits_{name}": array for name, array in limits.arrays.items()},
+        "names_limits": lines([limit.message for limit in limits.limits]),
         "unit_exchange": np.array([drivers.is_differential and not observer]),
         "names_variables": lines(variable_names),
         **(observer or {}),

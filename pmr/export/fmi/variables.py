@@ -13,7 +13,7 @@ import numpy as np
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.files.arrays import Array
 from pmr.kernel.data import SystemData, system_data, system_in_modes
-from pmr.kernel.further import AXES
+from pmr.kernel.further import AXES, ground_outputs
 from pmr.scene.built import force_name
 from pmr.scene.hoist import ROPE, WIND
 from pmr.scene.keys import LUFFING
@@ -95,6 +95,17 @@ class Drivers:
     def names(self) -> tuple[str, ...]:
         """Names of all drivers in the kernel's order: paths, loads, motions."""
         return (*self.paths, *self.loads, *self.motions)
+
+    @property
+    def observed(self) -> tuple[str, ...]:
+        """Names of outputs, contact forces, further outputs and motions, as the kernel's `pmr_observe` counts them."""
+        frame, system = self.frame, self.system
+        known = {name for name, _, _ in self.data.further}
+        computed = () if frame is None or frame.computed is None else tuple(frame.computed.outputs)
+        ground = () if frame is None else tuple(name for name in ground_outputs(frame.scene) if name in known)
+        forces = map(force_name, system.contact_names)
+        behind = (*system.hoist.outputs, *computed, *ground, *(() if frame is None else frame.drivers))
+        return (*system.output_names, *forces, *behind)
 
     @property
     def count(self) -> int:

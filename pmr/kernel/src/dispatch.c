@@ -2,6 +2,7 @@
 #include "internal.h"
 #include "law.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -47,6 +48,53 @@ int pmr_start(pmr_state *state, int kind, const double *u, const double *z, cons
 int pmr_evaluate(pmr_state *state, const double *at, int hold, const pmr_values *values)
 {
     return pmr_evaluate_along(state, at, NULL, NULL, NULL, hold, values);
+}
+
+static double limited_sum(const pmr_limits *w, int k)
+{
+    double sum = 0.0;
+    int n;
+    for (n = w->first[k]; n < w->first[k + 1]; n++) sum += w->shares[n] * w->values[n];
+    return sum;
+}
+
+int pmr_beyond(const pmr_limits *w, int count)
+{
+    double *sizes = w->largest + w->count;
+    int k;
+    for (k = 0; k < count; k++) {
+        const int family = w->family[k];
+        double sum;
+        if (family < 0) continue;
+        sum = limited_sum(w, k);
+        if (sum > w->largest[k]) w->largest[k] = sum;
+        if (fabs(sum) > sizes[family]) sizes[family] = fabs(sum);
+    }
+    for (k = 0; k < count; k++) {
+        const int family = w->family[k];
+        double low = w->limits[2 * k], sum;
+        if (w->warned[w->groups[k]] || (w->until[k] >= 0 && w->warned[w->until[k]])) continue;
+        if (family >= 0) low = fmin(low, -w->law[0] * fmax(w->largest[k], w->law[1] * sizes[family]));
+        sum = limited_sum(w, k);
+        if (sum >= low && sum <= w->limits[2 * k + 1]) continue;
+        w->warned[w->groups[k]] = 1;
+        return k;
+    }
+    return -1;
+}
+
+int pmr_watch(pmr_state *state, const pmr_limits *w)
+{
+    const int count = state->progress.step % PMR_SELDOM ? w->often : w->count;
+    if (!count || pmr_observe(state, w->first[count], w->numbers, w->values)) return -1;
+    return pmr_beyond(w, count);
+}
+
+int pmr_observe_and_watch(pmr_state *state, int count, const int32_t *numbers, double *values, const pmr_limits *w)
+{
+    const int failed = numbers ? pmr_observe(state, count, numbers, values) : 0;
+    if (!numbers) pmr_outputs(state, values, NULL);
+    return failed ? failed : -1 - pmr_watch(state, w);
 }
 
 void pmr_state_close(pmr_state *state) { pmr_free_aligned(state); }

@@ -121,17 +121,18 @@ static int further_outputs(pmr_state *st, double *further)
 }
 
 /* Some outputs and forces, by their numbers among all outputs and, behind these, all forces and outputs of a hoist, of a
-   free luffing angle or extension and of outriggers. */
+   free luffing angle or extension and of outriggers, and motions of a frame. */
 static int observe(pmr_state *st, int count, const int32_t *numbers, double *values)
 {
     const pmr_system *y = st->system;
     const int outputs = y->outputs, to_forces = y->op - outputs;
     const int ground = outputs + y->forces + (y->hoist ? PMR_HOIST_OUTPUTS : 0) + y->computed;
+    const int motions = ground + y->ground;
     int first = outputs, last = -1, forces = 0, stands = 0, failed, k;
     for (k = 0; k < count; k++) {
         const int n = numbers[k];
-        forces |= n >= outputs;
-        stands |= n >= ground;
+        forces |= n >= outputs && n < ground;
+        stands |= n >= ground && n < motions;
         first = n < first ? n : first;
         last = n < outputs && n > last ? n : last;
     }
@@ -141,11 +142,14 @@ static int observe(pmr_state *st, int count, const int32_t *numbers, double *val
     if (forces) forces_of(st, st->lambda, st->friction, st->values + y->op);
     if (forces) show_behind(st, st->values + y->op + y->forces);
     for (k = 0; k < count; k++)
-        if (numbers[k] < ground) values[k] = st->values[numbers[k] + (numbers[k] < outputs ? 0 : to_forces)];
+        if (numbers[k] >= motions)
+            values[k] = st->motions[numbers[k] - motions];
+        else if (numbers[k] < ground)
+            values[k] = st->values[numbers[k] + (numbers[k] < outputs ? 0 : to_forces)];
     if (!stands) return PMR_DONE;
     find_all(st, y->ground_reads_outputs, st->values);
     failed = pmr_ground_outputs(y, st->motions, NULL, st->values, NULL, st->shown, NULL);
     for (k = 0; k < count && !failed; k++)
-        if (numbers[k] >= ground) values[k] = st->shown[numbers[k] - ground];
+        if (numbers[k] >= ground && numbers[k] < motions) values[k] = st->shown[numbers[k] - ground];
     return failed;
 }

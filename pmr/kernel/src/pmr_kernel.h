@@ -332,8 +332,36 @@ int pmr_advance_sampled(pmr_state *state, const double *u, int per, int64_t coun
 /* Outputs y (o,) and forces (forces,) of all contacts, either NULL, where the state stands. */
 void pmr_outputs(pmr_state *state, double *y, double *forces);
 /* Some of them, by their numbers (count,): of outputs, behind these of forces, and behind these of outputs of a hoist, of
-   a free luffing angle and of outriggers; PMR_LIFTED or PMR_NOT_FINITE where those of outriggers are not found. */
+   a free luffing angle and of outriggers, and behind these of motions of a frame; PMR_LIFTED or PMR_NOT_FINITE where
+   those of outriggers are not found. */
 int pmr_observe(pmr_state *state, int count, const int32_t *numbers, double *values);
+
+#define PMR_SELDOM 16
+/* Sums with limits: sum k adds up the entries from first[k] to before first[k + 1], values times `shares`.  It has to stay
+   between two limits.  A sum that belongs to a family, such as the forces of pads, may also be negative by law[0] times
+   what it was at most so far, or by law[0] times law[1] times the largest size of the family's sums so far. */
+typedef struct {
+    int32_t count, often;    /* the first `often` sums are looked at in each step, all in each `PMR_SELDOM`-th one */
+    const int32_t *first;    /* (count + 1,) */
+    const int32_t *numbers;  /* (entries,): of the values, as in `pmr_observe` */
+    const double *shares;    /* (entries,) */
+    const double *limits;    /* (count, 2) */
+    const int32_t *groups;   /* (count,): a group has one warning */
+    const int32_t *until;    /* (count,): group whose warning ends the look at the sum, -1: none */
+    const int32_t *family;   /* (count,), -1: none */
+    const double *law;       /* (2,) */
+    double *values;          /* (entries,) */
+    double *largest;         /* (2 count,): so far, of sums, and behind these of the sizes in families */
+    int32_t *warned;         /* (groups,): whether a sum of the group was beyond its limits */
+} pmr_limits;
+
+/* The first of `count` sums of `values` beyond its limits whose group had no warning, which then counts as given; -1
+   without one. */
+int pmr_beyond(const pmr_limits *limits, int count);
+/* The same of those values of a state that are looked at in its step; -1, too, where those of outriggers are not found. */
+int pmr_watch(pmr_state *state, const pmr_limits *limits);
+/* `pmr_observe`, or where `numbers` is NULL all outputs, and then `pmr_watch`, whose number k is returned as -1 - k. */
+int pmr_observe_and_watch(pmr_state *state, int count, const int32_t *numbers, double *values, const pmr_limits *limits);
 /* Further outputs (further,) where the state stands: in N and N m what a body presses on its rigid supports; in a frame
    the place of the tip from the pivot along axes of the ground in m, and the force of the luffing cylinder in N; of a
    hoist the height of the hook, its place along axes of the ground in m, its swing along and across the boom's plane in

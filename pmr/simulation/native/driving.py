@@ -1,14 +1,9 @@
-"""Drivers of a stepper as the user gives them, and the outputs of which steppers and FMUs warn.
-
-Drivers are paths, loads and motions of a frame at the end of a step.  Outputs are watched for displacements too large
-for the theory, and for a machine that tips.
-"""
+"""Drivers of a stepper as the user gives them: paths, loads and motions of a frame at the end of a step."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import Any, TypeGuard
 
@@ -17,10 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pmr.errors import BEYOND_ENDS, InputError, similar_name_hint
 from pmr.files.arrays import Array
-from pmr.kernel.further import AXES, ground_outputs
-from pmr.scene import Scene
-from pmr.scene.mechanism import TIPPING_MARGIN
-from pmr.system.system import System
+from pmr.kernel.further import AXES
 
 logger = logging.getLogger(__name__)
 #: Largest angle in rad, except for slewing.  Share of its range, or of a turn, by which a motion may change in a step
@@ -338,48 +330,3 @@ def _read_motion(value: Motion, key: str) -> list[float]:
     if not np.isfinite(array).all():
         raise InputError("stepper", key, value, "finite numbers are allowed")
     return list(array.tolist())
-
-
-#: Number of steps of a stepper after which it looks at the watched outputs.
-WATCHED_EVERY = 16
-#: Share of the boom's length: a tip that moves this far comes closer by half a per cent of the length.
-SMALL = 0.1
-DISPLACEMENT, MARGIN = 0, 1
-
-
-@dataclass(frozen=True)
-class WatchedOutputs:
-    """Outputs w with the limits between which no warning is needed; one warning is given for each kind of them."""
-
-    names: tuple[str, ...]  # of outputs
-    kinds: tuple[int, ...]  # DISPLACEMENT or MARGIN
-    limits: Array  # (w, 2): smallest and largest value without a warning
-    messages: tuple[str, ...]  # what a value beyond its limits means
-
-
-def _greatest_length(system: System, scene: Scene) -> float:
-    """Length in m of the boom with all sections as far out as the ranges of the system's paths permit."""
-    ranges = system.ranges
-    return scene.sections[-1].length + sum(ranges[name][1] for name in scene.names[1:])
-
-
-def watched_outputs(system: System, scene: Scene | None, names: Collection[str]) -> WatchedOutputs:
-    """Displacements in m and margins against tipping that are among the outputs `names`; empty without a frame.
-
-    `scene` is None if the system has no scene.
-    """
-    limits, kinds, messages = dict[str, tuple[float, float]](), list[int](), list[str]()
-    if scene is not None and scene.frame is not None:
-        length = _greatest_length(system, scene)
-        for name, unit in zip(system.output_names, system.output_units, strict=True):
-            if unit == "m":
-                limits[name] = -SMALL * length, SMALL * length
-                kinds.append(DISPLACEMENT)
-                beyond = f"{name} is more than {SMALL:g} times the greatest length of the boom, {length:.3g} m"
-                messages.append(f"{beyond}: the theory of small motions does not hold")
-        for name in ground_outputs(scene):
-            if name in names and name.startswith(TIPPING_MARGIN):
-                limits[name] = 0.0, float(np.finfo(float).max)
-                kinds.append(MARGIN)
-                messages.append(f"the {name} is below 0: the machine tips, no forces of outriggers hold it")
-    return WatchedOutputs(tuple(limits), tuple(kinds), np.reshape([*limits.values()], (-1, 2)), tuple(messages))

@@ -19,16 +19,15 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.errors import InputError, SimulationError
 from pmr.files.arrays import Array
 from pmr.kernel.further import ground_outputs
 from pmr.kernel.kernel import Kernel
+from pmr.kernel.limits import LimitCheck
 from pmr.kernel.state import BoundStep, Settings, State, StepError
 from pmr.scene.built import force_name
 from pmr.scene.hoist import OUTPUTS
@@ -38,9 +37,10 @@ from pmr.simulation.contact_step import MOST_PARTS, contact_frequency, contact_f
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.moving import StoredScene, read_scene
-from pmr.simulation.native.driving import JUMP, WATCHED_EVERY, Drivers, Motion, Values, number_of, watched_outputs
+from pmr.simulation.native.driving import JUMP, Drivers, Motion, Values, number_of
 from pmr.simulation.native.form import SystemForm, begin, path_text, step_failure
 from pmr.simulation.native.free_motion import stepped_frame
+from pmr.simulation.native.watched import watched_limits
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import SlidingBody
@@ -48,16 +48,6 @@ from pmr.system.contacts import Friction
 from pmr.system.system import System
 
 logger = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class _WatchedKind:
-    """Watched outputs w of one kind, and the limits between which no warning is needed."""
-
-    outputs: BoundStep
-    numbers: NDArray[np.intp]  # (w,): in `WatchedOutputs`
-    low: Array  # (w,)
-    high: Array  # (w,)
 
 
 #: Distance in m within which a section that follows a free extension has to begin.
@@ -161,16 +151,12 @@ class Stepper:
         settings = Settings(step, rho_inf, *self._levels(parts, scene), energy=False)
         self._state = State(kernel, settings)
         beyond = kernel.outputs - len(every)  # forces come after all outputs of the kernel
-        self._bound = bound = BoundStep(self._state, [k if k < len(every) else k + beyond for k in chosen])
-        self._watched = watched_outputs(system, None if moving is None else moving.scene, self.output_names)
-        numbers = [self.output_names.index(name) for name in self._watched.names]
-        self._unwarned = dict[int, _WatchedKind]()  # outputs of each kind of which no warning was given
-        for kind in set(self._watched.kinds):
-            watched = np.flatnonzero(np.array(self._watched.kinds) == kind)
-            of_kind = [numbers[n] for n in watched.tolist()]
-            bound_to_kind = BoundStep(self._state, [k if k < len(every) else k + beyond for k in of_kind])
-            self._unwarned[kind] = _WatchedKind(bound_to_kind, watched, *self._watched.limits[watched].T.copy())
-        self._steps = 0
+        known = (*self.output_names, *(() if moving is None else moving.drivers))
+        numbers = {name: k if k < len(every) else k + beyond for k, name in enumerate(known)}
+        self._limits = LimitCheck(watched_limits(system, known), numbers)
+        watched = self._limits.structure if self._limits.limits else None
+        numbers_of_chosen = [k if k < len(every) else k + beyond for k in chosen]
+        self._bound = bound = BoundStep(self._state, numbers_of_chosen, watched)
         names, of_frame = kernel.names("drivers"), None
         paths, loads = names[: kernel.paths], {name: names.index(name) for name in system.load_names}
         if moving is not None:
@@ -204,6 +190,7 @@ class Stepper:
         self._same_memory = alone and system.on_one_path and max(chosen, default=0) < len(every)
         self._advance = bound.step_by_rates if self._in_parts else bound.step
         self._observe, self._y = bound.observe, bound.values
+        self._warn_beyond(self._limits.watch(self._state))
 
     def step(self, s: Values, F: Values | None = None, frame: Mapping[str, Motion] | None = None) -> Array:
         """Advance by one step.
@@ -229,8 +216,8 @@ class Stepper:
             If a path leaves its range or would cross all of the range in a step, an angle other than slewing is more
             than a turn, a number is not finite, the system has no such name, or there is not one load for each input;
             also if a luffing angle or an extension is given that is free.  A motion that jumps, or that has no second
-            rate in a frame, is reported once by a warning of `logging`.  So are, in a frame, displacements that are too
-            large for the theory, and a machine that tips.
+            rate in a frame, is reported once by a warning of `logging`.  So is each limit that is exceeded, of those of
+            pads, ropes, cylinders, oil, outriggers and displacements (`pmr.simulation.native.watched`).
         SimulationError
             If contacts depend on each other, a search within the step does not end, or a force on the ground is not
             finite: the message names the step, its time and what failed.
@@ -259,10 +246,9 @@ class Stepper:
         if self._has_rates:
             drivers.end_step()
         if failed := self._observe():
-            self._raise_failure(failed, f"the outputs of {self._step_text(0)}")
-        self._steps += 1
-        if self._unwarned and self._steps % WATCHED_EVERY == 0:
-            self._warn_beyond_limits()
+            if failed > 0:
+                self._raise_failure(failed, f"the outputs of {self._step_text(0)}")
+            self._warn_beyond(-1 - failed)
         return self._y if self._same_memory else self._y.copy()
 
     @property
@@ -444,17 +430,11 @@ class Stepper:
             if abs(at[path] - needed) > FOLLOWS * abs(ratio):
                 raise InputError("stepper", f"s.{path}", at[path], f"{needed:.9g} m is allowed: it follows {first}")
 
-    def _warn_beyond_limits(self) -> None:
-        """Log a warning, once for each kind of watched outputs, if one is beyond its limits."""
-        for kind, of_kind in list(self._unwarned.items()):
-            if of_kind.outputs.observe():
-                continue  # forces on the ground are not found: the step says so if they are among its outputs
-            values = of_kind.outputs.values
-            within = (values >= of_kind.low) & (values <= of_kind.high)  # not so for what is not a number
-            if not within.all():
-                del self._unwarned[kind]
-                first = of_kind.numbers[within.argmin()]
-                logger.warning("%s: %s", self._step_text(0), self._watched.messages[first])
+    def _warn_beyond(self, number: int) -> None:
+        """Log warnings that the limit with this number, and further limits if there are any, do not hold."""
+        while number >= 0:
+            logger.warning("%s: %s", self._step_text(0), self._limits.limits[number].message)
+            number = self._limits.watch(self._state)
 
     def _raise_failure(self, failed: int, where: str) -> None:
         """Raise the error that the error code `failed` stands for; `where` names the step."""

@@ -194,7 +194,7 @@ class Instance:
 
 def follow_reference(unit: Contents, library: Library) -> tuple[dict[str, Array], dict[str, Array]]:
     """Outputs of an FMU under the inputs of its own reference, and the outputs of this, by name, at its instants."""
-    given, expected = (_table(unit.texts[f"resources/reference_{part}.csv"]) for part in ("in", "out"))
+    given, expected = (table(unit.texts[f"resources/reference_{part}.csv"]) for part in ("in", "out"))
     instance, t, instants = Instance(library), given.pop("time"), expected.pop("time")
     rows = np.column_stack(list(given.values()))
     instance.initialise(list(given), rows[0])
@@ -207,7 +207,7 @@ def follow_reference(unit: Contents, library: Library) -> tuple[dict[str, Array]
     return dict(zip(expected, shown.T, strict=True)), expected
 
 
-def _table(text: str) -> dict[str, Array]:
+def table(text: str) -> dict[str, Array]:
     """Columns of comma-separated values by their names."""
     head, *rows = csv.reader(text.splitlines())
     return dict(zip(head, np.array(rows, float).T, strict=True))

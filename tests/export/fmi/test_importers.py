@@ -15,7 +15,7 @@ import plain_machines
 import pytest
 from export.fmi import loop, valve
 from numpy.typing import ArrayLike
-from simulation.native import test_stepper_luffing
+from simulation.native import test_stepper_luffing, test_watched
 
 from benchmarks.fmu import Timed
 from pmr import ReducedModel, Stepper, System, reduce, scene
@@ -155,6 +155,15 @@ def test_a_crane_that_luffs_by_itself_steps_under_fmpy_as_in_its_run(version: st
     seen = under(fmpy, "steps", str(file))
     assert seen["m"] < 1e-6
     assert seen["N"] < 1.0  # of 10 kN
+
+
+@pytest.mark.parametrize("version", fmi.VERSIONS)
+@pytest.mark.parametrize("name", ["nothing", "pads pull"])
+def test_fmpy_logs_what_a_run_warns_of(name: str, version: str, fmpy: Path, tmp_path: Path) -> None:
+    boom = test_watched.SCENES[name][0]()
+    file = fmi.write_fmu(reduce(boom).system.save(tmp_path / "s.npz"), tmp_path / "b.fmu", version, PLATFORMS[:1])
+    logged = test_watched.times_of(under(fmpy, "steps", str(file))["logged"])
+    assert logged == pytest.approx(test_watched.said_by_run(boom), rel=1e-9)
 
 
 def test_another_importer_steps_as_march_does(exported: Exported, fmpy: Path) -> None:

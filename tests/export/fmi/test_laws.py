@@ -424,7 +424,7 @@ def test_bad_values_and_calls_out_of_order_are_refused(unit: Unit) -> None:
 
 
 def test_a_jump_is_told_once(unit: Unit) -> None:
-    """Of each path, one a step."""
+    """Of each path."""
     if unit.drivers.frame is not None:
         return
     instance, count = unit.begin(), len(unit.drivers.paths)
@@ -435,9 +435,9 @@ def test_a_jump_is_told_once(unit: Unit) -> None:
     instance.set(unit.rates, np.zeros(len(unit.rates)))
     for name, (low, high), s in zip(unit.values, ranges.values(), at, strict=False):
         instance.set([name], [high - 0.1 * (high - low) if s < (low + high) / 2.0 else low + 0.1 * (high - low)])
-    for k in range(count + 1):
+    for k in range(2):
         instance.step((1 + k) * unit.step, unit.step)
-        assert sum("jumps" in message for message in instance.said) == min(k + 1, count)
+        assert sum("jumps" in message for message in instance.said) == count
 
 
 def test_a_motion_without_second_rates_is_told_once(unit: Unit) -> None:

@@ -20,21 +20,25 @@ def validate(fmu: str) -> Any:
 
 
 def steps(fmu: str) -> Any:
-    """Largest difference, by unit, of Co-Simulation to the FMU's own reference, under the inputs that it carries."""
+    """Largest difference, by unit, of Co-Simulation to the FMU's own reference, under the inputs that it carries.
+
+    Also what the FMU logs.
+    """
     folder = Path(extract(fmu))
     said = read_model_description(folder)
     inputs, reference = (read_csv(str(folder / "resources" / f"reference_{name}.csv")) for name in ("in", "out"))
     names = [name for name in reference.dtype.names if name != "time"]
     step, units = float(said.defaultExperiment.stepSize), {v.name: v.unit for v in said.modelVariables}
+    logged: list[str] = []
     found = simulate_fmu(
         str(folder), fmi_type="CoSimulation", input=inputs, output=names, output_interval=step,
-        stop_time=float(said.defaultExperiment.stopTime),
+        stop_time=float(said.defaultExperiment.stopTime), logger=lambda *message: logged.append(message[-1].decode()),
     )  # fmt: skip
     at = np.round(reference["time"] / step).astype(int)
     differs = {unit: 0.0 for unit in units.values()}
     for name in names:
         differs[units[name]] = max(differs[units[name]], float(np.abs(found[name][at] - reference[name]).max()))
-    return {"m": differs["m"], "N": differs.get("N", 0.0), "steps": len(found) - 1}
+    return {"m": differs["m"], "N": differs.get("N", 0.0), "steps": len(found) - 1, "logged": logged}
 
 
 def cvode(fmu: str, npz: str) -> Any:

@@ -272,4 +272,4 @@ def test_a_row_has_ropes_and_the_warnings_of_the_run(tmp_path: Path) -> None:
     for name, force in ropes.items():
         assert [row.record[f"ropes.{name}.{key}"] for key in ("min", "max")] == [force["min"], force["max"]]
     assert row.warnings == tuple(summary["warnings"])
-    assert any("hold both ways and pull" in one for one in row.warnings)
+    assert any("holds both ways and pulls" in one for one in row.warnings)

@@ -62,6 +62,7 @@ EXPORT void *fmi2Instantiate(const char *name, fmi2Type type, const char *guid, 
     }
     if (callbacks) instance->callbacks = *callbacks;
     strcpy(instance->name, name ? name : "");
+    log_warnings(instance);
     return instance;
 }
 

@@ -45,6 +45,7 @@ static Instance *instance_of(const char *token, const char *resources, int model
     }
     instance->environment = environment;
     instance->logger = logger;
+    log_warnings(instance);
     return instance;
 }
 

@@ -38,10 +38,44 @@ void name_of(const Unit *unit, unsigned reference, char *text, size_t room)
 
 /* ---- opening ---- */
 
+/* Whether the limits of sums of outputs are there, and their numbers are in range. */
+static int read_limits(Unit *unit)
+{
+    const pmr_sizes *sizes = &unit->sizes;
+    const int known =
+        sizes->outputs + sizes->forces + sizes->hoist + sizes->computed + sizes->ground + sizes->motions;
+    pmr_limits *w = &unit->watched;
+    int64_t counts[9];
+    const int32_t *often = pmr_system_integers(unit->system, "unit_limits_often", counts + 7);
+    int k;
+    w->first = pmr_system_integers(unit->system, "unit_limits_first", counts);
+    w->numbers = pmr_system_integers(unit->system, "unit_limits_numbers", counts + 1);
+    w->shares = pmr_system_numbers(unit->system, "unit_limits_shares", counts + 2);
+    w->limits = pmr_system_numbers(unit->system, "unit_limits_limits", counts + 3);
+    w->groups = pmr_system_integers(unit->system, "unit_limits_groups", counts + 4);
+    w->family = pmr_system_integers(unit->system, "unit_limits_family", counts + 5);
+    w->law = pmr_system_numbers(unit->system, "unit_limits_law", counts + 6);
+    w->until = pmr_system_integers(unit->system, "unit_limits_until", counts + 8);
+    if (!w->first || counts[0] < 1 || w->first[0] != 0 || counts[1] != counts[2] || counts[3] != 2 * (counts[0] - 1) ||
+        counts[4] != counts[0] - 1 || counts[5] != counts[0] - 1 || counts[8] != counts[0] - 1 || !w->law || counts[6] != 2 || !often || counts[7] != 1)
+        return 0;
+    w->count = (int)counts[0] - 1;
+    w->often = *often;
+    if (w->often < 0 || w->often > w->count) return 0;
+    for (k = 0; k < w->count; k++)
+        if (w->first[k + 1] < w->first[k] || w->groups[k] < 0 || w->groups[k] >= w->count || w->family[k] < -1 ||
+            w->family[k] >= w->count || w->until[k] < -1 || w->until[k] >= w->count)
+            return 0;
+    if (w->first[w->count] != counts[1]) return 0;
+    for (k = 0; k < (int)counts[1]; k++)
+        if (w->numbers[k] < 0 || w->numbers[k] >= known) return 0;
+    return 1;
+}
+
 /* Whether the arrays that are read here are there, and as long as they have to be. */
 static int is_sound(Unit *unit)
 {
-    int64_t counts[6], ends, watched = 0, bounds = 0;
+    int64_t counts[6], ends;
     double kind;
     int k;
     unit->first = pmr_system_numbers(unit->system, "unit_start", counts);
@@ -59,14 +93,7 @@ static int is_sound(Unit *unit)
     if (counts[0] != 4 + 4 * (int64_t)unit->drivers || counts[1] != 2 * counts[3] || counts[2] != 5 ||
         counts[4] != unit->drivers || counts[5] != 1)
         return 0;
-    unit->watched = pmr_system_integers(unit->system, "unit_watched", &watched);
-    unit->bounds = pmr_system_numbers(unit->system, "unit_bounds", &bounds);
-    if (watched != bounds || watched % 2) return 0;
-    unit->watches = (int)(watched / 2);
-    for (k = 0; k < unit->watches; k++)
-        if (unit->watched[2 * k] < 0 || unit->watched[2 * k] >= unit->outputs || unit->watched[2 * k + 1] < 0 ||
-            unit->watched[2 * k + 1] > 1)
-            return 0;
+    if (!read_limits(unit)) return 0;
     for (k = 0; k < unit->modes; k++)
         if (unit->where[k] < 0 || unit->where[k] >= unit->sizes.modes) return 0;
     for (k = 0; k < unit->drivers; k++)
@@ -119,6 +146,7 @@ static int open_state(Unit *unit, char *why, size_t room)
 static int open_memory(Unit *unit)
 {
     const int n = unit->drivers, r = unit->modes;
+    pmr_limits *watched = &unit->watched;
     Numbers *at = &unit->at;
     double *next;
     size_t count;
@@ -131,16 +159,20 @@ static int open_memory(Unit *unit)
     at->rates = at->outputs + unit->outputs;
     at->forces = at->rates + unit->outputs;
     at->all = at->forces + unit->sizes.forces;
-    count = 3 * (size_t)at->all + 2 * (size_t)r + 6 * (size_t)n + 8 * (size_t)unit->sizes.modes;
+    count = 3 * (size_t)at->all + 2 * (size_t)r + 6 * (size_t)n + 8 * (size_t)unit->sizes.modes +
+            (size_t)watched->first[watched->count] + 2 * (size_t)watched->count;
     unit->memory = next = calloc(count, sizeof(double));
-    unit->warned = calloc((size_t)n + unit->sizes.contacts + 1, sizeof(int32_t));
+    unit->warned = calloc((size_t)n + watched->count + unit->sizes.contacts + 1, sizeof(int32_t));
     if (!unit->memory || !unit->warned) return 1;
-    unit->closed = unit->warned + n;
+    watched->warned = unit->warned + n;
+    unit->closed = watched->warned + watched->count;
     unit->variables = next;
     unit->given = next += at->all;
     unit->off = next += 2 * r;
     unit->second = next += n;
-    unit->work = next + n;
+    watched->values = next += n;
+    watched->largest = next += watched->first[watched->count];
+    unit->work = next + 2 * watched->count;
     return 0;
 }
 
@@ -202,8 +234,8 @@ int unit_reset(Unit *unit)
     memset(unit->given, 0, 2 * (size_t)unit->modes * sizeof(double));
     memset(unit->off, 0, (size_t)unit->drivers * sizeof(double));
     memset(unit->second, 0, (size_t)unit->drivers * sizeof(double));
-    memset(unit->warned, 0, (size_t)unit->drivers * sizeof(int32_t));
-    memset(unit->told, 0, sizeof unit->told);
+    memset(unit->warned, 0, ((size_t)unit->drivers + unit->watched.count) * sizeof(int32_t));
+    memset(unit->watched.largest, 0, 2 * (size_t)unit->watched.count * sizeof(double));
     unit->started = 0;
     unit_changed(unit);
     estimator_reset(unit);
@@ -296,6 +328,18 @@ static int adjust(Unit *unit, double step, double rho_inf)
     return pmr_state_adjust(unit->state, &unit->settings, why) ? refuse(unit, why) : 0;
 }
 
+/* Warn of outputs beyond their limits after the start or a step, once each. */
+static void check_outputs(Unit *unit)
+{
+    char what[400], warning[440];
+    int k;
+    while ((k = pmr_watch(unit->state, &unit->watched)) >= 0) {
+        line_of(unit, "limits", k, what, sizeof what);
+        snprintf(warning, sizeof warning, "t = %.9g s: %s", unit->variables[TIME], what);
+        unit->warn(unit->instance, warning);
+    }
+}
+
 /* ---- start ---- */
 
 static int begin(Unit *unit)
@@ -333,6 +377,7 @@ int unit_start(Unit *unit)
 {
     if (begin(unit)) return 1;
     unit->started = 1;
+    check_outputs(unit);
     memset(unit->off, 0, (size_t)unit->drivers * sizeof(double));
     return 0;
 }
@@ -354,7 +399,7 @@ static void check_inputs(Unit *unit)
                              : kinds[n] == PATH                     ? ends[2 * n + 1] - ends[2 * n]
                                                                     : WHOLE_TURN;
         const char *what = NULL;
-        char name[80];
+        char name[80], warning[400];
         if (range > 0.0 && off > JUMP * range)
             what = "it jumps, which excites what no boom does: set it at the end of each step, in m or rad";
         else if (unit->sizes.motions && range > 0.0 && off > LEFT_OUT && second == 0.0 && unit->second[n] == 0.0)
@@ -362,30 +407,13 @@ static void check_inputs(Unit *unit)
                 "it moves without a second rate, so the inertia of what moves is left out: set its rates of order one "
                 "and two";
         if (what && !unit->warned[n]) {
-            if (unit->warning[0]) continue; /* it is told after the next step */
             name_of(unit, (unsigned)(DRIVEN + n), name, sizeof name);
-            snprintf(unit->warning, sizeof unit->warning, "%s: %s", name, what);
+            snprintf(warning, sizeof warning, "%s: %s", name, what);
+            unit->warn(unit->instance, warning);
             unit->warned[n] = 1;
         }
         unit->second[n] = second;
         unit->off[n] = 0.0;
-    }
-}
-
-/* Warn of outputs beyond their bounds after a step, once for each kind: displacements, and margins, which may not be found
-   where forces on the ground are not. */
-static void check_outputs(Unit *unit)
-{
-    const double *outputs = unit->variables + unit->at.outputs;
-    int wanted[2] = {0, 0}, k, kind;
-    for (k = 0; k < unit->watches; k++) wanted[unit->watched[2 * k + 1]] = 1;
-    for (kind = 0; kind < 2; kind++) wanted[kind] = wanted[kind] && !unit->told[kind] && !find_outputs(unit, kind);
-    for (k = 0; k < unit->watches && !unit->warning[0]; k++) {
-        const double at = outputs[unit->watched[2 * k]];
-        kind = unit->watched[2 * k + 1];
-        if (!wanted[kind] || (at >= unit->bounds[2 * k] && at <= unit->bounds[2 * k + 1])) continue;
-        line_of(unit, "watched", k, unit->warning, sizeof unit->warning);
-        unit->told[kind] = 1;
     }
 }
 
@@ -430,10 +458,10 @@ int unit_advance(Unit *unit, double time, double duration)
         if (!failed && unit->estimator) failed = estimator_take(unit, driven, k == (int)count - 1);
         if (failed) return unit_failed(unit, failed);
         u[TIME] = time + (k + 1) * step;
+        check_outputs(unit);
     }
     unit->stands = 1;
     read_states(unit);
-    check_outputs(unit);
     return 0;
 }
 

@@ -13,7 +13,9 @@
        unit_settings (5)         of contacts that push: omega, tolerance, the resolved share of 1 / omega, most parts;
                                  share of a path by which s may lie beyond its ends
        unit_exchange (1)         whether there is a differential equation
-       names_token, names_variables
+       unit_limits_...           sums of outputs with limits (pmr_limits): first, numbers, shares, limits, groups,
+                                 until, family, law, often
+       names_token, names_variables, names_limits (warnings)
 
    and with an observer the arrays of its filter, observer_... (estimator.c).  */
 #ifndef UNIT_H
@@ -64,14 +66,14 @@ typedef struct {
     int started;                 /* initialisation is over */
     int stands;                  /* states and inputs are those that the last step or start has led to */
     int known_outputs, known_further, known_rates, known_derivatives;
-    const int32_t *watched; /* (w, 2): numbers of outputs and further ones, and kinds of warnings */
-    const double *bounds;   /* (w, 2): their values without a warning */
-    int watches, told[2];   /* w; whether the warning of each kind was given */
+    pmr_limits watched;     /* sums of outputs */
     double *memory, *variables, *given, *off, *second, *work;
     int32_t *warned, *closed;
     Estimator *estimator; /* NULL without an observer */
     double estimator_step; /* s */
-    char message[400], warning[400];
+    char message[400];
+    void (*warn)(void *instance, const char *warning); /* warnings are logged where they arise */
+    void *instance;
 } Unit;
 
 /* NULL with the reason in `why` (400); `folder`: where the resources are, as a path or a URI. */

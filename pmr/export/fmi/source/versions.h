@@ -14,9 +14,16 @@
 static Status status_of(Instance *instance, int failed)
 {
     if (failed) tell(instance, ERROR, "logStatusError", instance->unit->message);
-    if (!failed && instance->unit->warning[0]) tell(instance, WARNING, "logStatusWarning", instance->unit->warning);
-    instance->unit->warning[0] = 0;
     return failed ? ERROR : OK;
+}
+
+static void warn(void *instance, const char *warning) { tell(instance, WARNING, "logStatusWarning", warning); }
+
+/* Log the warnings of an instance's unit. */
+static void log_warnings(Instance *instance)
+{
+    instance->unit->warn = warn;
+    instance->unit->instance = instance;
 }
 
 static Status refused(Instance *instance, const char *why)

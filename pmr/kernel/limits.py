@@ -1,0 +1,110 @@
+"""Limits of outputs that runs, steppers and FMUs watch, with the words of their warnings (`pmr_limits` of the kernel).
+
+A limit is that of a sum of outputs.  Some limits belong to a family, such as the pads of a boom: forces that may be
+negative, but by a small share of their other values alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.files.arrays import Array
+from pmr.kernel._native import lib
+from pmr.kernel.kernel import structure
+from pmr.kernel.state import State
+
+#: A force of a family is beyond its limits if it is below zero by more than the share `PULL` of its largest value, or
+#: of `BESIDE` times the largest size of all forces of the family if that is more.
+PULL, BESIDE = 0.01, 0.1
+#: Number of steps from one look at limits that are `seldom` looked at to the next.
+SELDOM: int = lib.PMR_SELDOM
+#: Limit of what is unlimited, and the least number above zero.
+UNLIMITED, ABOVE_ZERO = float(np.finfo(float).max), float(np.finfo(float).tiny)
+
+
+@dataclass(frozen=True)
+class Limit:
+    """Smallest and largest value of a sum of outputs without a warning, and the words of the warning.
+
+    A limit of a family has the force in N as its `low` down to which a negative force may be round-off.
+    """
+
+    cause: str  # of which limits have the same cause, one warning of a run names the worst
+    event: str  # clause that says what happens beyond the limits
+    advice: str  # clause that says what that means, with {} for `where`; or empty
+    shares: Mapping[str, float]  # factors of the outputs in the sum, by the name of the output
+    low: float = -UNLIMITED
+    high: float = UNLIMITED
+    unit: str = "N"
+    where: str = ""  # place to which the advice refers
+    extreme: str = " with up to {}"  # clause of a run, with the size of the worst value in place of {}
+    family: str = ""  # empty for a limit that stands by itself
+    once: bool = False  # whether limits of the same cause have one warning together in a stepper or an FMU
+    until: str = ""  # cause of limits with one warning, after which this limit says nothing any more
+    seldom: bool = False  # whether steppers and FMUs look at it in each `SELDOM`-th step alone
+
+    @property
+    def message(self) -> str:
+        """Warning of a stepper or an FMU."""
+        return ": ".join(filter(None, (self.event, self.advice.format(self.where))))
+
+
+class LimitCheck:
+    """Check of w limits, which remembers of which of them it has warned."""
+
+    def __init__(self, limits: Sequence[Limit], numbers: Mapping[str, int]) -> None:
+        """Prepare the check of `limits`, of which those that are seldom looked at are the last ones.
+
+        `numbers` are those of the outputs by name, as `pmr_observe` of the kernel counts them.
+        """
+        groups = {limit.cause if limit.once else str(k): 0 for k, limit in enumerate(limits)}
+        groups = {group: k for k, group in enumerate(groups)}
+        families = {family: k for k, family in enumerate(dict.fromkeys(of.family for of in limits if of.family))}
+        self.limits = tuple(limits)
+        #: names of the outputs of all sums, one sum after the other
+        self.names = [name for limit in limits for name in limit.shares]
+        #: arrays by name, as an FMU reads them
+        self.arrays: dict[str, NDArray[np.int32] | Array] = {
+            "first": np.cumsum([0, *(len(limit.shares) for limit in limits)], dtype=np.int32),
+            "numbers": np.array([numbers[name] for name in self.names], np.int32),
+            "shares": np.array([share for limit in limits for share in limit.shares.values()], float),
+            "limits": np.array([(limit.low, limit.high) for limit in limits], float).ravel(),
+            "groups": np.array([groups[of.cause if of.once else str(k)] for k, of in enumerate(limits)], np.int32),
+            "until": np.array([groups.get(limit.until, -1) for limit in limits], np.int32),
+            "family": np.array([families.get(limit.family, -1) for limit in limits], np.int32),
+            "law": np.array([PULL, BESIDE]),
+            "often": np.array([sum(not limit.seldom for limit in limits)], np.int32),
+        }
+        self._values, self._warned = np.zeros(len(self.names)), np.zeros(len(groups), np.int32)
+        room = {"values": self._values, "warned": self._warned, "largest": np.zeros(2 * len(limits))}
+        sizes = {"count": len(limits), "often": int(self.arrays["often"][0])}
+        self.structure = structure("pmr_limits", self.arrays | sizes | room)
+
+    def watch(self, state: State) -> int:
+        """Return the number of a limit that does not hold in `state`, -1 if there is no further one.
+
+        Each limit, or each group of limits, is returned once.
+        """
+        return int(lib.pmr_watch(state.pointer, self.structure))
+
+    def first_times(self, values: Array) -> dict[int, int]:
+        """Return the first of T times at which the outputs `values` (T, o) are beyond a limit, by the limit's number.
+
+        The o outputs are those of `names`.  A limit of a family counts if it is exceeded beside the largest forces at
+        all times; it is first exceeded beside the largest forces so far, as in a stepper.
+        """
+        so_far, in_all = (self._first_times(values) for _ in range(2))  # the second round knows what is largest
+        return {number: so_far[number] for number in in_all}
+
+    def _first_times(self, values: Array) -> dict[int, int]:
+        """Return the first times as `first_times`, beside the largest forces since the first call."""
+        self._warned[:], first = 0, dict[int, int]()
+        for k, row in enumerate(values):
+            self._values[:] = row
+            while (number := lib.pmr_beyond(self.structure, len(self.limits))) >= 0:
+                first[number] = k
+        return first
