@@ -41,7 +41,7 @@ from pmr.scene.signals.base import Interval
 PIECE = 3.0
 #: Cells along and across a pad, which are taken times the fineness of each mesh, the coarser one first.
 ALONG, ACROSS = 4, 2
-FINENESS = (1.5, 2.5)
+FINENESS = (1.0, 2.0)
 #: Order with which the largest stress converges as cells get smaller.
 ORDER = 2
 #: Shares of the stress that its error bar has on top, within a wall and at an edge where two walls meet: for where pads
