@@ -210,7 +210,10 @@ def rope_places(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scal
     true, drawn = (_head_places(result, hoist, steps, factor) for factor in (1.0, scale))
     chosen = np.asarray(steps)
     hook = np.stack([response.other(name)[chosen] for name in HOOK_PLACES], axis=1)
-    in_boom = np.einsum("sji,sj->si", frame_rotations(result, response.t[chosen]), hook)
+    turned = frame_rotations(result, response.t[chosen])
+    if result.frame is not None:
+        turned = result.frame.base_rotation(response.t[chosen]) @ turned
+    in_boom = np.einsum("sji,sj->si", turned, hook)
     return np.stack([drawn, drawn + in_boom - true], axis=1)
 
 
@@ -254,10 +257,10 @@ def _axis_in_space(result: RunResult, name: str, x: Array, places: Array, t: Arr
 
 
 def frame_rotations(result: RunResult, t: Array) -> Array:
-    """Rotation matrices (T, 3, 3) from the boom's axes into the ground's axes at the times `t` (T,) in s.
+    """Rotation matrices (T, 3, 3) from the boom's axes into those of its base at the times `t` (T,) in s.
 
-    The boom's axes move with its frame.  If the scene has no frame, they have a constant angle, by which gravity is
-    turned.
+    The boom's axes move with its frame.  A base that does not turn has the axes of the ground.  If the scene has no
+    frame, the boom's axes have a constant angle, by which gravity is turned.
     """
     if result.frame is not None:
         return result.frame.rotation(t)

@@ -55,6 +55,9 @@ def test_what_hangs_on_the_hoist_stands_on_the_first_page() -> None:
     height = result.responses["reduced"].other("hook height")[[0, -1]]
     assert rope.side[:, 1, 1] == pytest.approx(height - 2.0, abs=1e-9)  # the pivot is 2 m above the ground
     assert rope.side[0, 0, 1] - rope.side[0, 1, 1] == pytest.approx(6.0, abs=1e-2)  # hangs under its head
+    inclined = rope_axis(short_run(plain_machines.HOIST, *SHORT, "frame.base={ry={kind='constant',amount=5.0}}"), [0])
+    assert inclined is not None  # the sketch has the base level, so that the rope hangs aslant in it
+    assert np.diff(inclined.side[0], axis=0)[0] == pytest.approx(6.0 * np.array([0.0872, -0.9962]), abs=1e-2)
     assert "the square is the payload on its rope" in space.view_caption(result, "from the side")
     assert carries["lowest natural frequency"].endswith(", without the payload of the hoist")
     swings = {way: result.summary["hoist"][f"swing_{way}"] for way in ("along", "across")}
