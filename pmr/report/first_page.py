@@ -78,7 +78,7 @@ def _left_out_rows(result: RunResult) -> Rows:
     rows, recovery = left_out(result.scene), result.scene.recovery
     if recovery is not None and "reduced" in result.summary.get("max_von_mises", {}):
         rows["strength"] += (
-            f", stresses between the times of the fields, {format_input(recovery.every, 's')} apart (recovery.every)"
+            f", stresses between the times of recovery, {format_input(recovery.every, 's')} apart (recovery.every)"
         )
     if "loads" in rows:
         rows["loads"] += ", factors of a standard (dynamic, safety)"

@@ -100,7 +100,8 @@ def elevation(result: RunResult, t: Array) -> Array | None:
     if result.frame is None:
         gravity = result.scene.gravity
         return None if gravity is None else np.full(len(t), np.deg2rad(gravity.elevation))
-    return result.frame.angles[0].value(t) if result.frame.base is None else None
+    keeps_level = result.frame.base is None and not result.frame.base_angles
+    return result.frame.angles[0].value(t) if keeps_level else None
 
 
 def is_raised(result: RunResult) -> bool:

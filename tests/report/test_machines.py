@@ -49,6 +49,7 @@ def test_a_vehicle_is_told_by_its_place_on_the_bridge_and_counts_with_its_mass()
 def test_what_hangs_on_the_hoist_stands_on_the_first_page() -> None:
     result = short_run(plain_machines.HOIST, *SHORT, "hoist.swing=[-0.01, 0.02]")
     asked, carries = rows(result, "What was asked"), rows(result, "Largest values of this motion")
+    assert "largest deflection of the tip, vertical part" in carries
     assert asked["hoist"] == f"payload of 400{SPACE}kg with a hook of 50{SPACE}kg on 2 falls"  # a gust comes later
     rope = rope_axis(result, [0, -1])
     assert rope is not None
@@ -104,6 +105,7 @@ def test_a_machine_on_outriggers_says_on_what_it_stands() -> None:
     result = short_run(plain_machines.OUTRIGGERS, *SHORT)
     carries = rows(result, "Largest values of this motion")
     use = carries["largest use of the support polygon"]
+    assert "largest deflection of the tip, vertical part" not in carries  # its ground slopes, too
     corners = [f", {of.name}, at " for of in result.scene.frame.ground.outriggers]
     assert any(corner in carries["largest force of an outrigger"] for corner in corners)
     assert use.startswith(
