@@ -90,15 +90,17 @@ class _UnusualNumber:
 def hints(scene: Scene, at_rest: bool = False) -> list[str]:
     """Return a sentence for each key of a scene whose number is unusual, and remarks on what its model leaves out.
 
-    The remarks are about hung forces without a mass, open profiles, and probes where a beam does not know the stress.
-    A model `at_rest`, as that of a load chart, needs no masses of hung forces.
+    The remarks are about a weight that lifts, hung forces without a mass, open profiles, and probes where a beam does
+    not know the stress.  A model `at_rest`, as that of a load chart, needs no masses of hung forces.
     """
     numbers = list(_unusual_in_table(scene, "", boom_scales(scene)))
     for number, part in enumerate(scene.sections):
         key = f"sections[{number}]." if scene.sections[0].name else ""
         numbers += _unusual_in_table(part, key, boom_scales(scene) | _section_scales(part))
     hung = "" if at_rest else hung_force_remark(scene)
-    return [*_sentences(numbers), *filter(None, [hung]), *_open_profile_remarks(scene), *_probe_remarks(scene)]
+    lifts = scene.gravity is not None and scene.gravity.direction[2] > 0.0
+    weight = "gravity.direction points upwards, along z: the weight lifts this boom" if lifts else ""
+    return [*_sentences(numbers), *filter(None, [weight, hung]), *_open_profile_remarks(scene), *_probe_remarks(scene)]
 
 
 def _open_profile_remarks(scene: Scene) -> Iterator[str]:

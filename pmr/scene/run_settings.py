@@ -117,7 +117,9 @@ class SpectrumLine(SceneTable):
 class Fatigue(SceneTable):
     """Fatigue damage at each probe that measures stress, from an S-N line and the number of simulated cycles."""
 
-    slope: Positive = Field(description="Exponent m of the S-N line, N proportional to range^-m")
+    slope: Annotated[Positive, Usual(2.0, 30.0)] = Field(
+        description="Exponent m of the S-N line, N proportional to range^-m"
+    )
     reference: Annotated[Pressure, Usual(2e5, 1e10)] = Field(description="Stress range that is endured 2e6 times")
     cut_off: Annotated[Pressure, Usual(2e5, 1e10)] | None = Field(
         default=None, description="Stress range below which a cycle does no damage"

@@ -77,6 +77,13 @@ def test_no_scene_that_comes_with_the_package_has_one(file: Path) -> None:
     assert hints(scenes.load_any(file)) == []
 
 
+@pytest.mark.parametrize("change", ["gravity.direction=[0.0,0.0,1.0]", "fatigue={slope=0.3,reference=71e6}"])
+def test_a_weight_that_lifts_and_a_flat_line_of_fatigue_are_hinted_at_once(change: str) -> None:
+    probes = "probes=[{name='weld',at=[3.0,0.15,0.2]}]"
+    (hint,) = hints(scenes.load_any("boom_beam", [change, probes]))
+    assert hint.startswith(change[:7]) and ("the weight lifts this boom" in hint or "is usual here" in hint)
+
+
 @pytest.mark.parametrize(("scene", "changes", "key", "unit"), WRONG, ids=[f"{case[2]} in {case[3]}" for case in WRONG])
 def test_a_number_in_another_unit_is_hinted_at_once(scene: str | Path, changes: list[str], key: str, unit: str) -> None:
     (hint,) = hints(scenes.load_any(scene, changes))
