@@ -176,7 +176,7 @@ class NumberTable(NamedTuple):
                 raise InputError(str(file), "columns", f"{name} [{unit}]", f"the unit {expected} is allowed")
 
 
-#: Units in which tables are read, without prefixes: those of quantities, of times, rates and masses.
+#: Units in which tables are read: those of quantities, of times, rates, masses and displacements of probes.
 _UNITS = {
     *(quantity.unit for quantity in QUANTITIES.values() if quantity.unit),
     "s",
@@ -185,6 +185,7 @@ _UNITS = {
     "m/s^2",
     "m^3",
     "kg",
+    "mm",
 }
 UNITS = tuple(sorted(_UNITS | {unit_text(unit) for unit in _UNITS if unit_text(unit)}))
 
@@ -207,7 +208,7 @@ def read_table(file: Path) -> NumberTable:
     units = tuple(heading.partition(" [")[2].strip().removesuffix("]") for heading in headings)
     for heading, unit in zip(headings, units, strict=True):
         if unit and unit not in UNITS:
-            raise InputError(str(file), "columns", heading, f"a unit without prefix is allowed: {', '.join(UNITS)}")
+            raise InputError(str(file), "columns", heading, f"one of these units is allowed: {', '.join(UNITS)}")
     names = tuple(heading.partition(" [")[0].strip() for heading in headings)
     values = np.full((max(len(rows) - 1, 0), len(names)), np.nan)
     for line, row in enumerate(rows[1:], 2):

@@ -101,6 +101,8 @@ def test_units_are_those_of_the_outputs(tmp_path: Path) -> None:
     file = tmp_path / "day.csv"
     for heading, units, wrong in (
         ("t [s],force [N],a [m/s²]", {"force": "N", "a": "m/s^2"}, ""),
+        ("t [s],force [N],a [mm]", {"force": "N", "a": "mm"}, ""),  # a probe's displacement
+        ("t [s],force [N],a [mm]", {"force": "N", "a": "m"}, "a [mm]"),
         ("t [s],force [m],a [m/s²]", {"force": "N", "a": "m/s^2"}, "force [m]"),
         ("t [Hz],force [N],a", {}, "t [Hz]"),
     ):
