@@ -240,7 +240,7 @@ def write_modelica(npz_path: Path, target: Path, options: Options) -> Path:
 
 
 def _variable(kind: str, name: str, title: str, unit: str) -> str:
-    """Declaration of a variable `name` with its `title`, of the `kind` parameter, input or output.
+    """Declaration of a variable `name` with its `title`; `kind` is ``parameter``, ``input`` or ``output``.
 
     `unit` is in the notation of pmr, such as N m and m/s^2; the declaration has Modelica's, such as N.m and m/s2.
     """

@@ -159,9 +159,10 @@ def _strands(signal: SignalBase, name: str, source: str) -> Any:
 
 
 def _path_tables(system: System, x: Array) -> Arrays:
-    """Tables of C, F, H and X of a single body over its path, as arrays by name.
+    """Tables of the contact matrices C, F, H and X of a single body over its path, as arrays by name.
 
-    F includes the compliance of contacts at x (sides,) in m.
+    The matrices are those of the script's equations.  F includes the compliance of the contacts with their sides at x
+    (sides,) in m.
     """
     (body,) = system.reduced.values()
     numbers = [body.row_names.index(side.place.row) for side in system.sides]

@@ -19,7 +19,7 @@ class Options:
     """Options of `pmr export` other than the files; None if an option is not given."""
 
     fmi: str | None = None  #: Version of the Functional Mock-up Interface
-    at: str | None = None  #: Path coordinates of the sliders in m, separated by commas
+    at: str | None = None  #: Path coordinates, as `pmr.export.state_space.path_positions` reads them
     section: str | None = None  #: Name of the section of a boom that is written alone
     platforms: str | None = None  #: Whether there are binaries for all platforms, or for the host's alone
     sources: bool | None = None  #: Whether the C sources of the binaries are included

@@ -72,9 +72,9 @@ class Identification:
     values: Array  # (p,): of the parameters, after the fit
     errors: Array  # (p,): standard errors, infinite where the frequencies don't tell the parameter
     correlation: Array  # (p, p): of the errors of the parameters
-    fitted: Array  # (k, m): relative errors of frequencies, a row for each place that was fitted
-    held_out: Array  # (l, m): a row for each place that was held out
-    start: Array  # (k + l, m): before the fit, in the order in which they were given
+    fitted: Array  # (k, m + d): relative errors, a row for each place that was fitted
+    held_out: Array  # (l, m + d): the same, a row for each place that was held out
+    start: Array  # (k + l, m + d): the same before the fit, for all places in the order in which they were given
     bounded: tuple[str, ...] = ()  # names of parameters whose fit ended at one of the `SHARES` of their start
 
     def overrides(self) -> list[str]:

@@ -258,10 +258,11 @@ def _differentiate(form: SystemForm, excitation: Excitation, chosen: Selection, 
 
 
 def output_sensitivity(reference: LinearMotion, changed: LinearMotion) -> Array:
-    """Difference (T, q) of q outputs at T steps between a changed and a reference motion, not divided by anything.
+    """Outputs (T, q) of the motion `changed` minus those of the motion `reference`, for q outputs at T steps.
 
     `changed` is the same motion of a system in which one parameter (a stiffness, Young's modulus, a mass) is changed.
-    Raises InputError if the two motions have other steps or outputs.
+    The difference is that by the whole change, not per unit of the parameter.  Raises InputError if the two motions
+    have other steps or outputs.
     """
     if reference.outputs != changed.outputs or reference.t.shape != changed.t.shape:
         raise InputError(

@@ -1,15 +1,15 @@
 r"""Constant parameters of a model, such as Young's modulus, by observers of several models that differ in them.
 
 The log-likelihood of all measurements so far is a polynomial of second degree in the parameters, through those of the
-models; so are means of estimates. Measurements of a sensor that any model's observer excludes do not count. With
+models; so are means of estimates.  Measurements of a sensor that any model's observer excludes do not count.  With
 parameters u over their standard deviations, the innovations :math:`\nu_i` of model i over theirs, and the `temper`
 :math:`\beta`,
 
 .. math::
     L(u) \approx -\tfrac{\beta}{2} \sum \nu_i^2, \qquad P^{-1} = 1 - \nabla^2 L, \qquad u = P\, \nabla L(0)
 
-(multiple models: Magill, IEEE Transactions on Automatic Control 10, 1965).  The variances of innovations count as
-the same in all models.
+(multiple models: Magill, IEEE Transactions on Automatic Control 10, 1965).  The variances of innovations count as the
+same in all models.
 """
 
 from __future__ import annotations

@@ -115,8 +115,9 @@ class Fields:
     displacement : (S, N, 3) array, m
     von_mises : mapping of a face's name to (S, C) array
         Von Mises stress in Pa on that face of the cells; empty where no stress is known.
-    stress : mapping of a face and a component to (S, C) array
-        Signed stress in Pa where the von Mises stress is largest in the cell; empty unless the scene asks for it.
+    stress : mapping of ``"FACE COMPONENT"`` to (S, C) array
+        Signed component of stress in Pa, at the point of each cell where the von Mises stress is largest; empty unless
+        the scene asks for it.
     """
 
     grid: Grid
@@ -204,8 +205,8 @@ class Places:
     ----------
     names : tuple of str
     points : (P, 3) array, m
-    displacement, rotation : (P, 3, m) arrays, 1 and 1/m
-        Displacement and rotation of each point under each of the body's m modes.
+    displacement, rotation : (P, 3, m) arrays
+        Displacement and rotation of each point, as m and rad per unit of the coordinate of each of the body's m modes.
     """
 
     names: tuple[str, ...]
@@ -288,7 +289,10 @@ class Pose:
 
 
 def mean_by_place(x: Array, values: Array) -> tuple[Array, Array]:
-    """Return the different places of x (P,), ascending (p,), and the means (S, p) of values (S, P) at each of them."""
+    """Return the different places of x (P,) in m, ascending (p,), and the mean (S, p) of values (S, P) at each place.
+
+    Places are rounded to 1e-9 m.
+    """
     places, inverse, counts = np.unique(x.round(9), return_inverse=True, return_counts=True)
     means = sp.csr_matrix((1.0 / counts[inverse], (np.arange(len(x)), inverse)))
     return places, np.asarray(values @ means)

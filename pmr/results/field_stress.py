@@ -287,6 +287,8 @@ class ForceRows:
 def force_rows(x: Array, strains: Array, stiffness: dict[str, Array], coordinates: Indices, size: int) -> ForceRows:
     """Return the matrix of the section forces at both ends of each of E elements.
 
+    Its rows are ordered by force, as in `FORCES`, then by element, then by end.
+
     Parameters
     ----------
     x : (E, 2) array, m

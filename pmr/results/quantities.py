@@ -110,7 +110,7 @@ class Columns:
         return {name.removeprefix(PIVOT): k for k, name in enumerate(self.names) if name.startswith(PIVOT)}
 
     def support_columns(self) -> list[int]:
-        """Return the numbers of the columns of supports, of their forces and moments, without those on the machine."""
+        """Return the numbers of the columns of support forces and moments, but for those at pivot and ground."""
         on_machine = (PIVOT, reaction_name(f"{AT_GROUND} "))
         return [k for k in self.numbers_of_kind("support", "reaction") if not self.names[k].startswith(on_machine)]
 
@@ -196,7 +196,7 @@ class Quantity:
         return {output.name: response.column(k) for k, output in outputs if output.kind in self.kinds}
 
     def value(self, extremes: Extremes) -> Extreme:
-        """Return that one of `extremes` which is reported for the quantity: the largest by size, most or least."""
+        """Return the one of a history's `extremes` that is reported for the quantity, by its field `extreme`."""
         return {"size": extremes.largest, "most": extremes.highest, "least": extremes.lowest}[self.extreme]
 
 
@@ -221,14 +221,14 @@ def _largest_measure(numbers: Sequence[int]) -> Measure | None:
 
 
 def _force_measure(kind: str) -> Callable[[Columns, Callable[[str], bool]], Measure | None]:
-    """Return the function `MeasureOf` for contacts of one kind, whose measure is their largest absolute force.
+    """Return a function `MeasureOf`, whose measure is the largest absolute value (T,) in all columns of one `kind`.
 
-    The function takes the columns, and a function that says whether a limit depends on the name of a contact.  It
-    returns None if there is no such contact.
+    The function takes the columns, and a function that says whether a limit depends on the column of a name.  It
+    returns None if there is no such column.
     """
 
     def measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-        """Return the measure of the forces for whose names `looks_at` is true; None if there are no such forces."""
+        """Return the measure of the columns for whose names `looks_at` is true; None if there are no such columns."""
         return _largest_measure([k for k in columns.numbers_of_kind(kind) if looks_at(columns.names[k])])
 
     return measure
@@ -362,16 +362,21 @@ def _luffing_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measu
 
 
 def _luffing_pull_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return a function from the values (T, c) of all columns to the pull (T,) of the luffing cylinder, 0 if it pushes.
+    """Return a function from the values (T, c) of all c columns to the pull (T,) in N of the luffing cylinder.
 
-    None is returned if there is no luffing cylinder.  `looks_at` is not called, as there is at most one.
+    The pull is 0 where the cylinder pushes.  None is returned if there is no luffing cylinder.  `looks_at` is not
+    called, as there is at most one.
     """
     forces = [k for k in columns.pivot_columns().values() if columns.names[k] == CYLINDER]
     return (lambda values: np.maximum(-values[:, forces], 0.0).max(axis=1)) if forces else None
 
 
 def _least_ground_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return the smallest force on the ground of the outriggers whose names `looks_at` chooses; None without any."""
+    """Return a function from the values (T, c) of all c columns to the smallest force (T,) in N of an outrigger.
+
+    A positive force presses on the ground.  `looks_at` says whether a limit depends on the outrigger of a name; None is
+    returned if it depends on no outrigger.
+    """
     chosen = [k for k in columns.numbers_of_kind("outrigger") if looks_at(columns.names[k])]
     return (lambda values: values[:, chosen].min(axis=1)) if chosen else None
 

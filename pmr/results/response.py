@@ -203,7 +203,7 @@ class Response:
         return np.stack(chosen, axis=1) if chosen else np.empty((len(self.t), 0))
 
     def with_forces(self, numbers: Sequence[int]) -> Response:
-        """Return this response with the forces of the given `numbers` only, in this order."""
+        """Return this response with only those columns of `slider_force` whose `numbers` are given, in this order."""
         chosen, first, end = list(numbers), len(self.output_names), len(self.output_names) + len(self.force_names)
         columns = [*range(first), *(first + k for k in chosen), *range(end, len(self.kinds))] if self.kinds else []
         return replace(
@@ -216,9 +216,9 @@ class Response:
         )
 
     def with_others(self, values: Array, outputs: Iterable[Output]) -> Response:
-        """Return this response with k further columns `values` (T, k).
+        """Return this response with k further columns `values` (T, k) behind those of `others`.
 
-        The columns are neither displacements nor contact forces; `outputs` are the meanings of the new columns.
+        `outputs` describes the k new columns, which are neither displacements nor contact forces.
         """
         added = list(outputs)
         return replace(
@@ -231,7 +231,10 @@ class Response:
         )
 
     def when(self, t: float, s: float | None = None) -> str:
-        """Return the time `t` in s in words, followed by the path coordinate `s` in m unless that is None."""
+        """Return words such as ``at 2 s (s = 1.5 m)`` for the time `t` in s and the path coordinate `s` in m.
+
+        The path coordinate is left out if it is None.
+        """
         return f"at {t:g} s" + ("" if s is None else f" (s = {s:.4g} m)")
 
     def column(self, number: int) -> Array:

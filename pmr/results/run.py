@@ -232,7 +232,10 @@ class RunResult:
         return self.paths.values[:, 0] if self.reach is None else self.reach
 
     def abscissa_at(self, t: Array) -> Array:
-        """Return `abscissa` (S,) in m at the times t (S,) in s of a response, which may have fewer steps."""
+        """Return `abscissa` (S,) in m at the times t (S,) in s of a response that may have longer steps.
+
+        Both have steps of constant length over the same time.
+        """
         return np.interp(t, np.linspace(float(t[0]), float(t[-1]), len(self.abscissa)), self.abscissa)
 
     @property

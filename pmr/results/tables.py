@@ -79,7 +79,7 @@ def write_tables(result: RunResult, folder: Path) -> None:
 
 
 def force_table(result: RunResult) -> Table:
-    """Return a table of the smallest and largest force of every pad, slider and elastic support.
+    """Return a table of the smallest and largest force of every pad, slider, cylinder and elastic support.
 
     Each value has its time and its path coordinate.
     """
@@ -130,10 +130,10 @@ def reaction_extremes(response: Response, path: Array) -> dict[Reaction, Extreme
 
 
 def support_forces(scene: Scene, response: Response, directions: int = 1) -> dict[str, Array]:
-    """Return the force (T,) in N over time of each support with forces along `directions` directions or more, by name.
+    """Return the force (T,) in N over time of each support that has forces along at least `directions` directions.
 
-    The force is the resultant of all directions; supports of which the response has moments alone are left out; that of
-    a support of a single direction has a sign.
+    The forces are given by the support's name.  The force of a support with several directions is its resultant, 0 or
+    more; that of a support with a single direction has a sign.  Supports with moments alone are left out.
     """
     columns, forces = Columns.from_scene(scene, response), dict[str, Array]()
     for name, numbers in columns_by_support(columns, lambda _: True).items():

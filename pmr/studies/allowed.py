@@ -161,9 +161,10 @@ class Place:
         return float(self.share(limit)(LoadedStates.from_states([state]))[0])
 
     def allowed_load(self, limit: Limit, top: float, guess: float) -> float:
-        """Return the load in kg at which `limit` is reached; NaN if the load is above `top` in kg.
+        """Return the load in kg at which `limit` is reached; 0 if it is exceeded without a load.
 
-        `guess` is a load in kg near which the result is expected, or NaN.
+        The result is NaN if the load is above `top` in kg.  `guess` is a load in kg near which the result is expected,
+        or NaN.
         """
         loaded = self.equilibria
         if loaded.holds_both_ways and (directly := limit.kind.eigenvalue_load) is not None:
@@ -176,9 +177,10 @@ class Place:
 def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, guesses: Array | None = None) -> Array:
     """Return the load (l,) in kg that each of `limits` and, last, stability allow at a place; NaN above `up_to` in kg.
 
-    The load is 0 for a limit that is exceeded by the boom alone, without a load.  All loads are 0 if the boom alone is
-    unstable.  `guesses` (l,) are loads in kg that another model allows, near which the searches begin.  Entries without
-    a guess are NaN; None stands for no guesses.
+    The load is 0 for a limit that is exceeded by the boom alone, without a load.  It is NaN, too, for a limit below
+    whose load the boom has no stable equilibrium.  All loads are 0 if the boom alone is unstable.  `guesses` (l,) are
+    loads in kg that another model allows, near which the searches begin.  Entries without a guess are NaN; None stands
+    for no guesses.
     """
     loaded, near_loads = place.equilibria, np.full(len(limits) + 1, np.nan) if guesses is None else guesses
     first = loaded.state(0.0)

@@ -45,9 +45,9 @@ BOOMS = 5.0
 def usual_load(scene: Scene) -> float:
     """Return the largest load in kg that a chart looks for unless the user names one, rounded up to two digits.
 
-    The load is the mass of machine and boom, or `BOOMS` times that of a boom without a machine.  Masses of sections
-    count without payloads, and frames of boxes do not.  Raises InputError if the mass of a section is not known without
-    its mesh, or if a number of its body is unusual.
+    The load is the mass of machine and boom, or `BOOMS` times that of a boom without a machine.  The mass of the boom
+    includes the point masses of its sections, but neither payloads nor frames of boxes.  Raises InputError if the mass
+    of a section is not known without its mesh, or if a number of its body is unusual.
     """
     boom, ground = boom_scales(scene)["boom"], scene.frame.ground if scene.frame is not None else None
     if not boom:
@@ -377,7 +377,10 @@ def _check_pads(scene: Scene, still: Scene, key: str) -> None:
 
 
 def check_slewing(scene: Scene, slewing: Sequence[float]) -> None:
-    """Raise an InputError for slewing angles of a boom without such an angle on which something of the ground acts."""
+    """Raise InputError for an angle of `slewing` other than 0 if the scene has no `frame.slewing` by which it acts.
+
+    All angles are allowed if nothing acts on the boom along axes of the ground: no slope, base, wind or such load.
+    """
     assert scene.frame is not None
     key = next(_keys_of_ground(scene), "")
     if scene.frame.slewing is None and key and any(slewing):
@@ -387,7 +390,7 @@ def check_slewing(scene: Scene, slewing: Sequence[float]) -> None:
 
 
 def _keys_of_ground(scene: Scene) -> Iterator[str]:
-    """Yield keys of what acts on a boom along the ground, so that its effect depends on the slewing angle."""
+    """Yield the keys of the scene for what acts on the boom along axes of the ground, not of the slewed boom."""
     assert scene.frame is not None
     if scene.frame.ground is not None and any(scene.frame.ground.slope):
         yield "frame.ground.slope"

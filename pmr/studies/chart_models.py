@@ -177,7 +177,7 @@ def stiffness_excess(scene: Scene, better: System, full: System, positions: Post
 def _sample_postures(positions: PostureSet) -> NDArray[np.int64]:
     """Return the numbers of three postures of each extension: at the least, a middle and the largest luffing angle.
 
-    The numbers are one array (n,), in the order of the extensions.
+    The numbers (n,) ascend.
     """
     groups = dict[tuple[float, ...], list[int]]()
     for k in range(positions.count):

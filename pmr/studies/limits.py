@@ -311,7 +311,7 @@ class Limit(SceneTable):
 
     @property
     def allowed_amount(self) -> float:
-        """Allowed amount: the largest allowed value or, for eigenvalues, the smallest one, `factor` times `least`.
+        """Allowed amount: the largest allowed value or, for a limit with `least`, `factor` times `least`.
 
         The largest allowed value is `most`; for a pad with an `area` it is `most`, a pressure, times the area.  The
         amount is 1, a share, for pads whose allowed pressure the scene states.
@@ -342,7 +342,7 @@ class Limit(SceneTable):
         return measure
 
     def _measure_of(self, columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-        """Return the quantity of those parts for whose name `looks_at` is true; None if none of the columns has it."""
+        """Return the `Measure` of those parts for whose name `looks_at` is true; None if they have no columns."""
         return pad_pressure_measure(columns, looks_at) if self.by_scene else LIMITS[self.of].measure(columns, looks_at)
 
     def governing_member(self, scene: Scene, columns: Columns, values: Array) -> str:
@@ -373,7 +373,7 @@ class Limit(SceneTable):
         return TippingMoments.compute(edges, resting, at, k, of_components)
 
     def stand_in(self, at: PostureMatrices) -> StandAtRest:
-        """Return the outriggers of the postures `at`; raises InputError if their scene has no ground."""
+        """Return what the machine stands on in the postures `at`; raises InputError if their scene has no ground."""
         if at.ground is None:
             raise self._no_ground()
         return at.ground

@@ -244,7 +244,7 @@ def reference(drivers: Drivers, scene: StoredScene) -> Reference:
 
 
 def first_loads(drivers: Drivers, scene: StoredScene) -> Array:
-    """Loads (i,) of the inputs of `drivers` at the start, with the full weight, in the units `Drivers.load_units`."""
+    """Values (i,) of the i loads of `drivers` at the start, with the full weight, in the units `Drivers.load_units`."""
     if drivers.frame is None:
         at = dict.fromkeys(drivers.loads, 0.0) | dict(
             zip(drivers.system.load_names, scene.first_loads.tolist(), strict=True)

@@ -225,11 +225,12 @@ def variables(
     nominal: Array,
     further: Callable[[Identifiers, int], Iterator[Variable]] | None = None,
 ) -> list[Variable]:
-    """All variables of a system, with start and nominal values as described for `pmr.export.fmi.system_file`.
+    """All variables of the FMU of a system with N drivers and r modes.
 
-    `start` and `nominal` are (variables,).  The variables are in ascending order of their value references.  The last
-    variables are those that `further`, unless it is None, yields; their value references begin with its second
-    argument.
+    `start` (4 + 4 N,) are start values of time, drivers and parameters, and `nominal` (2 r,) the nominal values of the
+    states, as described for `pmr.export.fmi.system_file`.  The variables are in ascending order of their value
+    references.  The last variables are those that `further`, unless it is None, yields; their value references begin
+    with its second argument.
     """
     names = Identifiers()
     listed = list(_inputs_and_parameters(drivers, names, start))
@@ -324,8 +325,8 @@ def _drivers(drivers: Drivers) -> Iterator[Variable]:
 def _inputs_and_parameters(drivers: Drivers, names: Identifiers, start: Array) -> Iterator[Variable]:
     """Yield time, the inputs with their rates of order one to three, and the parameters, as variables.
 
-    `start` (variables,) has their start values in the order of value references, and `names` makes identifiers from
-    names.
+    `start` (4 + 4 N,), for N drivers, has their start values in the order of value references, and `names` makes
+    identifiers from names.
     """
     fixed = [names(name) for name in ("internal_step", "rho_inf", "start")]  # before those of loads
     yield Variable(names("time"), 0, "time", Role("independent", initial=""), "s")
