@@ -9,6 +9,7 @@ import plain_machines
 import pytest
 
 from pmr.errors import letters
+from pmr.files.arrays import Array
 from pmr.scene import load_any
 from pmr.scene.members import member_at
 from pmr.simulation.at_rest import scene_at_rest
@@ -189,3 +190,19 @@ def test_a_drafted_chart_has_the_factor_of_hoisting_and_wind_on_all_sections(mon
         outside = 1.0 if not number else float(at_rest.extension(number).value(0.0)) / part.length
         assert part.body.box is not None
         assert side == pytest.approx(100.0 * 1.6 * part.body.box.height * outside)
+
+
+def test_a_kink_of_one_limit_between_two_angles_may_take_a_load_beyond_what_straight_lines_differ() -> None:
+    """Two members of one limit govern in turn: docs/load_chart.md has these figures."""
+    angle = np.deg2rad(np.linspace(0.0, 75.0, 7))
+
+    def allowed(at: Array) -> Array:
+        return np.asarray(3000.0 / np.maximum(np.cos(at), 0.55 + 0.3 * np.sin(at)))
+
+    load, place = allowed(angle)[:, None], 12.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    rows = [{"load": load, "error": 0.0 * load, "place": place, "luffing": angle}]
+    duty = DutyTable.from_loads(LeastLoads.from_rows(rows, 1), 1e5)
+    true = allowed(np.arccos(duty.radii / 12.0))
+    assert duty.interpolation == pytest.approx(0.014, abs=5e-4)
+    assert np.max(duty.load[:, 0] / true) == pytest.approx(1.019, abs=5e-4)
+    assert np.max(duty.lower[:, 0] / true) == pytest.approx(1.005, abs=5e-4)
