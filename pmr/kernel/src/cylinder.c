@@ -224,11 +224,9 @@ static void load_by_force(const pmr_actuator *c, double force, double loaded[3])
 /* Length of the cylinder at a luffing angle, and by how much it grows for each radian. */
 static double length_at(const pmr_actuator *c, double angle, double *arm)
 {
-    const double s = sin(angle), co = cos(angle);
-    const double lug[2] = {c->lug[0] * co - c->lug[1] * s, c->lug[0] * s + c->lug[1] * co};
-    const double x = lug[0] - c->foot[0], z = lug[1] - c->foot[1], length = sqrt(x * x + z * z);
-    *arm = (z * lug[0] - x * lug[1]) / length;
-    return length;
+    number length, direction[2];
+    *arm = cylinder_line(c->foot, c->lug, constant(angle), &length, direction).at;
+    return length.at;
 }
 
 /* Add the cylinder's share to the machine's forces by its directions, at step k with the machine's motion b. */

@@ -179,22 +179,6 @@ static number value_of(const pmr_system *y, const double *values, const double *
     return (number){values[n], changes ? changes[n] : 0.0};
 }
 
-/* Direction from foot to lug of the cylinder that raises the boom, x and z in axes of the boom;
-   returned is what its length grows by for each radian. */
-static number cylinder_direction(const course *c, number direction[2])
-{
-    const double *foot = c->system->cylinder_hinges, *lug = foot + 2;
-    const number phi = angle_of(c, 0).at, s = sine(phi), co = cosine(phi);
-    const number at[2] = {minus(times(constant(lug[0]), co), times(constant(lug[1]), s)),
-                          plus(times(constant(lug[0]), s), times(constant(lug[1]), co))};
-    const number x = minus(at[0], constant(foot[0])), z = minus(at[1], constant(foot[1]));
-    const number square = plus(times(x, x), times(z, z)),
-                 length = {sqrt(square.at), 0.5 * square.along / sqrt(square.at)};
-    direction[0] = times(inverse(length), plus(times(x, co), times(z, s)));
-    direction[1] = times(inverse(length), minus(times(z, co), times(x, s)));
-    return times(minus(times(z, at[0]), times(x, at[1])), inverse(length));
-}
-
 /* Component j of the wrench about the pivot with which the boom presses on the ground, but for a cylinder that gives
    way. */
 static number pressed(const course *c, const double *values, const double *changes, int j)
@@ -219,14 +203,14 @@ int pmr_ground_outputs(const pmr_system *y, const double *motions, const double 
     const turning slewed = slew(&c);
     const angle rocking[3] = {angle_of(&c, 2), angle_of(&c, 3), angle_of(&c, 4)};
     const int32_t *of = y->ground_numbers;
-    number boom[6], wrench[6] = {{0.0, 0.0}}, falling[3], direction[2];
+    number boom[6], wrench[6] = {{0.0, 0.0}}, falling[3], direction[2], length;
     int i, j, k;
     for (j = 0; j < 6; j++) /* no derivatives with a hoist */
         boom[j] = plus(constant(values[y->op + y->hp + y->forces + j]), pressed(&c, values, changes, j));
     if (of[4] >= 0) { /* a cylinder that gives way pushes the ground from lug to foot */
         const double *lug = y->cylinder_hinges + 2;
         const number force = negative(value_of(y, values, changes, of[4]));
-        (void)cylinder_direction(&c, direction);
+        (void)cylinder_line(y->cylinder_hinges, lug, angle_of(&c, 0).at, &length, direction);
         for (k = 0; k < 2; k++) direction[k] = times(force, direction[k]);
         boom[0] = plus(boom[0], direction[0]);
         boom[2] = plus(boom[2], direction[1]);
@@ -262,8 +246,9 @@ int pmr_frame_outputs(const pmr_system *y, const double *motions, const double *
         }
     }
     if (y->has_cylinder) { /* positive where it presses: the moment over what its length grows by for each radian */
-        number direction[2], arm = cylinder_direction(&c, direction),
-                             force = times(pressed(&c, values, changes, 4), inverse(arm));
+        const double *foot = y->cylinder_hinges;
+        number length, direction[2], arm = cylinder_line(foot, foot + 2, angle_of(&c, 0).at, &length, direction),
+                                     force = times(pressed(&c, values, changes, 4), inverse(arm));
         further[n] = force.at;
         if (along) along[n] = force.along;
         for (k = 0; k < 2 && y->cylinder_pin[k] >= 0; k++) { /* a pin bears what the cylinder does not */

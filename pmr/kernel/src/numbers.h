@@ -1,5 +1,5 @@
-/* Numbers with how they change along a seed, and frames that turn by angles with their rates: what frame.c and ground.c
-   share. */
+/* Numbers with how they change along a seed, frames that turn by angles with their rates, and the cylinder that raises a
+   boom: what frame.c, ground.c and cylinder.c share. */
 #ifndef PMR_NUMBERS_H
 #define PMR_NUMBERS_H
 
@@ -84,6 +84,21 @@ static inline number gradient(const turning *turned, int i, int j)
     if (i != j) return plus(entry, times(constant(GRADIENT_SIGN[i][j]), turned->acceleration[3 - i - j]));
     for (k = 0; k < 3; k++) entry = minus(entry, times(w[k], w[k]));
     return entry;
+}
+
+/* Cylinder from foot to lug, x and z of each, of a boom that is raised by phi: its length, its direction along x and z of
+   the boom, and returned, by how much it grows for each radian. */
+static inline number cylinder_line(const double *foot, const double *lug, number phi, number *length, number direction[2])
+{
+    const number s = sine(phi), co = cosine(phi);
+    const number at[2] = {minus(times(constant(lug[0]), co), times(constant(lug[1]), s)),
+                          plus(times(constant(lug[0]), s), times(constant(lug[1]), co))};
+    const number x = minus(at[0], constant(foot[0])), z = minus(at[1], constant(foot[1]));
+    const number square = plus(times(x, x), times(z, z));
+    *length = (number){sqrt(square.at), 0.5 * square.along / sqrt(square.at)};
+    direction[0] = times(inverse(*length), plus(times(x, co), times(z, s)));
+    direction[1] = times(inverse(*length), minus(times(z, co), times(x, s)));
+    return times(minus(times(z, at[0]), times(x, at[1])), inverse(*length));
 }
 
 /* Columns (6 + n + e + 1) of `pmr_stand_columns` and, unless NULL, how they change. */

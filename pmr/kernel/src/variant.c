@@ -7,6 +7,7 @@
 #include <stddef.h>
 #include <string.h>
 
+#include "numbers.h"
 #include "vectors.h"
 
 #include "space.c"
