@@ -52,7 +52,7 @@ from pmr.scene.mechanism import (
     pin_and_cylinder,
 )
 from pmr.scene.members import members
-from pmr.scene.rotation import boom_rotation
+from pmr.scene.rotation import boom_rotation, motion_of
 from pmr.scene.signals import Constant
 from pmr.simulation.frame import base_accelerations
 from pmr.system.body import FullBody, SlidingBody, Trajectory, kinds_of, names_of, units_of
@@ -240,17 +240,14 @@ def machine_wrench(scene: Scene, t: Array) -> Array:
     """
     frame = scene.frame
     assert frame is not None and frame.ground is not None  # the caller has checked it
-    still = Constant(amount=0.0)
-    signals = (frame.angles[1], *(frame.base_angles or (still,) * 3))
-    angles = np.array(
-        [[getattr(angle, of)(t) + 0.0 * t for angle in signals] for of in ("value", "rate", "second_rate")]
-    )
+    signals = (frame.angles[1], *(frame.base_angles or (Constant(amount=0.0),) * 3))
+    angles = np.array([motion_of(angle, t) for angle in signals])
     falling = np.zeros((len(t), 3))
     for axis, signal in enumerate(base_accelerations(scene)):
         falling[:, axis] = signal.value(t)
     if scene.gravity is not None:
         falling[:, 2] += scene.gravity.signal.value(t)
-    return masses_wrench(frame.ground.masses, np.moveaxis(angles, -1, 0), falling)
+    return masses_wrench(frame.ground.masses, angles.transpose(2, 1, 0), falling)
 
 
 def _winch_wrench(scene: Scene, response: Response) -> Array:

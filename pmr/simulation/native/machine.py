@@ -32,6 +32,7 @@ from pmr.kernel.state import Settings, State, StepError
 from pmr.scene import Scene
 from pmr.scene.frame import DIRECTIONS, INERTIA, BaseMotion
 from pmr.scene.keys import LUFFING
+from pmr.scene.rotation import motion_of
 from pmr.scene.signals import Constant
 from pmr.simulation.excitation import Excitation, side_positions
 from pmr.simulation.frame_motion import MachineMotion
@@ -247,9 +248,8 @@ def base_motions(scene: Scene, t: Array) -> Array:
     """
     assert scene.frame is not None  # of a scene with a machine
     still, motions = Constant(amount=0.0), {} if scene.frame.base is None else scene.frame.base.motions
-    signals = [motions.get(direction, still) for direction in DIRECTIONS]
-    values = np.array([[getattr(signal, of)(t) for signal in signals] for of in ("value", "rate", "second_rate")])
-    return np.ascontiguousarray(np.moveaxis(values, -1, 0)) * direction_units(scene)
+    values = np.array([motion_of(motions.get(direction, still), t) for direction in DIRECTIONS])
+    return np.ascontiguousarray(values.transpose(2, 1, 0)) * direction_units(scene)
 
 
 def direction_units(scene: Scene) -> Array:
