@@ -22,7 +22,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pmr.compare.errors import ROUND_OFF, errors_between, relative_error
+from pmr.compare.errors import ROUND_OFF, errors_between, force_errors, force_histories, relative_error
 from pmr.compare.evaluation import SimulatedSystem
 from pmr.compare.motion import carried_loads, only_body_motion, reason_without_estimate
 from pmr.compare.outputs import (
@@ -149,6 +149,9 @@ def estimate_error(models: Models, first: SimulatedSystem) -> Estimate:
     kinds = [kind for kind in dict.fromkeys((*OUTPUT_KINDS, *outputs.kinds)) if kind not in without]
     errors = _errors_by_name(first.response, richer.simulation.response, excitation)
     errors |= differences(outputs, better, floors, kinds)
+    if "pad_force" not in unknown:  # supports bear what pads and sliders press
+        forces = [force_histories(of.response) for of in (first, richer.simulation)]
+        errors |= {kind: size for kind, size in force_errors(*forces).items() if kind == "reaction"}
     of_probes = probe_differences(outputs, better, floors)
     errors |= {"probe": float(of_probes.max())} if len(of_probes) else {}
     probes = dict(zip(_probes(system), (MARGIN * of_probes).tolist(), strict=True))

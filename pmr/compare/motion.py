@@ -262,7 +262,7 @@ def system_with_attachment_modes(system: System, x: Array, forces: Sequence[Arra
             carrier_forces(carriers, rows, x[:, on], system.side_multipliers(name, of), acting[:, columns])
             for of, acting in zip(forces, loads, strict=True)
         ]
-        bodies[name] = with_attachment_modes(extend(model), sp.vstack(pressing, "csr"), LEFT_OUT_AT_REST, at_rest=True)
+        bodies[name] = with_attachment_modes(extend(model), sp.vstack(pressing, "csr"), LEFT_OUT_AT_REST)
     return system.with_bodies(bodies)
 
 

@@ -87,7 +87,7 @@ def large_motion_warnings(length: float, responses: Iterable[Response]) -> list[
 
 #: Effects that no estimate covers; the error of the time step is in ``step`` of summary.json.
 AWAY_FROM_PROBES = "stresses away from probes"
-#: Effect that no estimate covers if a rigid support holds a body: its force is not that of a row that gives way.
+#: Reactions that an estimate lacks where it lacks forces of pads, which supports bear.
 RIGID_REACTIONS = "reactions of rigid supports"
 #: Effect that neither an estimate nor a full model covers if the machine's motion was computed with the reduced model.
 MACHINE_MOTION = "the motion of frame.machine or of what is free, which is found with the reduced model and its step"

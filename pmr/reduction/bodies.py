@@ -256,7 +256,7 @@ def reduce_body(
         basis, motions = build_basis(scene, model, snapshots), support_motions(body)
         if scene.reduction.ports:
             basis = with_ports(body, basis)
-        reduced_body = ReducedBody(snapshots, basis, project(scene, body, basis, provenance(scene, basis)))
+        reduced_body = ReducedBody(snapshots, basis, project(scene, body, basis, provenance(scene, basis), motions))
         reduced_body = replace(reduced_body, modal=with_reactions(reduced_body.modal, body, reduced_body.V, motions))
     free_dropped(model.comm)
     return reduced_body

@@ -242,17 +242,20 @@ def summary(scene: Scene, models: Mapping[str, FullModel], bodies: Mapping[str, 
     }
 
 
-def project(scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, object]) -> ReducedModel:
+def project(
+    scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, object], motions: Array | None = None
+) -> ReducedModel:
     """Reduced model of the body on the given basis, in the form that the scene asks for.
 
     If an error is estimated (`pmr.compare.estimate`) or terms that vary in time may act, it has enrichment modes, and
     inertia on carriers for the estimate.  Otherwise it has tables of the residual flexibility if the scene asks for
-    these.  The model keeps `provenance`, which says what it was made from.  An InputError is raised if rows depend on
-    each other.
+    these.  The model keeps `provenance`, which says what it was made from.  `motions` (n_local, h) are unit motions of
+    rigid supports, None if there are none (`pmr.reduction.free_body.support_motions`).  An InputError is raised if rows
+    depend on each other.
     """
     choice = scene.reduction
     if enrichment_of(scene, choice, body.model):
-        reduced_body = section_model(body, basis, provenance, choice.coordinates, estimable=choice.estimable)
+        reduced_body = section_model(body, basis, provenance, choice.coordinates, motions, choice.estimable)
         check_independence(reduced_body)  # dependent rows matter, as all have the same path coordinate
         return reduced_body
     if choice.flexibility:

@@ -98,9 +98,9 @@ def section_model(
     The result keeps `provenance`, which says how it was made.  The first `coordinates` modes of the basis are the
     model's coordinates, the others are its enrichment modes.  If there are enrichment modes and the model is to be
     `estimable`, it has the inertia of the residual part on the carriers, with which errors are estimated; this doubles
-    the number of solves.  If a cylinder holds the section's tail, the model has the responses to the cylinder's force,
-    and the work of these responses on the `motions` (n_local, h) of rigid supports, None if there are none
-    (`pmr.reduction.free_body.support_motions`).
+    the number of solves.  If a cylinder holds the section's tail, the model has the responses to the cylinder's force.
+    For these responses, and for those on the carriers if the model is estimable, it has the work of their inertia on
+    the `motions` (n_local, h) of rigid supports, None if there are none (`pmr.reduction.free_body.support_motions`).
 
     An InputError is raised as by `flexible_model`, and a ValueError if the basis has vectors that are not eigenmodes.
     """
@@ -112,6 +112,7 @@ def section_model(
     x = _cylinder_responses(residual, shared, flexibility)
     answers = None if x is None else _cylinder_values(residual, shared, x, motions)
     loads = carrier_loads(model, shared.carriers)
+    moved = None if motions is None or not inertia else residual.apply(times(model.M, motions))
     has_span = inertia and model.matrices
     span, spanned = _spanning_vectors(residual, loads) if has_span else _Span(None, np.zeros((0, loads.shape[1])))
     body.free_factor()
@@ -122,6 +123,8 @@ def section_model(
     if basis.size < model.size:  # all motions of a body leave no flexibility out
         check_independence(flexible, yielding_rows(flexible))
     carriers = replace(carriers, inertia=inertia[0] if inertia else None, answers=answers, spanned=spanned)
+    if moved is not None:
+        carriers = replace(carriers, support_inertia=np.asarray(model.comm.allreduce(moved.T @ loads)))
     of_carriers = _with_matrices(carriers, model, [V, span, x], motions)
     return _with_coordinates(replace(flexible, carriers=of_carriers), coordinates)
 

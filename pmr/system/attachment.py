@@ -77,7 +77,9 @@ def with_cylinder_modes(model: ReducedModel) -> ReducedModel:
     measured = np.vstack([answers.rows[:, :count], answers.inputs[:, :count]]) @ turned
     with_modes = _append_vectors(model, stiffness, measured, answers.outputs[:, :count] @ turned)
     assert with_modes.carriers is not None
-    reactions = None if model.reactions is None else _extend_reactions(model, model.reactions, answers, turned)
+    reactions = None
+    if model.reactions is not None:
+        reactions = _extend_reactions(model, _cylinder_inertia(model, model.reactions, answers)[:, :count] @ turned)
     on_modes = replace(with_modes.carriers, answers=replace(answers, turned=turned))
     loads = np.zeros((len(answers.rows) + len(answers.inputs), turned.shape[1]))
     return _extend_frame_matrices(replace(with_modes, carriers=on_modes, reactions=reactions), model, loads, turned)
@@ -135,20 +137,38 @@ def _extend_frame_matrices(
     )
 
 
-def _extend_reactions(
-    model: ReducedModel, reactions: Reactions, answers: CylinderResponses, combinations: Array
-) -> Reactions:
-    """Reactions of a model whose last a coordinates are `combinations` (k, a) of the cylinder's first k responses.
+def _cylinder_inertia(model: ReducedModel, reactions: Reactions, answers: CylinderResponses) -> Array:
+    """Work (h, n) of the inertia of the n `answers` to the cylinder's force on the motions of h rigid supports.
 
-    `reactions` are those of `model`, without these coordinates, and `answers` are the responses to the cylinder's
-    force.
+    `reactions` are those of the `model`.
     """
     assert model.carriers is not None
-    r, count, of_all = model.size, len(combinations), answers.supports
-    if model.enrichment is not None:  # modes of the largest basis that are not coordinates of the model
-        joined = reactions.inertia[:, r : r + model.enrichment.count]
-        of_all = of_all + joined @ answers.mode_shares(model.carriers.enrichment, model.enrichment)
-    inertia = of_all[:, :count] @ combinations
+    if model.enrichment is None:
+        return answers.supports
+    joined = reactions.inertia[:, model.size : model.size + model.enrichment.count]
+    return answers.supports + joined @ answers.mode_shares(model.carriers.enrichment, model.enrichment)
+
+
+def _residual_inertia(model: ReducedModel, reactions: Reactions, of_largest: Array) -> Array:
+    """Work (h, K + i) of the inertia of responses to unit loads on K carriers and i inputs on h supports' motions.
+
+    `of_largest` (h, K + i) is this work if all modes of the largest basis are coordinates; `reactions` are those of the
+    `model`, whose enrichment modes respond to the loads, too.
+    """
+    modes = model.enrichment
+    if modes is None or model.carriers is None:
+        return of_largest
+    joined = reactions.inertia[:, model.size : model.size + modes.count]
+    return of_largest + joined / modes.stiffness @ np.hstack([model.carriers.enrichment.T, modes.B])
+
+
+def _extend_reactions(model: ReducedModel, inertia: Array) -> Reactions:
+    """Reactions of a model with a more coordinates, the last ones, that no support moves.
+
+    `model` is that without these coordinates, and `inertia` (h, a) the work of their inertia on the supports' motions.
+    """
+    reactions, r = model.reactions, model.size
+    assert reactions is not None
     damping = (0.0 if model.rayleigh is None else model.rayleigh.alpha) * inertia
     return replace(
         reactions,
@@ -159,7 +179,7 @@ def _extend_reactions(
 
 
 def with_attachment_modes(
-    model: ReducedModel, loads: Array | sp.csr_matrix, left_out: float = LEFT_OUT, at_rest: bool = False
+    model: ReducedModel, loads: Array | sp.csr_matrix, left_out: float = LEFT_OUT
 ) -> ReducedModel:
     """Return the model with principal responses to loads (T, K + i) in N, on K carriers and i inputs, as coordinates.
 
@@ -167,9 +187,8 @@ def with_attachment_modes(
     `left_out` of the inertia of all responses.  If the section has a cylinder, `RICHER` modes of the cylinder are
     included.  If no load moves the residual part and there is no cylinder, the model is returned unchanged.
 
-    The result has no reactions of rigid supports, unless `at_rest` is true: then it has reactions that are right only
-    for a model at rest.  A ValueError is raised if the model lacks flexibility or inertia of its residual part on
-    carriers.
+    The result has no reactions of rigid supports if the model lacks ``carriers.support_inertia``, as models of earlier
+    versions do.  A ValueError is raised if the model lacks flexibility or inertia of its residual part on carriers.
     """
     carriers = model.carriers
     if carriers is None or carriers.flexibility is None or carriers.inertia is None:
@@ -188,15 +207,11 @@ def with_attachment_modes(
     if not len(stiffness):
         return model if answers is None else with_tables(_clear_cylinder_flexibility(model, answers))
     with_modes, g = _append_vectors(model, stiffness, measured @ turned, outputs @ turned), G.shape[1]
-    if at_rest and model.reactions is not None:  # at rest, forces do not depend on the inertia of the new coordinates
-        reactions, none = model.reactions, np.zeros((len(model.reactions.names), len(stiffness)))
-        inertia, damping, stiff = (
-            np.hstack([part[:, : model.size], none])
-            for part in (reactions.inertia, reactions.damping, reactions.stiffness)
-        )
-        with_modes = replace(
-            with_modes, reactions=replace(reactions, inertia=inertia, damping=damping, stiffness=stiff)
-        )
+    if model.reactions is not None and carriers.support_inertia is not None:
+        inertia = _residual_inertia(model, model.reactions, carriers.support_inertia) @ G @ turned[:g]
+        if len(turned) > g and answers is not None:
+            inertia += _cylinder_inertia(model, model.reactions, answers)[:, : len(turned) - g] @ turned[g:]
+        with_modes = replace(with_modes, reactions=_extend_reactions(model, inertia))
     return _extend_frame_matrices(with_modes, model, G @ turned[:g], turned[g:])
 
 

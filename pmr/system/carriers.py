@@ -179,7 +179,7 @@ class CylinderResponses:
 class CarrierRows:
     """The m rows of a body with r coordinates on K carriers U, and the flexibility that these coordinates leave out."""
 
-    AXES = {"values": "Kr", "enrichment": "Kc"}
+    AXES = {"values": "Kr", "enrichment": "Kc", "support_inertia": "hL"}
 
     values: Array  # U V (K, r): values of the coordinates on the carriers
     # weights b(x) of each row, as `pmr.system.rows.Row` has them, by the row's number as text: "0", "1", ...
@@ -198,6 +198,9 @@ class CarrierRows:
     matrices: Mapping[str, Array] = field(default_factory=dict)
     ports: Mapping[str, Array] = field(default_factory=dict)  # `ports` of the model on these vectors, (N + p + n,)
     spanned: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (p, K + i): residual responses by p vectors
+    # Phi^T M R [U^T B] (h, K + i) of unit motions Phi of h rigid supports (`pmr.system.body_matrices`), of the largest
+    # basis only; in s^2 for forces
+    support_inertia: Array | None = None
     # by name: work (h, N + p + n) of `matrices` on the motions of h rigid supports (`pmr.system.body_matrices`)
     supports: Mapping[str, Array] = field(default_factory=dict)
 

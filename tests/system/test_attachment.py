@@ -113,6 +113,10 @@ def test_matrices_of_a_moving_frame_know_answers_to_loads(name: str) -> None:
         assert np.abs(found.matrices["M"] - found.M).max() < 1e-6
         assert np.abs((found.matrices["K"] - found.K) / np.outer(scale, scale)).max() < 1e-6
         assert found.ports["tip"] == pytest.approx(found.outputs[-1], abs=1e-9 * np.abs(found.outputs[-1]).max())
+        assert (found.reactions is not None) == (name == "base")
+        if found.reactions is not None:
+            inertia = found.reactions.inertia
+            assert inertia == pytest.approx(found.reactions.matrices["M"], abs=1e-9 * np.abs(inertia).max())
 
 
 @pytest.mark.slow
