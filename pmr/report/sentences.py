@@ -70,8 +70,9 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
 def _total_error(totals: trust.SummedErrors) -> KeyNumber:
     """Key number of the largest error after errors of all sources are added up."""
     label = max(totals.by_label, key=lambda name: totals.by_label[name])
-    note = f"in {label}, {totals.sources_clause(label)}"
-    return KeyNumber(format_percent(totals.by_label[label], 2), "largest known error, without stresses", note)
+    note, probed = f"in {label}, {totals.sources_clause(label)}", QUANTITIES["probe"].label in totals.by_label
+    what = f"largest known error, without stresses{' away from probes' if probed else ''}"
+    return KeyNumber(format_percent(totals.by_label[label], 2), what, note)
 
 
 def _error_key_numbers(result: RunResult) -> Iterator[KeyNumber]:

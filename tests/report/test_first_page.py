@@ -639,6 +639,10 @@ def test_a_sum_names_the_sources_that_are_in_it_and_those_that_are_not(make_spac
     assert sure["natural frequencies"] == f"± 3.0{SPACE}% by model, mesh and reduction"
     number = next(number for number in key_numbers(compared) if number.label == "largest known error, without stresses")
     assert number.note == f"in displacements of the tip, {at_tip}"
+    budget = {part: {**errors, "probe": 0.04} for part, errors in KNOWN["budget"].items()}
+    probed = make_space(summary=SUMMARY | KNOWN | {"budget": budget})
+    number = next(number for number in key_numbers(probed) if number.label.startswith("largest known error"))
+    assert number.label.endswith("without stresses away from probes") and "in values at probes" in number.note
     added = rows(compared, "How far to trust this run")["added up"]
     at_tip = "for displacements of the tip the error of the time step"
     assert added.endswith(f"; not included: for {REACTIONS} the error of the reduction, {at_tip}")
