@@ -194,7 +194,7 @@ def is_study(path: Path) -> bool:
 def study_file(path: Path) -> Path:
     """Return the study file that `path` names: itself, `study.toml` in this folder, or a workflow of this name.
 
-    For the name of an experiment of the paper by Weyrer et al.  (docs/paper.md), the path of its script is returned.
+    For the name of an experiment of the paper by Weyrer et al. (docs/paper.md), the path of its script is returned.
     Raises InputError if the file is a scene.
     """
     from pmr.scene.tomlfiles import experiments

@@ -52,7 +52,7 @@ def extreme_indices(values: ArrayLike, bins: int) -> NDArray[np.intp]:
 
 
 def spread_indices(count: int, limit: int) -> NDArray[np.intp]:
-    """Return at most `limit` indices of ``range(count)``, evenly spread, with the first and the last one."""
+    """Return at most `limit` indices (n,) of ``range(count)``, evenly spread from the first to the last one."""
     return np.unique(np.linspace(0, count - 1, min(count, limit)).round().astype(int))
 
 
@@ -187,10 +187,10 @@ def body_axes(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale:
 
 
 def rope_axis(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale: float = 1.0) -> Axis | None:
-    """Rope of the hoist from its head sheaves to its hook at time `steps`, as an axis with these two points.
+    """Rope of the hoist from its head sheaves to its hook at the time steps `steps` (S,), as an axis of two points.
 
-    The rope has its true length and direction, and hangs from the place of the head with deflections enlarged by
-    `scale`.  The result is None if `rope_places` is.
+    The rope has its true length and direction, and hangs from the place of the head with deflections enlarged by the
+    factor `scale`.  The result is None if that of `rope_places` is.
     """
     if (places := rope_places(result, steps, scale)) is None:
         return None

@@ -87,8 +87,10 @@ def _left_out_rows(result: RunResult) -> Rows:
 
 
 def _second_order_rows(result: RunResult, is_included: bool) -> Rows:
-    """Yield a row on the axes of a boom in a frame and on second order, if the run includes second order or, unless
-    `is_included`, if it leaves second order out.
+    """Yield a row on the axes of a boom in a frame, and on effects of second order.
+
+    If `is_included` is true, a row is yielded only for a run with effects of second order, else only for a run without
+    them.  Nothing is yielded without a frame.
     """
     motion = result.summary.get("frame")
     if motion is not None and bool(motion["second_order"]) is is_included:
@@ -216,7 +218,10 @@ def _stress_rows(result: RunResult) -> LargestValues:
 
 
 def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
-    """Row on the largest stress in walls at pads: value and its bar, share, place, time, and what it contains."""
+    """Row on the largest stress in walls at pads, `shell`: value, error bar, share, place, time, and what it contains.
+
+    `shell` is what `pmr.results.quantities.wall_stress` returns.
+    """
     at = PeakSummary(t=shell["t"], position=shell["position"], section=shell["section"])
     at["region"] = f"{shell['region']} wall" if shell["region"] else "walls"
     allowed, used, share = shell.get("yield"), "", None

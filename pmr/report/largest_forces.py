@@ -225,7 +225,7 @@ def _dynamic_factor_rows(result: RunResult) -> LargestValues:
 
 
 def _factor_words(row: Summary) -> str:
-    """Words for the force to which a dynamic factor belongs, such as ``pin of base along x`` for a reaction."""
+    """Words for the force of `row`, a dynamic factor in a summary, such as ``pin of base along x`` for a reaction."""
     if row["kind"] == "resultant":
         return f"resultant of {_bearer_words('support', row['name'])}"
     if row["kind"] == "reaction":

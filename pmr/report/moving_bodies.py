@@ -304,7 +304,8 @@ class MovingBodies:
     def colour_limit(self) -> float:
         """Stress in Pa at the end of the colour scale: a round number that few cells exceed at any time.
 
-        A quarter of the number has few digits, too.  The stress is 1e6 Pa if the fields have no stresses.
+        A quarter of the number has few digits, too.  The stress is 1e6 Pa if the fields have no stresses, and 1 Pa if
+        all stresses are 0.
         """
         if not self.cell_stresses:
             return 1e6

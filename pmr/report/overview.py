@@ -88,7 +88,7 @@ def system_rows(result: RunResult) -> Rows:
 
 
 def format_place(at: Sequence[float]) -> str:
-    """Format the coordinates of a place in m with their unit, in brackets."""
+    """Format the coordinates `at` of a place in m, in brackets, with the unit behind them."""
     return f"({', '.join(format_input(value) for value in at)}){SPACE}m"
 
 

@@ -285,8 +285,9 @@ def drawing_sentence(data: dict[str, Any]) -> str:
 def compress(frames: NDArray[np.float32], most_values: int) -> dict[str, Any]:
     """Factorise frames (F, n) into coefficients (F, k) and shapes (k, n), and encode both for a page.
 
-    The entry ``lost`` is the error: the RMS difference between the product and the frames, divided
-    by the RMS value of the frames.  The number k n of values in the shapes is at most `most_values`.
+    The entries are the ``count`` k, the k columns of ``coefficients``, the k rows of ``shapes``, and the error
+    ``lost``: the RMS difference between the product and the frames, divided by the RMS value of the frames.  The number
+    k n of values in the shapes is at most `most_values`, unless one shape has more.
     """
     X = frames.astype(float)
     squares, vectors = np.linalg.eigh(X @ X.T)

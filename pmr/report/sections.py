@@ -361,7 +361,10 @@ def _format_cycles(value: float | None) -> str:
 
 
 def _drawn_measurements(measured: Sequence[Measured]) -> list[Measured]:
-    """Choose the measurements to be drawn: of each of the first `MOST_DRAWN` quantities, the largest component."""
+    """Choose of `measured` what is drawn: one component of each of the first `MOST_DRAWN` quantities.
+
+    It is the component with the largest absolute value.
+    """
     groups = dict[str, list[Measured]]()
     for of in measured:
         groups.setdefault(of.name.rpartition(" ")[0], []).append(of)

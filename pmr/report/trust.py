@@ -154,9 +154,9 @@ def _stress_gaps(result: RunResult) -> Iterator[str]:
 
 
 def _errors_by_source(summary: Summary) -> dict[str, dict[str, float]]:
-    """Relative errors by source (``model``, ``mesh``, ``time step``, ``reduction``), then by label of the quantity.
+    """Relative errors in a run's `summary` by source, then by label of the quantity.
 
-    A source without an estimate has an empty mapping.
+    The sources are ``model``, ``mesh``, ``time step`` and ``reduction``; one without an estimate has an empty mapping.
     """
     budget = summary.get("budget") or {}
     mesh = budget.get("mesh")
@@ -197,7 +197,7 @@ class SummedErrors:
 
 
 def summed_errors(summary: Summary) -> SummedErrors:
-    """Add up the errors of model, mesh, time step and reduction of a run in each quantity."""
+    """Add up the errors of model, mesh, time step and reduction in a run's `summary`, for each quantity."""
     parts = _errors_by_source(summary)
     stated = {name: errors for name, errors in parts.items() if errors}
     needed = [stated[source] for source in ("model", "mesh") if source in stated]
@@ -215,12 +215,12 @@ def summed_errors(summary: Summary) -> SummedErrors:
 
 
 def pad_force_error(summary: Summary) -> float | None:
-    """Return the relative error of pad forces, added up over its sources; None if it is not known."""
+    """Return the relative error of pad forces in a `summary`, added up over its sources; None if not known."""
     return summed_errors(summary).by_label.get(QUANTITIES["pad_force"].label)
 
 
 def _lacking_clauses(summed: SummedErrors) -> Iterator[str]:
-    """Yield each source that is not in all sums, with the quantities in whose sums it is not."""
+    """Yield a clause for each source that some sums lack; it names the quantities of these sums unless all lack it."""
     for source in dict.fromkeys(name for names in summed.lacking.values() for name in names):
         labels = [label for label, names in summed.lacking.items() if source in names]
         stated = [label for label in summed.by_label if label not in labels and source in summed.sources[label]]

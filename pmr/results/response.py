@@ -336,7 +336,10 @@ class Extremes:
 
     @classmethod
     def from_summary(cls, summary: Mapping[str, float], place: str = "s_") -> Extremes:
-        """Return the extremes from a mapping as `Extremes.summary` returns; `place` begins the keys of places."""
+        """Return the extremes from a mapping as `Extremes.summary` returns it.
+
+        `place` is the beginning of the keys of places: ``s_`` for path coordinates, ``x_`` for positions along a beam.
+        """
         return cls(*(float(summary[f"{what}{end}"]) for end in ("min", "max") for what in ("", "t_", place)))
 
     def summary(self) -> dict[str, float]:

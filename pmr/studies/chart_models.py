@@ -262,7 +262,7 @@ class ChartModels:
         return cls(reduced, enriched, with_tip_mass, comparisons, reason, above, arrays["reach"])
 
     def not_covered(self, limits: Sequence[Limit], scene: Scene) -> list[str]:
-        """Return the errors that error bars of a chart of `scene` do not cover at any point, one clause for each."""
+        """Return the errors that error bars of a chart of `scene` with these `limits` cover at no point, as clauses."""
         if self.enriched is None:
             return ["any error: error_bars = false"]
         of = sorted({limit.of for limit in limits if not limit.kind.in_richer_model})
@@ -277,5 +277,5 @@ class ChartModels:
 
 
 def _read_postures(arrays: Mapping[str, NDArray[np.generic]], model: str) -> PostureMatrices | None:
-    """Return the postures of a model from the arrays of a task; None if the task has stored none of the model."""
+    """Return the postures from a task's `arrays` whose names begin with `model` and a dot; None if there are none."""
     return npz.record_from_arrays(PostureMatrices, arrays, f"{model}.") if f"{model}.structure.K" in arrays else None

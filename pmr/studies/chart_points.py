@@ -100,7 +100,7 @@ def warnings_of_row(
 
 
 def unnamed_loads(scene: Scene, cases: Sequence[Summary]) -> Iterator[str]:
-    """Yield a line on loads that act in runs of the scene but are in ``loads`` of no case of the chart.
+    """Yield a line on loads that act in runs of the scene but are in ``loads`` of none of the chart's `cases`.
 
     Forces that pull the last section's tip down in space are left out, as the load that is looked for takes their
     place.
@@ -120,7 +120,7 @@ def unnamed_loads(scene: Scene, cases: Sequence[Summary]) -> Iterator[str]:
 
 
 def replaced_mass_warnings(original: Scene, scene: Scene, point: tuple[float, float, float] | None = None) -> list[str]:
-    """Return a line for each mass of `original` that `scene` lacks, unless that is at the tip or where the load hangs.
+    """Return a line for each mass of `original` that `scene` lacks and that is neither at the tip nor at the load.
 
     Only masses of the last section that have a place of their own are looked at.  The load acts at `point` in m in the
     axes of the last section; None stands for the tip, the end of the axis.
@@ -196,9 +196,10 @@ class StopMotion:
     def stop_figures(self, place: Place, load: float, limit: Limit | None) -> Array:
         """Return five numbers (5,) about this stop of the boom, at a place and under a `load` in kg.
 
-        - The first number is the largest displacement of the tip during and after the stop, divided by that under
-          a steady deceleration that lasts and in the same direction; NaN if the tip does not move.
-        - The next three are used shares of `limit`: at rest, under a steady deceleration that lasts, and the largest
+        - The first number compares the tip's displacement during and after the stop with that under the same
+          deceleration if it lasted: the largest component along the latter, divided by its length.  The number is NaN
+          if the tip does not move.
+        - The next three are used shares of `limit`: at rest, under the same deceleration if it lasted, and the largest
           share during and after the stop; of both directions of motion the worse one is taken.  These three are NaN if
           `limit` is None.
         - The last one is the speed in rad/s.
@@ -316,9 +317,9 @@ def _place_arrays(
 ) -> dict[str, Array]:
     """Return the row of a place in each array of `governing_details`, by the array's name.
 
-    `limit` governs at the place, None if no limit does.  The load is slightly less than `load` in kg, as there is no
-    equilibrium at the load at which stability is lost.  `bent` are the outputs that show the bent boom, and `stops` the
-    stopping motions whose swings are computed.
+    `limit` is that of `limits` which governs at the place; None if none does.  The load is slightly less than `load` in
+    kg, as there is no equilibrium at the load at which stability is lost.  `bent` are the outputs that show the bent
+    boom, and `stops` the stopping motions whose swings are computed.
     """
     at, load = place.postures, load * (1.0 - JUST_BELOW)
     state = place.equilibria.state(load)

@@ -105,13 +105,14 @@ class LeastLoads(NamedTuple):
         return cls(load[order], error[order], place[order], rows[0]["luffing"].reshape(-1, turns)[:, 0], order)
 
     def at_radii(self, radii: Array, lower: Array, e: int, up_to: float) -> Array:
-        """Loads, lower bounds, differences (3, R, l) in kg by l limits with boom length number `e`, at R `radii` in m.
+        """Return loads, lower bounds and differences (3, R, l) in kg of l limits at R `radii`, for one boom length.
 
-        The `radii` (R,) are those of the tip.  The loads are interpolated between luffing angles, and NaN at radii that
-        the tip does not reach.  `lower` (E, A, l) in kg are lower bounds of the loads with E boom lengths at A luffing
-        angles.  A limit that is not reached counts as reached at `up_to` in kg.  If the tip has a radius at two angles,
-        above and below the horizontal, the smaller load counts.  The lower bound is less by the
-        difference between interpolation with curves and with straight lines.
+        The boom length has the number `e`, and the `radii` (R,) in m are those of the tip.  Loads are interpolated
+        between luffing angles with curves, and NaN at radii that the tip does not reach.  The differences are those
+        between interpolation with curves and with straight lines; lower bounds are less by them.  `lower` (E, A, l) in
+        kg are lower bounds of the loads with E boom lengths at A luffing angles.  A limit that is not reached counts as
+        reached at `up_to` in kg.  If the tip has a radius at two angles, above and below the horizontal, the smaller
+        load counts, and the larger difference.
         """
         luffing, order = np.unique(self.luffing, return_index=True)
         place, load = self.place[e, order, 0], np.nan_to_num(self.load[e, order], nan=up_to)

@@ -114,9 +114,10 @@ class Timeline:
         return {name: signal - signals[base] for name, signal in signals.items() if name != base}
 
     def difference_clause(self, signals: Mapping[str, Array]) -> str:
-        """Clause that the difference of `signals`, by simulator, to the reference is drawn below; empty if it is 0.
+        """Clause that the difference of `signals` (T,), by simulator, to the reference is drawn below.
 
-        The clause says if the difference is less than the error of the time step.
+        The clause is empty if all differences are 0 or there is no reference.  It says if the difference is less than
+        the error of the time step.
         """
         if not (apart := largest_of(self.differences(signals))):
             return ""
@@ -126,7 +127,10 @@ class Timeline:
         return f". Below: the difference to {'ANCF' if self.reference == 'ancf' else 'the full model'}{small}"
 
     def trace(self, ax: Axes, curves: Mapping[str, Array], size: float, weight: float = 1.0) -> None:
-        """Draw curves (T,) divided by `size`, by simulator; `weight` multiplies the widths of the lines."""
+        """Draw `curves` (T,), by simulator, divided by the `size` of their unit.
+
+        `weight` multiplies the widths of the lines.
+        """
         for order, (name, curve) in enumerate(curves.items()):
             shown, pen = extreme_indices(curve, bins_of(ax)), PENS[name]
             zorder = 2.0 + order / 10.0
@@ -135,8 +139,8 @@ class Timeline:
     def frame(self, ax: Axes, label: str, last: bool = True) -> None:
         """Set limits and labels of an axis of time, and shade the phases in which something moves.
 
-        `label` is that of the other axis, which has the values.
-        Only the lowest axes of a column (`last`) have the name of the time axis below them.
+        `label` is that of the other axis, which has the values.  Only the lowest axes of a column (`last`) have the
+        name of the time axis below them.
         """
         what = "boom" if subject.changing_angles(self.result) else subject.moving_part(self.result)
         for phase in self.phases:
@@ -248,7 +252,7 @@ def line_figure(
     """Draw `lines` (T,) of the reduced model over time in one panel, with their names in the legend.
 
     `base` is their unit without prefix, and `quantity` the name on the axis.  The lines have the `colours` in turn.  A
-    line without a name has no entry.
+    line whose name is empty has no entry in the legend.
     """
     time, unit = Timeline(result), unit_for(largest_of(lines), base)
     figure, ax = make_axes(HALF, 1.9, "", "")

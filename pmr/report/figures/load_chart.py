@@ -63,9 +63,9 @@ class LoadChart:
     """Load chart for E reaches and A angles.
 
     `place` (E, A, 2) is the position of the tip in m, as radius and height from the pivot.  `load` (E, A) is the load
-    in kg, 0 where the boom passes a limit even without a load. `which` (E, A) is the number of the governing limit in
-    `names`, or -1 if no limit governs.  `up_to` in kg is the load at which the search ends.  `extensions` (E,)
-    are texts that tell reaches of one length apart.
+    in kg, 0 where the boom passes a limit even without a load.  `which` (E, A) is the number of the governing limit in
+    `names`, or -1 if no limit governs.  `up_to` in kg is the load at which the search ends.  `extensions` (E,) are
+    texts that tell reaches of one length apart.
     """
 
     place: Array

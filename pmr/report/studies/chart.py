@@ -136,8 +136,9 @@ def _cell_text(study: FinishedStudy, table: LeastLoads, chart: LoadChart, error:
 def _key_numbers(study: FinishedStudy, chart: LoadChart, error: Array, parts: Parts) -> list[KeyNumber]:
     """Key numbers: number of points, the largest load of a `chart`, and the load at its largest radius.
 
-    If an `error` bar, in kg at each point of the chart, is finite, two more follow: the largest error bar, with the
-    errors that it contains, and the number of points at which another limit may govern within the error bars.
+    If one of the error bars `error` (E, A), in kg at each point of the chart, is finite, two more follow: the largest
+    error bar, with the errors that it contains, and the number of points at which another limit may govern within the
+    error bars.  `parts` are the arrays of each run of the study.
     """
     count, most, radius = len(study.study_file["limits"]) + 1, float(np.nanmax(chart.load)), chart.place[..., 0]
     turns = len(parts[0]["at.slewing"])
@@ -180,7 +181,7 @@ ROUND_OFF = 1e-9
 def governing_pages(study: FinishedStudy, names: list[str], arrays: Parts, prefix: str) -> Iterator[Block]:
     """Yield a block for each limit of `names` that governs anywhere, on the state with the largest load it governs.
 
-    `prefix` begins the identifiers of the figures.
+    `arrays` are the arrays of each run of the study, and `prefix` begins the identifiers of the figures.
     """
     for n in range(len(names)):
         best = [(float(a["load"][k, n]) if (k := int(a["at.place"][n])) >= 0 else -1.0) for a in arrays]

@@ -97,7 +97,7 @@ def slewing_clause(angles: Array) -> str:
 def headline(study: FinishedStudy, least_loads: Array, slewing: Array) -> str:
     """Sentences on the case and on the range of `least_loads` (E, A) in kg, which are NaN where no limit is reached.
 
-    `slewing` are the slewing angles in degrees.
+    The points are those of E boom lengths and A luffing angles; `slewing` (k,) are the slewing angles in degrees.
     """
     case = case_sentence(study.study_file)
     if not np.isfinite(least_loads).any():
@@ -193,7 +193,7 @@ def limit_grid(study: FinishedStudy, names: list[str], parts: Parts) -> Grid:
 
 
 def _degrees(parts: Parts) -> str:
-    """List the slewing angles of a chart in degrees."""
+    """List the slewing angles of a chart in degrees, from the arrays `parts` of its runs."""
     return ", ".join(f"{angle:.4g}°" for angle in parts[0]["at.slewing"])
 
 

@@ -121,7 +121,7 @@ def _key_numbers(done: Sequence[RunRecord], error: str | None) -> Iterator[KeyNu
 
 
 def _cost_differs(runs: Sequence[RunRecord]) -> bool:
-    """Whether a parameter varies that decides the time of a simulation; if none does, times differ by chance only."""
+    """Whether `runs` have a parameter that decides the time of a simulation; else times differ by chance only."""
     return any(key.partition(".")[0].partition("[")[0] in COSTLY for run in runs for key in run.parameters)
 
 

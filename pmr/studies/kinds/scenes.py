@@ -247,13 +247,14 @@ def body_figures(summary: Summary) -> dict[str, Scalar]:
 def run_case(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: run a scene with its first simulator; the results are a row of the table, with arrays and warnings.
 
-    A single body's references and frequencies come from `needs`.  Record:
-    ``errors.<model>_vs_<reference>.<output>`` (e_NRMS), ``coordinates.full`` and ``.reduced``, ``max_displacement`` and
-    ``max_error`` (m), ``cylinders.<name>.{min,max}`` and ``ropes.<name>.{min,max}`` (N), and the columns of
-    `motion_figures` and `body_figures`.  For a boom, ``largest_force`` is the largest force of its pads.  For a single
-    body also ``basis.kappa`` and ``frequency_error.<i>``, the largest relative error of the i-th frequency over the
-    path.  Arrays: ``t`` (s), ``tip`` (m), ``reach`` (path coordinates in m), ``frequencies.<model>`` (Hz), for a single
-    body also ``singular_values``.
+    A single body's references and frequencies come from `needs`.  Record: ``errors.<model>_vs_<reference>.<output>``
+    (e_NRMS), ``coordinates.full`` and ``.reduced``, ``max_displacement`` and ``max_error`` (m),
+    ``cylinders.<name>.{min,max}`` and ``ropes.<name>.{min,max}`` (N), and the columns of `motion_figures` and
+    `body_figures`.  For a boom, ``largest_force`` is the largest force of its pads.  For a single body also
+    ``basis.kappa`` and ``frequency_error.<i>``, the largest relative error of the i-th frequency over the path.
+    Arrays: ``t`` (T,) in s and ``tip`` (T,) in m by the reduced model, ``frequencies.<model>`` (S, f) in Hz at the
+    positions ``reach`` (S,) in m, and for a single body ``singular_values``.  A position is the path coordinate of a
+    body alone, or the reach of a boom.
     """
     from pmr.files.whole import user_cache_folder
     from pmr.pipeline import run
