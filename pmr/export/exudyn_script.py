@@ -151,7 +151,10 @@ def _signal_arrays(scene: StoredScene, system: System, source: str) -> Arrays:
 
 
 def _strands(signal: SignalBase, name: str, source: str) -> Any:
-    """Strands of the signal called `name`; an InputError about the file `source` for a signal without strands."""
+    """Polynomials and sines of the signal called `name` (`pmr.scene.signals.base.Strand`).
+
+    Raises InputError about the file `source` for a signal without them.
+    """
     try:
         return signal.strands
     except NotImplementedError as error:

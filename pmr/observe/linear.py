@@ -245,7 +245,7 @@ def gravity_of(scene: Scene, chosen: Selection) -> Array:
 def _differentiate(form: SystemForm, excitation: Excitation, chosen: Selection, loads: list[int]) -> LinearSteps:
     """Compute the linear model of each step of an excitation: of the `chosen` outputs, by some of the loads.
 
-    `loads` are the numbers of these loads among the drivers of the system in `form`.
+    `loads` are the numbers of these loads among the drivers of the system in `form`: first paths, then loads.
     """
     march = March(form, excitation)
     u = march.sample_drivers(0, excitation.stepping.steps, 1)

@@ -74,7 +74,10 @@ def first_page_tables(result: RunResult) -> tuple[Table, ...]:
 
 
 def _left_out_rows(result: RunResult) -> Rows:
-    """Yield a row for each subject with what the scene's model leaves out (`pmr.scene.hints`)."""
+    """Yield a row for each subject with what the scene's model leaves out (`pmr.scene.hints.left_out`).
+
+    The last row is on effects of second order, if a run in a frame leaves them out.
+    """
     rows, recovery = left_out(result.scene), result.scene.recovery
     if recovery is not None and "reduced" in result.summary.get("max_von_mises", {}):
         rows["strength"] += (

@@ -96,7 +96,10 @@ def direction_words(result: RunResult, direction: str) -> str:
 
 
 def elevation(result: RunResult, t: Array) -> Array | None:
-    """Angles (T,) in rad from level to the boom at times t (T,) in s; None on a base that moves or is inclined."""
+    """Angles (T,) in rad from level to the boom at times t (T,) in s.
+
+    The result is None on a base that moves or is inclined, and without a frame if no weight acts.
+    """
     if result.frame is None:
         gravity = result.scene.gravity
         return None if gravity is None else np.full(len(t), np.deg2rad(gravity.elevation))
@@ -285,9 +288,10 @@ def is_luffing_cylinder_alone(result: RunResult) -> bool:
 
 
 def luffing_support_names(result: RunResult) -> set[str]:
-    """Names of the luffing cylinder's force, and of the supports in its place; empty if the scene has none.
+    """Names of the luffing cylinder's force, and of the supports that stand in its place.
 
-    The force of the luffing cylinder has its own row.
+    The force of the luffing cylinder has its own row, so these names are left out elsewhere.  The result is empty if
+    the scene has no luffing cylinder, or the summary states nothing about it.
     """
     frame = result.scene.frame
     if frame is None or frame.cylinder is None or result.summary.get("luffing_cylinder") is None:

@@ -267,7 +267,8 @@ class Pose:
     def positions(self, points: ArrayLike) -> Array:
         """Return the positions in space R (p + o), (S, n, 3) in m from the pivot, of points p (S, n, 3) or (n, 3) in m.
 
-        The points are given from the origin of the moving axes, in components along these axes.
+        R is the rotation of the moving axes, and o the vector from the pivot to their origin.  The points are given
+        from this origin, in components along the moving axes.
         """
         from_pivot = np.asarray(points, float) + self.origin[:, None, :]
         return np.asarray(np.einsum("sij,snj->sni", self.rotation, from_pivot))
@@ -275,15 +276,15 @@ class Pose:
     def positions_at(self, k: int, points: ArrayLike) -> Array:
         """Return the positions in space R (p + o), (..., 3) in m, at time number k, of points p (..., 3) in m.
 
-        The points are given from the origin of the moving axes, in components along these axes; positions are from the
-        pivot.
+        R is the rotation of the moving axes, and o the vector from the pivot to their origin.  The points are given
+        from this origin, in components along the moving axes; positions are from the pivot.
         """
         return self.rotate_at(k, np.asarray(points, float) + self.origin[k])
 
     def rotate_at(self, k: int, vectors: ArrayLike) -> Array:
         """Return R v (..., 3), the components in space at time number k of vectors v (..., 3).
 
-        The vectors are given in components along the moving axes.
+        R is the rotation of the moving axes, along which the components of the vectors are given.
         """
         return np.asarray(np.asarray(vectors, float) @ self.rotation[k].T)
 

@@ -196,7 +196,10 @@ class Quantity:
         return {output.name: response.column(k) for k, output in outputs if output.kind in self.kinds}
 
     def value(self, extremes: Extremes) -> Extreme:
-        """Return the one of a history's `extremes` that is reported for the quantity, by its field `extreme`."""
+        """Return the extreme that is reported for the quantity: the largest absolute, the highest or the lowest value.
+
+        `extremes` are those of a history; the quantity's field `extreme` says which one is reported.
+        """
         return {"size": extremes.largest, "most": extremes.highest, "least": extremes.lowest}[self.extreme]
 
 

@@ -215,7 +215,10 @@ def probe_table(result: RunResult) -> Table:
 
 
 def load_cycle_table(result: RunResult) -> Table:
-    """Return a table of the rainflow cycles of stresses and strains at probes, for an assessment of fatigue."""
+    """Return a table of the rainflow cycles of stresses and strains at probes, for an assessment of fatigue.
+
+    Cycles whose range is below the share `LEAST_LISTED` of the probe's largest range are left out.
+    """
     rows = []
     for model, response in result.responses.items():
         for probe in _measured_probes(result, response):

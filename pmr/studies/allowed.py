@@ -148,12 +148,12 @@ class Place:
 
     @cached_property
     def equilibria(self) -> LoadedStructure:
-        """Equilibria of the boom at this place as a function of the load in kg."""
+        """Equilibria of the boom in this posture and load case, as a function of the load in kg."""
         named = dict(zip(self.postures.loads.names, self.amounts, strict=True))
         return LoadedStructure(self.postures.equations(self.k, named, named[HOOK]))
 
     def share(self, limit: Limit) -> Share:
-        """Return the function from p states to the used shares (p,) of `limit` at this place."""
+        """Return the function from p states to the used shares (p,) of `limit` in this posture and load case."""
         return limit.share(self.postures, self.k, self.amounts)
 
     def used_share(self, limit: Limit, state: LoadedState) -> float:
@@ -177,10 +177,10 @@ class Place:
 def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, guesses: Array | None = None) -> Array:
     """Return the load (l,) in kg that each of `limits` and, last, stability allow at a place; NaN above `up_to` in kg.
 
-    The load is 0 for a limit that is exceeded by the boom alone, without a load.  It is NaN, too, for a limit below
-    whose load the boom has no stable equilibrium.  All loads are 0 if the boom alone is unstable.  `guesses` (l,) are
-    loads in kg that another model allows, near which the searches begin.  Entries without a guess are NaN; None stands
-    for no guesses.
+    A place is a posture and a load case.  The load is 0 for a limit that is exceeded by the boom alone, without a load.
+    It is also NaN if the boom has no stable equilibrium just below the load of the limit.  All loads are 0 if the boom
+    alone is unstable.  `guesses` (l,) are loads in kg that another model allows, near which the searches begin.
+    Entries without a guess are NaN; None stands for no guesses.
     """
     loaded, near_loads = place.equilibria, np.full(len(limits) + 1, np.nan) if guesses is None else guesses
     first = loaded.state(0.0)

@@ -57,15 +57,19 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
 
     The arrays of the result, by the beginning of their names:
 
-    - ``reduced.``: the reduced model.  If ``error`` is true, also ``richer.``: the model of `richer_system`;
-      ``mass.``: the postures of `postures_with_tip_mass`; and for beams ``mesh.``: the model on another mesh, as in a
-      run, with ``mesh_share``: the error of the scene's mesh over the difference to this model; and ``play`` (m,):
-      the clearance in m of each contact with another play of pads, as in a run, if pads only push; and ``gap``, this
-      play in m from face to face.
-    - ``too_stiff``: `stiffness_excess`.
+    - ``reduced.``: the postures of the reduced model, P in all.
     - ``reach`` (P,): length of the boom in m; ``tip`` (P, 3): the undeformed tip in m in the axes of the ground.
     - ``bent.``: outputs of `DeflectionOutputs`; ``turned.<angle>``: loads of `acceleration_loads`; ``contacts``: the
       system's contacts as JSON.
+
+    The following arrays are there only if ``error`` is true:
+
+    - ``richer.``: the postures of `richer_system`; ``mass.``: those of `postures_with_tip_mass`.
+    - ``mesh.``: for beams the postures of the model on another mesh, as in a run; ``mesh_share``: the error of the
+      scene's mesh over the difference to this model.
+    - ``play`` (m,): if pads only push, the clearance in m of each of m contacts with another play of pads, as in a run;
+      ``gap``: this play in m from face to face.
+    - ``too_stiff``: the share that `stiffness_excess` returns.
 
     The task's warnings are those warnings of a run that hold for the scene in all postures.
     """

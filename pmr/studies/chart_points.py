@@ -53,7 +53,8 @@ class RestingResponse(Response):
 def stable_equilibria(place: Place, load: float, reach: float) -> list[Equilibrium]:
     """Return the stable equilibria at a place: without a load, and slightly below `load` in kg if `load` is positive.
 
-    An unstable equilibrium is left out.  `reach` in m, the length of the boom, is used in the descriptions only.
+    A place is a posture and a load case.  An unstable equilibrium is left out.  `reach` in m, the length of the boom,
+    is used in the descriptions only.
     """
     at, k = place.postures, place.k
     where = f"at a boom length of {reach:.4g} m, raised {np.rad2deg(at.place.luffing[k]):.4g} degrees"
