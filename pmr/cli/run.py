@@ -9,7 +9,7 @@ import signal
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
 from contextlib import closing, contextmanager, suppress
 from functools import partial
 from importlib import import_module
@@ -136,7 +136,7 @@ def run(
                         checkpoint=checkpoint,
                         cache=cache,
                         measures=cache or user_cache_folder(),
-                        keep=partial(_save_results, where, folder),
+                        keep=partial(_save_results, where, folder, helper),
                         helper=helper,
                     )
                 except (InputError, SimulationError, ConvergenceError) as error:
@@ -158,7 +158,7 @@ def run(
                 from pmr.report.document import write_report
 
                 try:
-                    written = write_report([outcome.result for outcome in outcomes], folder)
+                    written = write_report([outcome.result for outcome in outcomes], folder, helper)
                 except Exception as error:  # any error of the report; the computed results are stored
                     console.exit_with_message(console.report_failure_message(error, folder), 1)
             out.text(f"report  {written.html}")
@@ -173,16 +173,20 @@ def _print_hints(scene: Scene) -> None:
         err.sentences(f"warning: {hint}")
 
 
-def _save_results(folder: Path, of_all: Path, outcome: Outcome) -> None:
+def _save_results(folder: Path, of_all: Path, helper: Executor | None, outcome: Outcome) -> None:
     """Write all results of a run but its report into `folder`, and remove old reports there and in `of_all`.
 
-    `of_all` is the folder of the report about all scenes of the run.
+    `of_all` is the folder of the report about all scenes of the run.  A process of `helper` imports what the report
+    needs while this process measures errors.
     """
     from pmr.export.paraview import MovingFields, pads_over_time, write_series
     from pmr.report.blocks import REPORT_FILES
     from pmr.results import RESULT_FILES
     from pmr.results.tables import write_tables
 
+    if helper is not None:
+        with suppress(BrokenExecutor, OSError):
+            helper.submit(import_module, "pmr.report.sections")
     result = outcome.result
     recovery = result.scene.recovery
     if folder != of_all:

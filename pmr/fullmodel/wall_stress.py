@@ -287,10 +287,10 @@ def wall_peak(part: BoomSection, states: SectionStates, rings: Sequence[LoadedRi
             for number, place in enumerate(looked_at.tolist()):
                 fine, numbers = piece.stresses(ring.pads, place)[-1], np.flatnonzero(nearest == number)
                 factors = piece.factors(fine)
-                largest[numbers] = [_combined(factors, fine, ring, states, k).max() for k in numbers.tolist()]
+                largest[numbers] = [of.max() for of in _combined(factors, fine, ring, states, numbers.tolist())]
             state = int(largest.argmax())
             on_meshes = piece.stresses(ring.pads, float(places[state]))
-            combined = [_combined(piece.factors(stress), stress, ring, states, state) for stress in on_meshes]
+            combined = [next(_combined(piece.factors(stress), stress, ring, states, [state])) for stress in on_meshes]
             at, (coarse, fine_value) = int(combined[-1].argmax()), (float(of.max()) for of in combined)
             estimate = Estimate.from_meshes(coarse, fine_value, on_meshes[-1].margin(at))
             if best is None or estimate.value > best.stress.value:
@@ -307,16 +307,19 @@ def _by_size(rings: Iterable[AnyRing]) -> dict[tuple[float, float], list[AnyRing
     return by_size
 
 
-def _combined(factors: Array, stress: RingStress, ring: LoadedRing, states: SectionStates, state: int) -> Array:
-    """Return the von Mises stress (P,) in Pa at the points of `stress` at the time with the number `state`.
+def _combined(
+    factors: Array, stress: RingStress, ring: LoadedRing, states: SectionStates, numbers: Sequence[int]
+) -> Iterator[Array]:
+    """Yield the von Mises stress (P,) in Pa at the points of `stress`, at each of the times with these `numbers`.
 
     The stress is that of the section forces in `states`, with the `factors` of the section's piece, and the local
     stress of the pads of `ring`.
     """
     layers, layer = np.unique(stress.points[:, 0], return_inverse=True)
-    forces = states.at(state, np.clip(ring.x[state] + layers, *states.x[[0, -1]]))[:, layer]
-    of_section = np.einsum("psc,cp->ps", factors, forces)
-    return von_mises(of_section - np.einsum("k,kps->ps", ring.forces[state], stress.unit), PLANE)
+    for state in numbers:
+        forces = states.at(state, np.clip(ring.x[state] + layers, *states.x[[0, -1]]))[:, layer]
+        of_section = np.einsum("psc,cp->ps", factors, forces)
+        yield von_mises(of_section - np.einsum("k,kps->ps", ring.forces[state], stress.unit), PLANE)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from pmr.errors import ConvergenceError, InputError, call_on_first_rank
 from pmr.errors.environment import Clock
 from pmr.files.arrays import Array
 from pmr.fullmodel.build import AssembledBody, models_of
-from pmr.fullmodel.pads import Pad, restrain
+from pmr.fullmodel.pads import Pad, Pads, restrain
 from pmr.fullmodel.structure import couple
 from pmr.pipeline.full_order import FullOrder, References
 from pmr.pipeline.model_errors import UNNEEDED, ComparedScene
@@ -390,12 +390,11 @@ def _loaded_rings(body: AssembledBody, states: BodyStates, q: Array) -> list[Loa
         if name in by_name:
             pad, moves = by_name[name]
             add(pad, pad.at + moves * s, force)
-    T = couple(structure).T
-    restraints = restrain(pads, structure.model, T)
+    T, without_row = couple(structure).T, tuple(pad for pad in pads.fixed if pad.name not in states.rows)
+    restraints = restrain(Pads(fixed=without_row, travel=pads.travel, walls=pads.walls), structure.model, T)
     for row in restraints.springs:
-        if row.name in by_name and row.name not in states.rows:
-            pad = by_name[row.name][0]
-            add(pad, np.full(len(q), pad.at), np.asarray(q @ restraints.force(row.name, T.shape[1]).toarray()[0]))
+        pad = by_name[row.name][0]
+        add(pad, np.full(len(q), pad.at), np.asarray(q @ restraints.force(row.name, T.shape[1]).toarray()[0]))
     return [
         LoadedRing(tuple(pad for pad, _, _ in ring), ring[0][1], np.stack([force for _, _, force in ring], axis=1))
         for ring in rings.values()

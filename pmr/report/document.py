@@ -7,6 +7,7 @@ import logging
 import re
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -29,11 +30,12 @@ KIND = "Simulation report"
 _log = logging.getLogger(__name__)
 
 
-def write_report(results: Sequence[RunResult], folder: Path) -> ReportFiles:
+def write_report(results: Sequence[RunResult], folder: Path, helper: Executor | None = None) -> ReportFiles:
     """Write report.html and report.pdf of one or several runs into `folder` and return their paths.
 
     The folder is created if it does not exist.  The page holds its figures, fonts, styles and scripts, and loads
-    nothing from outside.  Equal results give equal pages, byte by byte.
+    nothing from outside.  Equal results give equal pages, byte by byte.  A process of `helper`, if there is one, draws
+    a part of the figures.
 
     Raises
     ------
@@ -45,7 +47,7 @@ def write_report(results: Sequence[RunResult], folder: Path) -> ReportFiles:
     for result in results:
         if "reduced" not in result.responses:
             raise ValueError(f"{result.scene.title}: a report needs the response of the reduced model")
-    chapters = [chapter(result, f"case-{number}") for number, result in enumerate(results, start=1)]
+    chapters = [chapter(result, f"case-{number}", helper) for number, result in enumerate(results, start=1)]
     return write_page(render_runs(chapters, with_date(KIND, [result.summary for result in results])), folder)
 
 

@@ -6,6 +6,8 @@ A function whose block has figures takes the `prefix` of their identifiers.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future
+from contextlib import suppress
 from operator import attrgetter
 
 import numpy as np
@@ -32,9 +34,22 @@ from pmr.scene.keys import ALONE, qualified_name
 Show = Callable[[RunResult, str], Block | None]
 
 
-def chapter(result: RunResult, anchor: str) -> Chapter:
-    """Build the chapter about a run; `anchor` begins all identifiers in it."""
-    sections = [error_block(result), accuracy_block(result), *(show(result, anchor) for show in SECTIONS)]
+def chapter(result: RunResult, anchor: str, helper: Executor | None = None) -> Chapter:
+    """Build the chapter about a run; `anchor` begins all identifiers in it.
+
+    At the same time a process of `helper` draws every other section, unless `helper` is None.
+    """
+    aside: Future[list[Block | None]] | None = None
+    drawn: list[Block | None] = [None] * len(SECTIONS)
+    if helper is not None:
+        with suppress(BrokenExecutor, OSError):  # its process was ended, or can't be started
+            aside = helper.submit(_show_sections, SECTIONS[1::2], result, anchor)
+    drawn[::2] = _show_sections(SECTIONS[::2], result, anchor)
+    if aside is None or aside.exception():  # an error of a section is met here, too
+        drawn[1::2] = _show_sections(SECTIONS[1::2], result, anchor)
+    else:
+        drawn[1::2] = aside.result()
+    sections = [error_block(result), accuracy_block(result), *drawn]
     return Chapter(
         anchor=anchor,
         title=result.scene.title,
@@ -44,6 +59,11 @@ def chapter(result: RunResult, anchor: str) -> Chapter:
         notices=Notices(first_page.overload_sentences(result), result.summary.get("warnings", ())),
         blocks=[*filter(None, sections), origin_block(result)],
     )
+
+
+def _show_sections(which: Sequence[Show], result: RunResult, anchor: str) -> list[Block | None]:
+    """Build sections of a run's chapter; `anchor` begins all identifiers in them."""
+    return [show(result, anchor) for show in which]
 
 
 def system_drawing(result: RunResult, prefix: str) -> Drawing | None:

@@ -429,7 +429,8 @@ class RowPolynomials:
         result, some = np.zeros((2 * powers - 1, k, m, m)), max(1, AT_ONCE // w**2)
         for j in range(0, k, some):
             at, b = self.touched[j : j + some], blocks[j : j + some]
-            product = (b @ R[at[:, :, None], at[:, None]] @ b.swapaxes(1, 2)).reshape(len(b), powers, m, powers, m)
+            R_at = R.take(at[:, :, None] * len(R) + at[:, None])  # half of the time of an index along each axis
+            product = (b @ R_at @ b.swapaxes(1, 2)).reshape(len(b), powers, m, powers, m)
             for p in range(powers):
                 result[p : p + powers, j : j + some] += product[:, p].transpose(2, 0, 1, 3)
         return PPoly((result + result.swapaxes(2, 3)) / 2.0, self.breaks)

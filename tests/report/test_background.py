@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,9 @@ from waiting import PATIENCE, wait_until
 from pmr import InputError
 from pmr.cli.run import has_free_core, helper_process
 from pmr.errors import environment
+from pmr.report.blocks import Block
+from pmr.report.sections import chapter
+from pmr.results import RunResult
 
 KILLED = """
 import multiprocessing, time
@@ -61,3 +65,23 @@ def test_the_other_process_ends_with_one_that_is_killed(tmp_path: Path) -> None:
         run.kill()
         run.wait(PATIENCE)
         wait_until(lambda: not Path("/proc", str(helping)).exists())
+
+
+class EndedExecutor(Executor):
+    """An executor whose process was ended while it drew."""
+
+    def submit(self, *_: object, **__: object) -> Future[list[Block | None]]:
+        future = Future[list[Block | None]]()
+        future.set_exception(BrokenExecutor())
+        return future
+
+
+@pytest.mark.usefixtures("without_figures")
+def test_a_chapter_has_the_same_sections_in_order_with_help_and_where_the_helper_was_ended(
+    whole: RunResult,
+) -> None:
+    alone = [block.heading for block in chapter(whole, "case-1").blocks]
+    assert len(alone) > 3
+    for helper in (ThreadPoolExecutor(1), EndedExecutor()):
+        with helper:
+            assert [block.heading for block in chapter(whole, "case-1", helper).blocks] == alone
