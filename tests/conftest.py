@@ -22,6 +22,7 @@ from processes import Called, called
 
 from pmr import scene
 from pmr.cli import run as cli_run
+from pmr.files import whole
 from pmr.kernel import state
 from pmr.kernel._native import ffi, lib
 from pmr.report import album, document
@@ -189,11 +190,20 @@ def undrawn(without_figures: None, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def unmeasured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[bool], None]:
-    """Function that, called with True, keeps `pmr run` from measuring mesh and model: its cache can't be written."""
-    nowhere, found = tmp_path / "no folder", os.environ["PMR_CACHE"]
+def unmeasured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Function that, called with True, keeps runs of this process from measuring mesh and model.
+
+    How far walls give way is read from the cache all the same. With `workers` those of a study measure nothing either:
+    they have no cache at all.
+    """
+    nowhere, folder, usual = tmp_path / "no folder", os.environ["PMR_CACHE"], whole.user_cache_folder
     nowhere.touch()
-    return lambda really: monkeypatch.setenv("PMR_CACHE", str(nowhere / "in it" if really else found))
+
+    def leave_out(really: bool, workers: bool = False) -> None:
+        monkeypatch.setattr(whole, "user_cache_folder", (lambda: None) if really else usual)
+        monkeypatch.setenv("PMR_CACHE", str(nowhere / "in it") if really and workers else folder)
+
+    return leave_out
 
 
 @pytest.fixture(scope="session")
