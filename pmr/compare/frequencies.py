@@ -15,6 +15,7 @@ The limits for beta -> 0 are 3 EI / s and -rho A omega^2 (L - s)^3 / 3.
 from __future__ import annotations
 
 from collections.abc import Collection
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,6 +33,7 @@ from pmr.scene.keys import ALONE, LUFFING, SLIDER
 from pmr.scene.members import member_at
 from pmr.simulation import Excitation
 from pmr.simulation.at_rest import amplitudes_at_rest, critical_luffing
+from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
@@ -280,19 +282,40 @@ def _softest_step(system: System, excitation: Excitation, along: Array, goal: fl
 def frequencies_on_way(scene: Scene, system: System, excitation: Excitation, points: WayPoints) -> Frequencies:
     """Natural frequencies in Hz of the reduced system in the positions `points`, with every contact closed.
 
-    Terms have the amplitudes of the times `points.t`.  For a single body without terms, the result includes frequencies
-    in closed form where they are known.  For a boom with at least two joints that move, it includes a map of the first
-    frequency over the extensions of two of them.
+    If pads only push, the lowest frequency without the pads that are open at rest is computed, too
+    (`_resting_frequencies`).  Terms have the amplitudes of the times `points.t`.  For a single body without terms, the
+    result includes frequencies in closed form where they are known.  For a boom with at least two joints that move, it
+    includes a map of the first frequency over the extensions of two of them.
     """
     c = excitation.amplitudes(system.term_names, points.t)
     curves = {"reduced": Assembly(system).frequencies(points.sides(system), points.count, c)}
-    t = points.t if system.terms else None
+    t, resting = points.t if system.terms else None, _resting_frequencies(scene, system, points, c)
     if ALONE not in system.bodies:
-        return Frequencies(points.along, points.s, curves, frequency_map(scene, system), t)
+        return Frequencies(points.along, points.s, curves, frequency_map(scene, system), t, resting)
     closed = None if system.terms else closed_form_frequencies(scene, points.along, points.count) / (2.0 * np.pi)
     if closed is not None and closed.size:
         curves["closed_form"] = closed
-    return Frequencies(points.along, points.s, curves, t=t)
+    return Frequencies(points.along, points.s, curves, t=t, resting=resting)
+
+
+def _resting_frequencies(scene: Scene, system: System, points: WayPoints, c: Array) -> Array | None:
+    """Lowest natural frequency (S,) in Hz in S positions, without the pads that are open in equilibrium there.
+
+    The loads are those of the times `points.t`, with the full weight; the terms have the amplitudes c (S, k).  A pad
+    that touches without a force is closed.  The result is NaN where no equilibrium is found, and None if no pad only
+    pushes.
+    """
+    if np.isnan(system.clearance).all():
+        return None
+    gravity = scene.gravity and scene.gravity.model_copy(update={"rise": 0.0})
+    excitation = Excitation.from_scene(scene.model_copy(update={"gravity": gravity}))
+    f, x, assembly = excitation.forces(system.input_names, points.t), points.sides(system), Assembly(system)
+    lowest = np.full(len(x), np.nan)
+    for k in range(len(x)):
+        with suppress(InputError):  # nothing holds the boom there
+            closed = equilibrium(assembly, x[k], f[k], c[k]).closed
+            lowest[k] = assembly.frequencies(x[k : k + 1], 1, c[k : k + 1], closed[None])[0, 0]
+    return lowest
 
 
 def lowest_mode_part(scene: Scene, system: System, excitation: Excitation, natural: Frequencies) -> SummaryPart:

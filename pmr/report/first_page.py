@@ -275,6 +275,19 @@ def _closed_pads_clause(result: RunResult) -> str:
     return f"; every pad is taken as closed, but pads that lift off lower this value{lift}"
 
 
+def _resting_clause(result: RunResult) -> str:
+    """Clause on the lowest natural frequency without the pads that are open at rest; empty if it is not known."""
+    resting = result.frequencies.resting
+    if resting is None or not np.isfinite(resting).any():
+        return ""
+    k = int(np.nanargmin(resting))
+    where = position_text(result, float(result.frequencies.along[k]))
+    return (
+        f"; without the pads that are open at rest {significant(float(resting[k]))}{SPACE}Hz"
+        + f", at {where}" * bool(where)
+    )
+
+
 def _speed_rows(result: RunResult) -> LargestValues:
     """Yield a row with the largest speeds of extensions, luffing and slewing; nothing if the boom does not move."""
     t, frame, texts = result.responses["reduced"].t, result.frame, list[str]()
@@ -357,7 +370,7 @@ def _frequency_rows(result: RunResult) -> LargestValues:
         closed += _locked_clause(result)
         way = result.summary.get("lowest_mode", {}).get("direction", "")
         where = f"{TIP_MOVES[way]}{where}" if way in TIP_MOVES else where
-        text = f"{significant(lowest)}{SPACE}Hz{where}{closed}{_closed_pads_clause(result)}"
+        text = f"{significant(lowest)}{SPACE}Hz{where}{closed}{_closed_pads_clause(result)}{_resting_clause(result)}"
         yield largest_value("frequency", text)
     else:
         yield largest_value("frequency", f"0{where}")

@@ -600,16 +600,15 @@ class ReductionErrors(NamedTuple):
 def reduction_error(summary: Summary) -> ReductionErrors:
     """Return the errors of the reduction of a run with this summary.
 
-    If the full model was simulated, they are differences to the full model, else estimates; errors of frequencies are
-    always estimates.  Forces that jump at kinks of extensions are compared between the kinks only, and pad forces with
-    impacts are left out.
+    If the full model was simulated, they are differences to the full model, else estimates; errors of frequencies and
+    of reactions of rigid supports are always estimates.  Forces that jump at kinks of extensions are compared between
+    the kinks only, and pad forces with impacts are left out.
     """
     errors, estimate = summary.get("errors", {}).get("reduced_vs_full", {}), summary.get("estimate") or {}
     source, how = (errors, "compared with the full model") if "beam" in errors else (estimate, "estimated")
     if source.get("beam") is None:
         return ReductionErrors()
-    left_out = ("reaction", *(("pad_force",) if "impacts" in summary else ()))
-    kinds = [kind for kind in COMPARED if kind not in left_out]
+    kinds = [kind for kind in COMPARED if kind != "pad_force" or "impacts" not in summary]
     by_kind = {kind: source.get(f"{kind}_between_kinks", source.get(kind)) for kind in kinds}
-    by_kind["frequency"] = estimate.get("frequency")
+    by_kind |= {kind: estimate.get(kind) for kind in ("frequency", "reaction")}
     return ReductionErrors(how, {kind: float(error) for kind, error in by_kind.items() if error is not None})

@@ -77,10 +77,12 @@ class Frequencies:
     """The f lowest natural frequencies in Hz of the system at rest, at S positions of its paths, for each model.
 
     `models` has arrays (S, f) by the model: ``reduced``, ``full`` and ``closed_form``, which is a uniform beam that is
-    pinned at 0 and held by one slider.  All contacts are closed.  `along` are the positions in the sense of
-    `RunResult.abscissa`, `paths` are the coordinates of all P paths.  `over_joints` is None unless exactly two joints
-    move, each on its own path.  With effects of second order, the system has the stresses of the run at the times `t`
-    (S,) in s at which the run first reaches the positions.
+    pinned at 0 and held by one slider.  All contacts are closed.  `resting` is the lowest frequency of the reduced
+    system without those pads that are open at rest under the loads of the positions; it is None if no pad only pushes,
+    and NaN where no equilibrium is found.  `along` are the positions in the sense of `RunResult.abscissa`, `paths` are
+    the coordinates of all P paths.  `over_joints` is None unless exactly two joints move, each on its own path.  With
+    effects of second order, the system has the stresses of the run at the times `t` (S,) in s at which the run first
+    reaches the positions.
     """
 
     along: Array  # (S,) m
@@ -88,6 +90,7 @@ class Frequencies:
     models: Mapping[str, Array]
     over_joints: FrequencyMap | None = None
     t: Array | None = None
+    resting: Array | None = None  # (S,)
 
 
 @dataclass(frozen=True)
@@ -413,8 +416,8 @@ def _frequency_arrays(frequencies: Frequencies, alone: bool) -> dict[str, NDArra
 
     Arrays of frequencies are (positions, modes).  A body alone has ``frequencies.s`` in m, ``frequencies.reduced``,
     ``frequencies.full`` and ``frequencies.closed_form`` in rad/s, with no columns if there are none, and
-    ``frequencies.t`` in s if times are known.  A boom has the fields of `Frequencies` in Hz after ``frequencies.``,
-    with the names of `_RENAMED`.
+    ``frequencies.t`` in s and ``frequencies.resting`` in Hz if they are known.  A boom has the fields of `Frequencies`
+    in Hz after ``frequencies.``, with the names of `_RENAMED`.
     """
     if alone:
         none = np.empty((len(frequencies.along), 0))
@@ -423,6 +426,7 @@ def _frequency_arrays(frequencies: Frequencies, alone: bool) -> dict[str, NDArra
             {"frequencies.s": frequencies.along}
             | circular
             | ({} if frequencies.t is None else {"frequencies.t": frequencies.t})
+            | ({} if frequencies.resting is None else {"frequencies.resting": frequencies.resting})
         )
     arrays = npz.record_arrays(frequencies, "frequencies.")
     return npz.rename_keys(arrays, {new: old for old, new in _RENAMED.items()})
@@ -435,7 +439,7 @@ def _read_frequencies(data: Data) -> Frequencies:
     s = data["frequencies.s"]
     in_hertz = {name: data[f"frequencies.{name}"] / TURN for name in _MODELS}
     models = {name: values for name, values in in_hertz.items() if values.shape[1]}
-    return Frequencies(s, s[:, None], models, t=data.get("frequencies.t"))
+    return Frequencies(s, s[:, None], models, t=data.get("frequencies.t"), resting=data.get("frequencies.resting"))
 
 
 def _read_body(folder: Path, data: Data, name: str) -> BodyResult:

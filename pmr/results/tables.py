@@ -163,6 +163,8 @@ def frequency_table(result: RunResult) -> Table:
     lowest = result.frequencies
     heads = [f"{name.replace('_', ' ')} {k + 1} [Hz]" for name, f in lowest.models.items() for k in range(f.shape[1])]
     values = np.column_stack([lowest.along, *lowest.models.values()])
+    if lowest.resting is not None:
+        heads, values = [*heads, "reduced 1, pads open at rest [Hz]"], np.column_stack([values, lowest.resting])
     return Table((f"{result.abscissa_name} [m]", *heads), tuple(map(tuple, values.tolist())) if lowest.models else ())
 
 

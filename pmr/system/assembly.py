@@ -11,7 +11,7 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.files.arrays import Array, Indices
+from pmr.files.arrays import Array, Indices, Mask
 from pmr.system.body import SlidingBody, clear_rows, is_round_off
 from pmr.system.body_matrices import natural_frequencies
 from pmr.system.polynomials import evaluate
@@ -329,11 +329,12 @@ class Assembly:
                 rates[side.contact, self.coordinate_slices[name]] += side.sign * rate * row[self.free_coordinates[name]]
         return rates
 
-    def frequencies(self, x: Array, count: int, c: Array | None = None) -> Array:
-        """Lowest natural frequencies (count,) or (S, count) in Hz with every contact closed, at one or S places.
+    def frequencies(self, x: Array, count: int, c: Array | None = None, closed: Mask | None = None) -> Array:
+        """Lowest natural frequencies (count,) or (S, count) in Hz at one or S places.
 
         The places of all contacts are at x (sides,) or (S, sides) in m, and the terms have amplitudes c (k,) or (S, k);
-        None stands for zero amplitudes.  If there are fewer than `count` frequencies, the remaining entries are NaN.
+        None stands for zero amplitudes.  At S places the mask `closed` (S, m) says which of m contacts are closed; None
+        stands for all.  If there are fewer than `count` frequencies, the remaining entries are NaN.
         Of the matrices of terms, only the symmetric part of the stiffness and the antisymmetric (gyroscopic) part of
         the damping count.  At the buckling load and beyond, the lowest frequency is 0 Hz.
         """
@@ -345,6 +346,7 @@ class Assembly:
         M, Z = self.M.toarray(), None
         for k in range(len(x)):
             K, V, at = self.stiffness(amplitudes[k]).toarray(), self.damping(amplitudes[k]) - self.D, rows.at_time(k)
+            at = at if closed is None or closed[k].all() else at.select(closed[k])
             K, turning = add_springs((K + K.T) / 2.0, at), (V - V.T).toarray() / 2.0 if V.count_nonzero() else None
             if C is None or not np.array_equal(C, at.C[at.rigid]):  # a cylinder's row is the same everywhere
                 C = at.C[at.rigid]

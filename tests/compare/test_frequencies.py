@@ -268,3 +268,20 @@ def test_frequencies_are_those_of_the_softest_posture_at_a_boom_length() -> None
     everywhere = Assembly(system).frequencies(system.side_coordinates(dict(zip(system.paths, steps.T, strict=True))), 1)
     assert natural.models["reduced"][0, 0] == pytest.approx(everywhere.min(), rel=1e-9)
     assert everywhere.max() > 1.05 * everywhere.min()
+
+
+def test_at_rest_a_boom_vibrates_without_the_pads_that_its_weight_lifts() -> None:
+    """As one whose pads on top of tails and at the bottom of mouths hold both ways, as springs of two pads each."""
+    still = [f"section.joint.{end}.0.faces={{bottom=[0.0],top=[0.0]}}" for end in ("tail", "mouth")]
+    loaded = [f"section.joint.{end}.0.faces={{{face}=[0.0]}}" for end, face in (("tail", "top"), ("mouth", "bottom"))]
+    natural = []
+    for faces, pushes in ((still, "true"), (loaded, "false")):
+        keys = (f"unilateral={pushes}", f"stiffness={1e8 if pushes == 'true' else 5e7}")
+        held = [f"section.joint.{end}.0.{key}" for end in ("tail", "mouth") for key in keys]
+        small = ("section.mesh.elements=12", "sections.fly.loads=[]", "compare.against=[]", *faces, *held)
+        scene = scenes.load_any("boom_two", small)
+        system, excitation = reduce(scene).system, Excitation.from_scene(scene)
+        natural.append(frequencies_on_way(scene, system, excitation, way_points(scene, system, excitation, 0)))
+    pushing, held_by_few = natural
+    assert pushing.resting == pytest.approx(held_by_few.models["reduced"][:, 0], rel=1e-5)
+    assert np.all(pushing.resting < 0.999 * pushing.models["reduced"][:, 0]) and held_by_few.resting is None

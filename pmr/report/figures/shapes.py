@@ -134,10 +134,15 @@ def frequency_figure(result: RunResult) -> Figure:
     for label, at, f, look in (*drawn, ("closed form", x[few], closed[few], _circle_style(INK, "none", 2.6))):
         if np.isfinite(f).any():
             ax.plot(at, f, label=label, **look)
+    if lowest.resting is not None and np.isfinite(lowest.resting).any():
+        ax.plot(
+            x, np.where(lowest.resting > 0.0, lowest.resting, np.nan), label="pads open at rest", **RESTING | single
+        )
     for number, end in enumerate(drawn[0][2][int(np.argmax(x))], start=1):
         if np.isfinite(end):
             ax.annotate(str(number), (x.max(), end), (3.0, -2.5), textcoords="offset points", fontsize=7.0, color=INK)
-    octave_axis(ax, min(float(np.nanmin(f)) for f in curves.values()), float(top.max()))
+    bottom = min(float(np.nanmin(line.get_ydata())) for line in ax.lines)
+    octave_axis(ax, bottom, float(top.max()))
     return add_legend(figure)
 
 
@@ -158,6 +163,10 @@ def frequency_map_figure(result: RunResult) -> Figure:
         share = (np.array(label.get_position()) - low) / (high - low)
         label.set_visible(bool(share.min() >= EDGE and share.max() <= 1.0 - EDGE))  # others would be cut off
     return figure
+
+
+#: Look of the line of frequencies without the pads that are open at rest.
+RESTING: dict[str, Any] = {"color": INK, "linestyle": "--", "linewidth": 0.9}
 
 
 def _circle_style(edge: str, fill: str, size: float) -> dict[str, Any]:
@@ -199,6 +208,7 @@ def frequencies_caption(result: RunResult) -> str:
         stays=len(lowest.along) > 1 and not np.ptp(lowest.along),
         part=moving_part(result),
         has_level_stretches=(np.abs(np.diff(omega, axis=0)) < LEVEL * omega[1:]).any(),
+        resting=None if lowest.resting is None else np.nanmax(1.0 - lowest.resting / omega[:, 0], initial=0.0),
     )
 
 
