@@ -129,9 +129,9 @@ def _without_screen(text: str) -> str:
     """
 
     def embed_figure(match: re.Match[str]) -> str:
-        """Turn an ``<svg>`` element into an embedded image.
+        """Return what replaces the element in `match`: an embedded image for an ``<svg>`` element.
 
-        In a ``<style>`` element, ``embed`` is written in place of ``svg``.
+        A ``<style>`` element is returned with ``embed`` in place of ``svg``.
         """
         style, drawn = match.groups()
         if style is not None:

@@ -346,7 +346,7 @@ def _further_output_rows(result: RunResult) -> LargestValues:
 
 
 def _deflection_text(direction: str, value: float) -> str:
-    """Format a deflection of `value` m along the `direction` y or z: its size, then in words the side it is to."""
+    """Format a deflection of `value` m along the `direction` y or z: its size, then its side, such as left or up."""
     way = {"y": ("right", "left"), "z": ("down", "up")}[direction][int(value > 0.0)]
     return f"{format_length(abs(value))} {way}"
 

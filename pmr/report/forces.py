@@ -63,7 +63,7 @@ def contact_block(result: RunResult, prefix: str) -> Block | None:
 def cylinder_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block about forces of ropes and of cylinders that push sections out.
 
-    `prefix` begins the identifiers of its figures.  None if no cylinder pushes a section out.
+    `prefix` begins the identifiers of its figures.  None if there are no such cylinders and ropes.
     """
     caption = "Forces of ropes or chains, all strands of each together, and of a cylinder that moves all of them: by "
     caption += "virtual work, without friction of sheaves"

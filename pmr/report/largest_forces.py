@@ -184,7 +184,8 @@ def _hoist_rows(result: RunResult) -> LargestValues:
 def _forces_by_kind_rows(result: RunResult) -> LargestValues:
     """Yield a row for each kind of force or moment in `FORCES`.
 
-    The row states its largest value, the part that bears it, and the time.
+    The row states its largest value, the part that bears it, and the time.  The row of pad forces is followed by that
+    on the force at which walls yield, if it is known.
     """
     for key, forces in _extremes_of_forces(result).items():
         name, unit = max(forces, key=lambda name: forces[name].size, default=""), QUANTITIES[key].unit  # noqa: B023

@@ -302,7 +302,7 @@ def luffing_support_names(result: RunResult) -> set[str]:
 
 
 def fixtures(result: RunResult) -> list[Fixture]:
-    """Supports of a body alone, or of a boom's base, that act across its axis and do not move along it."""
+    """Supports and pads of a body alone, or of a boom's base, that act across its axis and do not move along it."""
     body, of = next(iter(result.scene.bodies.items()))
     end = reach(result) if body == ALONE else of.length
     supports = [

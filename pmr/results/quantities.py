@@ -566,7 +566,7 @@ LIMITED = {quantity.limit.key: quantity for quantity in QUANTITIES.values() if q
 def error_label(name: str) -> str:
     """Return words for the quantity of the error `name` in summary.json, such as ``pad_force_between_kinks``.
 
-    A key that is not in `QUANTITIES` is returned unchanged.
+    If the key is not in `QUANTITIES`, it stands for its own words.
     """
     key, separator, _ = name.partition("_between_kinks")
     label = QUANTITIES[key].label if key in QUANTITIES else key

@@ -103,7 +103,7 @@ def force_extremes(response: Response, path: Array) -> dict[str, Extremes]:
 
 
 def probe_extremes(response: Response, path: Array) -> dict[str, Extremes]:
-    """Return the extremes of the outputs of probes and of friction, by name: all further outputs other than reactions.
+    """Return the extremes of all `others` of a response but reactions, by name: values at probes, friction and so on.
 
     `path` (T,) are path coordinates in m over time.
     """

@@ -138,7 +138,7 @@ class Place:
     """A boom in one posture, the `k`-th of `postures`, and in one load case.
 
     `amounts` holds one number for each of ``postures.loads``: the factors on the weights of boom and machine and on the
-    load that is searched for, and the scene's other loads in N or N m.
+    load that is searched for, and the scene's other loads in their own units, such as N.
     """
 
     postures: PostureMatrices
@@ -203,7 +203,8 @@ def large_rotation_changes(limits: Sequence[Limit], place: Place, loads: Array, 
     :math:`u_0` of a limit that is used without a load, its allowed load P changes by :math:`\tfrac98 (w / l)^2 P / (1 -
     u_0)`.  For a limit on overturning, :math:`P / (1 - u_0)` is replaced by `TippingMoments.overturning_load`.
 
-    The last entry, of stability, is 0: how large rotations change the load at which stability is lost is not known.
+    The changes are magnitudes.  The change of a load of 0 or NaN is 0.  The last entry, of stability, is 0, too: how
+    large rotations change the load at which stability is lost is not known.
     """
     changes, tip = (np.zeros(len(loads)), [n for n, kind in enumerate(place.postures.output_kinds) if kind == "tip"])
     unloaded = place.equilibria.states([0.0])

@@ -354,9 +354,9 @@ def _scene_at_rest(scene: Scene, row: Mapping[str, float]) -> Scene:
 
 
 def _check_pads(scene: Scene, still: Scene, key: str) -> None:
-    """Refuse extensions of the scene `still` that take pads of joints to where the models of `scene` have no rows.
+    """Raise InputError if the extensions of `still` take pads of joints to where the models of `scene` have no pads.
 
-    `key` is that of the row in the study.
+    `still` is the scene at rest with these extensions, and `key` is that of their row in the study.
     """
     for number, member in enumerate(members(scene)):
         for seat in seats(still, number) if member.has_joint else ():
@@ -377,9 +377,9 @@ def _check_pads(scene: Scene, still: Scene, key: str) -> None:
 
 
 def check_slewing(scene: Scene, slewing: Sequence[float]) -> None:
-    """Raise InputError for an angle of `slewing` other than 0 if the scene has no `frame.slewing` by which it acts.
+    """Raise InputError if an angle of `slewing` is not 0 while the scene lacks a slewing angle that would matter.
 
-    All angles are allowed if nothing acts on the boom along axes of the ground: no slope, base, wind or such load.
+    The angle matters if the ground has a slope, the frame has a base, or wind or a load acts along axes of the ground.
     """
     assert scene.frame is not None
     key = next(_keys_of_ground(scene), "")

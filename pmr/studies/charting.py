@@ -394,7 +394,7 @@ def case_amount(case: Summary, part: str) -> float:
     """Return the amount of the component `part` in a load case; 0 for a component that the case does not name.
 
     A component is a weight or the load that is searched for, whose amount is a factor, or a load of the scene, whose
-    amount is in N or N m.
+    amount is in the load's own unit, such as N.
     """
     key = {WEIGHT: "weight", MACHINE_WEIGHT: "machine", HOOK: "load"}.get(part)
     return float(case["loads"].get(part, 0.0) if key is None else case[key])

@@ -432,7 +432,8 @@ class LoadCase(SceneTable):
 
         ``weight`` and ``machine`` are the factors on the weights of the boom and of the machine.  ``load`` is the
         factor on the load that is searched for, times the hoisting factor with the hoisting `classes`.  ``loads`` maps
-        the names of the scene's loads to their values in N or N m; forces or the pressure of the wind are added.
+        the names of the scene's loads to their values in their own units, such as N; forces or the pressure of the wind
+        are added.
         """
         load, loads = self.load * self.hoisting_factor(classes), self.loads | (self.wind.acting if self.wind else {})
         factors = {"weight": self.weight, "machine": self.machine, "load": load}

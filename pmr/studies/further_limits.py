@@ -116,7 +116,7 @@ def _operation(function: Callable[..., float], parts: list[Value]) -> Value:
     """
 
     def apply(at: Amounts) -> float:
-        """Return the operator's value in the state `at`; ValueError if it is complex."""
+        """Return the operator's value for the amounts `at`; raises ValueError if it is complex."""
         value = function(*(part(at) for part in parts))
         if isinstance(value, complex):
             raise ValueError("a power of a negative number is not a real number")
@@ -145,7 +145,8 @@ LimitFunction = Callable[[AtRest], float]
 def plugin_function(limit: str, name: str | None) -> LimitFunction:
     """Return the function of the entry point `name`; raise an InputError if no package offers that name, or it is None.
 
-    `limit` is the name of the limit, for the message.
+    An error that names the package is raised if its object is no function.  `limit` is the name of the limit, for the
+    message.
     """
     offered = environment.plugin_objects("pmr.limits", frozenset())
     function: Any = offered.get(name or "")

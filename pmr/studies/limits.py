@@ -331,7 +331,7 @@ class Limit(SceneTable):
         return self.kind.share(self, at, k, amounts)
 
     def measure(self, columns: Columns) -> Measure:
-        """Return the function from values (p, c) of c `columns` in p states to the quantity (p,) that `most` bounds.
+        """Return the function from values (p, c) of c `columns` in p states to the quantity (p,) that is limited.
 
         Raises InputError if none of the columns belongs to the limit.
         """

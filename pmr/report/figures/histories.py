@@ -203,8 +203,7 @@ def history_figure(
     """Draw signals (T,) over time, and below them their differences to the reference of `time`.
 
     The lower panel is left out if all differences are 0 and there is no `error`.  `label` and `base` are the quantity
-    and its unit without prefix.  An estimated `error` (T,) is drawn as a band about
-    0 together with the differences.
+    and its unit without prefix.  An estimated `error` (T,) is drawn as a band about 0 together with the differences.
     """
     panels, differences = [(label, signals)], time.differences(signals)
     if largest_of(differences) > 0.0 or error is not None:

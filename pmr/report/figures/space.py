@@ -275,10 +275,11 @@ def exaggeration(result: RunResult) -> float:
 def drawn_steps(result: RunResult, view: str) -> NDArray[np.intp]:
     """Numbers (k,) of the time steps at which the boom is drawn, evenly spaced along its tip's path in a `view`.
 
-    The first and the last step are among them.  If the tip is at rest in this view, the steps are those of the largest
-    deflection in equal parts of the time.  If the boom extends but does not turn in this view, there is one step, with
-    the largest extension, as the drawings at other extensions would lie on top of each other.  The step of the largest
-    stress replaces the step nearest to it.  The `view` is ``side`` or ``plan``.
+    Among them are the first step, and that at which the tip reaches the end of its path.  If the tip is at rest in this
+    view, the steps are those of the largest deflection in equal parts of the time.  If the boom extends but does not
+    turn in this view, there is one step, with the largest extension, as the drawings at other extensions would lie on
+    top of each other.  The step of the largest stress replaces the step nearest to it.  The `view` is ``side`` or
+    ``plan``.
     """
     t, out, worst = result.responses["reduced"].t, _tip_distance(result), largest_stress(result)
     along = frame_rotations(result, t)[:, :, 0]

@@ -278,7 +278,10 @@ def case_grid(study: FinishedStudy) -> Grid:
 
 
 def _format_amount(limit: Mapping[str, object], amount: float | None) -> str:
-    """Format the amount of a limit with its unit; None is printed as a dash, or says that it is in the scene."""
+    """Format the amount of a limit with its unit.
+
+    None is printed as a dash or, for pads, as words for the allowed pressure that the scene states.
+    """
     if amount is None:
         return "allowed pressure of the scene" if limit["of"] == "pad" else "–"
     unit = "Pa" if limit.get("area") else KINDS[str(limit["of"])].unit

@@ -251,7 +251,7 @@ def _grids(runs: Sequence[RunRecord]) -> Iterator[Grid]:
 def _columns(runs: Sequence[RunRecord]) -> list[str]:
     """Names of the runs' values and of the times of their simulations.
 
-    Names of values that have their own tables are left out.
+    Values that have their own tables are left out, and so are times if they differ by chance only.
     """
     figures = (name for run in runs for name in run.figures if not name.startswith(tables.ROOMS))
     seconds = (name for run in runs for name in run.seconds if name.startswith("simulate.") and _cost_differs(runs))

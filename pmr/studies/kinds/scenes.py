@@ -291,9 +291,10 @@ def run_case(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def _frequency_errors(frequencies: Frequencies) -> dict[str, Scalar]:
-    """Return ``frequency_error.<i>``, the largest error of the i-th frequency over the path.
+    """Return ``frequency_error.<i>``, the largest error of the i-th frequency over the path, as a fraction.
 
-    A value is None if the reduced model has no i-th frequency.
+    A value is None if the reduced model has no i-th frequency.  The result is empty without frequencies of the full
+    model.
     """
     if "full" not in frequencies.models:
         return {}
