@@ -223,7 +223,7 @@ def info(
 def _estimate_lines(summary: Path) -> dict[str, str]:
     """Return lines with the estimated errors in the summary of a run, by name.
 
-    `summary` is the file; the result is empty if there is no such file.
+    `summary` is the file; the result is empty if it is not there or states no estimate.
     """
     try:
         estimates = json.loads(summary.read_text(encoding="utf-8"))["estimate"]

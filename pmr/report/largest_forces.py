@@ -61,10 +61,10 @@ def force_rows(result: RunResult) -> LargestValues:
 
 
 def _driven_rows(result: RunResult) -> LargestValues:
-    """Yield rows on a computed luffing angle or extension: largest force, length, and oil of the cylinder.
+    """Yield rows on the luffing cylinder and on the drive of a free extension: largest force, length, and oil.
 
-    If the luffing cylinder's force is limited, a row has the largest share of what is allowed.  There are no rows if
-    all motion is prescribed.
+    If the luffing cylinder's force is limited, a row has the largest share of what is allowed.  There are no rows on a
+    luffing cylinder whose force is not known, nor on an extension that is prescribed.
     """
     for way in ("luffing", "extension"):
         if (cylinder := result.summary.get(f"{way}_cylinder")) is None:

@@ -218,9 +218,10 @@ def software_versions(summary: Summary) -> list[str]:
 
 
 def size_rows(result: RunResult) -> Rows:
-    """Yield rows with the sizes of models, meshes and fields, and with the number of pads.
+    """Yield rows with the sizes of models, meshes and fields, and with the numbers of pads and carriers.
 
-    If pads only push, a row states the number of parts into which steps are divided for them.
+    If pads only push, a row states the number of parts into which steps are divided for them.  Further rows are on the
+    largest violations of constraints, and on pads and supports that no vector of the basis moves.
     """
     coordinates = result.summary.get("coordinates", {})
     if "full" in coordinates:

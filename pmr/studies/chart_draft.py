@@ -69,7 +69,8 @@ def words_of_usual_load(scene: Scene) -> str:
 def _is_symmetric(scene: Scene, axis: int) -> bool:
     """Return whether the boom with its loads, and all that does not slew, are symmetric about the pivot along an axis.
 
-    The axis is 0 for front and rear, 1 for left and right.  Machines on inclined ground count as not symmetric.
+    The axis is 0 for front and rear, 1 for left and right.  Machines on inclined ground count as not symmetric, scenes
+    without a ground as symmetric.
     """
     frame = scene.frame
     if frame is None or (ground := frame.ground) is None:

@@ -273,7 +273,7 @@ def output_figure(result: RunResult, outputs: Sequence[Output]) -> Figure:
 
 
 def stress_histories(result: RunResult, body: BodyResult) -> dict[str, Array]:
-    """Largest stress (T,) of a body in Pa over time, by model, in the order in which the models are drawn."""
+    """Largest stress (T,) of a body in Pa at the times of the reduced model, by model, in the order of drawing."""
     names, t = [name for name in ("full", "reduced") if name in body.peak_stress], field_times(result, body)
     return {name: interpolate(result.responses["reduced"].t, t, body.peak_stress[name]) for name in names}
 

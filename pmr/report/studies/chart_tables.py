@@ -131,7 +131,7 @@ def headline(study: FinishedStudy, least_loads: Array, slewing: Array) -> str:
 def terminal_grid(results: StudyResults, rows: int) -> Grid:
     """Build the terminal's table of a chart, with a row for each of at most `rows` extensions.
 
-    A row has the boom length, the range of the radius, and the least and the largest allowed load.
+    A row has the extensions, the boom length, the range of the radius, and the least and the largest allowed load.
     """
     done = [run for run in results.runs if run.status == "done"]
     names = list(dict.fromkeys(name for run in done for name in run.parameters))
@@ -293,7 +293,8 @@ def _format_amount(limit: Mapping[str, object], amount: float | None) -> str:
 def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Iterator[Grid]:
     """Yield the duty table, with loads and letters of limits over radius and boom length, and that of lower bounds.
 
-    The caption of the lower bounds says what is `not_covered` by them.
+    Both have as many parts as there are groups of `LENGTHS_BESIDE` boom lengths.  Lower bounds are yielded only if the
+    study has error bars; their caption says what is `not_covered` by them.
     """
     columns, step = spread_indices(len(duty.lengths), MOST_LENGTHS), load_step(float(np.nanmax(duty.load, initial=0.0)))
 

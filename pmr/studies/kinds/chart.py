@@ -186,7 +186,8 @@ class Study(StudyBase):
     def summary_line(self, results: StudyResults) -> str:
         """Return a line with the least and the largest load in kg that all limits allow at the points.
 
-        The line also says at how many points the boom is not permitted even empty, and what the limits do not cover.
+        The line also says at how many points the boom is not permitted even empty, how large the error bars are, and
+        which errors they do not contain.  If no limit is reached at any point, the line says only that.
         """
         points, table = len(self._chart_points), self.table(results)
         loads = self.loads(table)
@@ -387,7 +388,7 @@ class Study(StudyBase):
 
     @property
     def _scope_warnings(self) -> list[str]:
-        """Lines on what the chart does not ask: other slewing angles of a machine that may tip, and strength."""
+        """Lines on what the chart leaves open: other slewing angles of a machine that may tip, strength, pads."""
         kinds, lines = {limit.of for limit in self.limits}, list[str]()
         if kinds & ON_GROUND and len(self.slewing) == 1:
             lines.append(
