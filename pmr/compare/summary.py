@@ -172,20 +172,6 @@ def parts_of_forces(scene: Scene, system: System, response: Response) -> list[Su
     return [limits_part(scene, system, response), *parts]
 
 
-def warnings_of_response(scene: Scene, system: System, response: Response) -> tuple[str, ...]:
-    """Warnings about a system's response that need no other model, the gravest first."""
-    excitation = Excitation.from_scene(scene)
-    omega = contact_step.contact_frequency(system, excitation)
-    parts = [
-        SummaryPart(grave=hints(scene)),
-        *parts_of_forces(scene, system, response),
-        SummaryPart(warnings=contact_step.warnings(omega, excitation.stepping)),
-        sampling_part(scene, excitation),
-        theory_part(scene, {"motion": response}),
-    ]
-    return tuple(combine_parts(parts)["warnings"])
-
-
 def parts_of_motion(
     scene: Scene, simulated: SimulatedSystem, simulations: Simulations, natural: Frequencies, step: SummaryPart
 ) -> list[SummaryPart]:
