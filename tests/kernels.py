@@ -12,6 +12,7 @@ from pmr import System
 from pmr.files.arrays import Array
 from pmr.kernel._native import ffi, lib
 from pmr.kernel.blocks import _ARRAY, _HEAD, _KINDS, LINE, round_up
+from pmr.kernel.filter import ChosenOutputs, LinearSteps
 from pmr.kernel.kernel import Kernel, pointer
 from pmr.kernel.state import State
 from pmr.simulation.modal import ModalForm, modal_form
@@ -65,7 +66,7 @@ def rubbing(system: System, stiffness: float, at_rest: float = 0.0) -> System:
 
 
 class Jacobian(NamedTuple):
-    """Derivatives of a step (`pmr_jacobian` in src/pmr_kernel.h)."""
+    """Derivatives by the prediction (A, C, L) and by all drivers (B, D, K): of the next prediction, outputs, forces."""
 
     A: Array
     B: Array
@@ -73,19 +74,21 @@ class Jacobian(NamedTuple):
     D: Array
     L: Array
     K: Array
-    E: Array
-    G: Array
 
 
 def linearize(state: State, u: Array) -> Jacobian:
-    """Derivatives of the next step, to drivers u."""
-    kernel, u = state.kernel, np.ascontiguousarray(u)
-    r, N, o, m = 3 * kernel.modes, kernel.drivers, kernel.outputs, kernel.contacts
-    shapes = ((r, r), (r, N), (o, r), (o, N), (m, r), (m, N), (r, r), (r, N))
-    found = Jacobian(*map(np.zeros, shapes))
-    out = ffi.new("pmr_jacobian *", {name: pointer(array) for name, array in found._asdict().items()})
-    state.raise_unless_done(lib.pmr_linearize(state.pointer, pointer(u), out), "a step")
-    return found
+    """Derivatives of the next step, to drivers u, by a linear model of all outputs and forces."""
+    kernel, here, o = state.kernel, state.save(), state.kernel.outputs
+    shown = np.arange(o + kernel.forces)
+    numbers = shown, np.zeros_like(shown), np.arange(kernel.drivers), np.arange(kernel.modes)
+    steps = LinearSteps(ChosenOutputs(*(array.astype(np.int32) for array in numbers)), 1)
+    steps.take(state, 0, u)
+    state.restore(here)
+    (A,), (B,) = steps.matrices.transitions()
+    (C, L), (D, K) = (
+        np.split(of[0], [o]) for of in (np.pad(steps.matrices.C, [(0, 0), (0, 0), (0, kernel.modes)]), steps.matrices.D)
+    )
+    return Jacobian(A, B, C, D, L, K)
 
 
 def evaluate(state: State, motions: Array, seed: Sequence[Array] = ()) -> dict[str, Array]:

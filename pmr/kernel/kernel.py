@@ -31,13 +31,6 @@ def checksum(content: bytes | bytearray) -> int:
     return int(lib.pmr_checksum(ffi.from_buffer(content), len(content)))
 
 
-class FrameDrivers(NamedTuple):
-    """Drivers of a system that follow from n motions of its frame."""
-
-    u: Array  # (N,): values of the drivers
-    derivatives: Array  # (N, 3, n): of u by values, rates and second rates of the motions
-
-
 class StateSizes:
     """Sizes of the state of a system and of what follows from it, as in `pmr_sizes` (src/pmr_kernel.h)."""
 
@@ -102,18 +95,17 @@ class Kernel(StateSizes, DriverSizes):
         """Bytes of the block that the system was opened from."""
         return self._block.tobytes()
 
-    def frame_drivers(self, motions: ArrayLike) -> FrameDrivers:
-        """Drivers u (N,) for motions (3, n) of the frame, and the derivatives (N, 3, n) of u by these motions.
+    def frame_drivers(self, motions: ArrayLike) -> Array:
+        """Drivers u (N,) for motions (3, n) of the frame: values, rates and second rates.
 
-        The rows of `motions` are values, rates and second rates.  An InputError is raised for a system without a frame.
+        An InputError is raised for a system without a frame.
         """
         at = np.ascontiguousarray(motions, float)
         if not self.motions or at.shape != (3, self.motions):
             raise InputError("kernel", "motions", at.shape, f"{(3, self.motions)} of a system with a frame is allowed")
         u, work = np.zeros(self.drivers), np.zeros(lib.pmr_frame_work(self._system))
-        derivatives = np.zeros((self.drivers, 3, self.motions))
-        lib.pmr_frame(self._system, *map(pointer, (at, u, derivatives, work)))
-        return FrameDrivers(u, derivatives)
+        lib.pmr_frame(self._system, *map(pointer, (at, u, work)))
+        return u
 
     def names(self, kind: Literal["drivers", "motions", "outputs", "further", "contacts", "forces"]) -> tuple[str, ...]:
         """Names of the quantities of a `kind`, such as drivers, in the order of their numbers; empty without any."""

@@ -37,7 +37,7 @@ def test_loads_and_terms_follow_from_any_motion(frame: MovingFrame, kernel: Kern
     for _ in range(40):
         motions = rng.uniform(0.5, 2.0, (3, kernel.motions)) * rng.choice([-1.0, 1.0], (3, kernel.motions))
         motions[0, : kernel.paths] = np.abs(motions[0, : kernel.paths])
-        (u, derivatives), (f, c) = kernel.frame_drivers(motions), driven_frame.find(frame, motions)
+        u, (f, c) = kernel.frame_drivers(motions), driven_frame.find(frame, motions)
         order = [frame.drivers.index(name) for name in kernel.names("drivers")[: kernel.paths]]
         np.testing.assert_array_equal(u[: kernel.paths], motions[0, order])
         for found, expected in (
@@ -45,11 +45,6 @@ def test_loads_and_terms_follow_from_any_motion(frame: MovingFrame, kernel: Kern
             (u[kernel.paths + kernel.inputs :], c),
         ):
             np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max())
-        seed, d = rng.normal(size=motions.shape), 1e-5
-        ends = [np.concatenate(driven_frame.find(frame, motions + way * d * seed)) for way in (1.0, -1.0)]
-        expected = (ends[0] - ends[1]) / (2.0 * d)
-        found = np.tensordot(derivatives, seed, 2)[kernel.paths :]
-        np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(expected).max())
 
 
 @pytest.mark.slow

@@ -9,7 +9,6 @@ from nested import Nested, reduced
 
 from pmr import System
 from pmr.files.arrays import Array
-from pmr.kernel.filter import ChosenOutputs, LinearSteps
 from pmr.kernel.state import Settings, State
 
 CASES = {
@@ -95,35 +94,6 @@ def state_before(state: State, start: bytes, u: Array):  # type: ignore[no-untyp
     assert state.save() == start
     state.restore(here)
     return jacobian
-
-
-@pytest.mark.parametrize("make", CASES.values(), ids=list(CASES))
-def test_chosen_matrices_are_those_of_all(make: Callable[[], System]) -> None:
-    """Next predictions follow from accelerations mode by mode; outputs and forces are those of all of them."""
-    kernel, _ = kernel_of(make())
-    state = State(kernel, Settings(1e-3, 0.8))
-    state.start("equilibrium", drivers(state, 0.0))
-    for n in range(1, 6):
-        state.step(drivers(state, 1e-3 * n))
-    u, jacobian = drivers(state, 7e-3), linearize(state, drivers(state, 7e-3))
-    used = np.flatnonzero(np.abs(jacobian.A[: kernel.modes]).max(axis=1) > 0.0)  # the others are padding
-    columns = np.array([0, kernel.outputs - 1, kernel.outputs])  # the last one is a force
-    loads = np.arange(kernel.paths, kernel.paths + kernel.inputs)
-    numbers = (array.astype(np.int32) for array in (columns, np.zeros(3), loads, used))
-    steps = LinearSteps(ChosenOutputs(*numbers), 1)
-    steps.take(state, 0, u)
-    A, B = steps.matrices.transitions()
-    at = np.concatenate([part * kernel.modes + used for part in range(3)])
-    shares = np.array([contact == 0 for contact in range(kernel.contacts)], float)
-    of_states = np.vstack([jacobian.C[columns[:2]], shares @ jacobian.L])[:, at[: 2 * len(used)]]
-    of_loads = np.vstack([jacobian.D[columns[:2]], shares @ jacobian.K])[:, loads]
-    for values, expected in (
-        (A[0], jacobian.A[np.ix_(at, at)]),
-        (B[0], jacobian.B[np.ix_(at, loads)]),
-        (steps.matrices.C[0], of_states),
-        (steps.matrices.D[0], of_loads),
-    ):
-        np.testing.assert_allclose(values, expected, rtol=0.0, atol=1e-13 * np.abs(expected).max(initial=1e-300))
 
 
 def test_two_steps_are_the_product_of_one_after_the_other() -> None:

@@ -116,15 +116,14 @@ void pmr_state_view(pmr_state *state, pmr_view *view)
     view->parts = &state->progress.parts;
 }
 
-int pmr_frame(const pmr_system *system, const double *motions, double *u, double *jacobian, double *work)
+int pmr_frame(const pmr_system *system, const double *motions, double *u, double *work)
 {
-    return jacobian ? pmr_frame_derivatives(system, motions, u, jacobian, work)
-                    : pmr_frame_drivers(system, motions, u, work);
+    return pmr_frame_drivers(system, motions, u, work);
 }
 
 size_t pmr_frame_work(const pmr_system *system)
 {
-    return 2 * (size_t)system->quantities + 3 * (size_t)system->motions + (size_t)system->drivers + 1;
+    return 2 * (size_t)system->quantities + 1;
 }
 
 void pmr_machine_run_close(pmr_machine_run *run) { pmr_free_aligned(run); }

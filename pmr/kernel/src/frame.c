@@ -153,22 +153,6 @@ int pmr_frame_drivers(const pmr_system *y, const double *motions, double *u, dou
     return PMR_DONE;
 }
 
-int pmr_frame_derivatives(const pmr_system *y, const double *motions, double *u, double *jacobian, double *work)
-{
-    const int32_t columns = 3 * y->motions;
-    double *seed = work + 2 * y->quantities, *along = seed + columns;
-    int32_t column, k;
-    if (!y->motions) return PMR_REFUSED;
-    memset(seed, 0, (size_t)columns * sizeof(double));
-    for (column = 0; column < columns; column++) {
-        seed[column] = 1.0;
-        pmr_frame_along(y, motions, seed, y->drivers, u, along, work);
-        seed[column] = 0.0;
-        for (k = 0; k < y->drivers; k++) jacobian[(size_t)k * columns + column] = along[k];
-    }
-    return PMR_DONE;
-}
-
 /* Output, reaction or force by its number among all, and how it changes. */
 static number value_of(const pmr_system *y, const double *values, const double *changes, int n)
 {

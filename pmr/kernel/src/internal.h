@@ -293,8 +293,6 @@ struct pmr_state {
     F(int, check_start, check_start,                                                                                   \
       (pmr_state *state, const double *at, const double *rates, const double *z, const double *v, char *why),          \
       (state, at, rates, z, v, why))                                                                                   \
-    F(int, linearize, linearize, (pmr_state *state, const double *u, const pmr_jacobian *jacobian),                    \
-      (state, u, jacobian))                                                                                            \
     P(filter_sizes, filter_sizes, (const pmr_filter *filter, pmr_filter_counts *counts), (filter, counts))             \
     P(filter_start, filter_start,                                                                                      \
       (const pmr_filter *filter, double *memory, const double *x, const double *P, const double *square),              \
@@ -353,7 +351,6 @@ void pmr_frame_turned(const pmr_system *system, const double *motions, const pmr
                       double *work);
 void pmr_frame_along(const pmr_system *system, const double *motions, const double *seed, int drivers, double *u,
                      double *along, double *work);
-int pmr_frame_derivatives(const pmr_system *system, const double *motions, double *u, double *jacobian, double *work);
 /* Further outputs from values (op + hp + forces) and motions (3, n), and how they change along `seed`; a seed of NULL:
    values alone. */
 int pmr_frame_outputs(const pmr_system *system, const double *motions, const double *seed, const double *values,

@@ -191,12 +191,6 @@ static void predict_seed(const pmr_state *st, const pmr_scheme *c, seed *d)
     }
 }
 
-static void store_column(double *to, size_t columns, size_t column, const double *from, size_t count)
-{
-    size_t n;
-    for (n = 0; to && n < count; n++) to[n * columns + column] = from[n];
-}
-
 /* Where a part to drivers u ends, with how rows change by paths, and room for seeds of it in `d`. */
 static int open_seeds(pmr_state *st, const pmr_scheme *c, const double *u, seed *d)
 {
@@ -256,46 +250,8 @@ static void seed_outputs(pmr_state *st, const seed *d)
     find_outputs(st, y->observed, 0, y->op, d->z, d->u ? d->u + y->paths : NULL, d->lambda, d->u, d->y);
 }
 
-static int linearize_part(pmr_state *st, const pmr_scheme *c, const double *u, const pmr_jacobian *jacobian)
-{
-    const pmr_system *y = st->system;
-    const size_t r = y->modes, N = y->drivers, o = y->outputs, m = y->contacts;
-    seed d;
-    size_t column;
-    int failed = open_seeds(st, c, u, &d);
-    if (failed) return failed;
-    for (column = 0; column < 3 * r + N; column++) {
-        const int of_driver = column >= 3 * r;
-        if (follow_column(st, c, u, column, &d)) return PMR_UNCONVERGED;
-        seed_outputs(st, &d);
-        if (of_driver) {
-            store_column(jacobian->D, N, column - 3 * r, d.y, o);
-            store_column(jacobian->K, N, column - 3 * r, d.lambda, m);
-            store_column(jacobian->G, N, column - 3 * r, d.z, 3 * r); /* z, v and acceleration follow each other */
-        } else {
-            store_column(jacobian->C, 3 * r, column, d.y, o);
-            store_column(jacobian->L, 3 * r, column, d.lambda, m);
-            store_column(jacobian->E, 3 * r, column, d.z, 3 * r);
-        }
-        predict_seed(st, c, &d);
-        if (of_driver)
-            store_column(jacobian->B, N, column - 3 * r, d.z_next, 3 * r);
-        else
-            store_column(jacobian->A, 3 * r, column, d.z_next, 3 * r);
-    }
-    return PMR_DONE;
-}
-
 /* The scheme of the next step. */
 static const pmr_scheme *next_scheme(const pmr_state *st)
 {
     return st->scheme + (st->progress.active < 0 ? 0 : st->progress.active);
-}
-
-static int linearize(pmr_state *st, const double *u, const pmr_jacobian *jacobian)
-{
-    const pmr_progress progress = st->progress;
-    if (st->system->hoist || st->system->computed) return PMR_REFUSED;
-    memcpy(st->began, st->mark, st->saved * sizeof(double));
-    return return_to(st, &progress, linearize_part(st, next_scheme(st), u, jacobian));
 }

@@ -164,10 +164,9 @@ int pmr_start_moving(pmr_state *state, int kind, const double *u, const double *
    rates, `motions` (3, n): paths in m; loads in N as a user names them, gravity in m/s^2 among them; angles of the
    frame and of its base in rad; accelerations of its base in m/s^2.  Of loads and accelerations the value alone counts.
 
-   Drivers u (N,) of motions and, unless NULL, their derivatives (N, 3 n) by them, by which derivatives of a step by
-   drivers become such by motions; with `work` of `pmr_frame_work` doubles.  PMR_REFUSED without a frame. */
+   Drivers u (N,) of motions, with `work` of `pmr_frame_work` doubles.  PMR_REFUSED without a frame. */
 size_t pmr_frame_work(const pmr_system *system);
-int pmr_frame(const pmr_system *system, const double *motions, double *u, double *jacobian, double *work);
+int pmr_frame(const pmr_system *system, const double *motions, double *u, double *work);
 /* As `pmr_start` and `pmr_step`.  Of a system with a free luffing angle (luffing.c) or extension (extension.c) this motion
    counts at the start alone, and its cylinder begins with what holds the boom.  `rows` (n,) or NULL: of each motion 1, 2
    or 3 rows count; parts of a step follow lines, cubics by rates, or cubics by second rates between what counts at both
@@ -368,22 +367,6 @@ int pmr_observe_and_watch(pmr_state *state, int count, const int32_t *numbers, d
    rad, the force of the rope in N, and its pull on the winch along axes of the ground.  In a frame the motions are those
    of the last start or step that was told them.  Errors as `pmr_observe`. */
 int pmr_further(pmr_state *state, double *further);
-
-/* ---- derivatives ---- */
-
-/* Derivatives of the next step and of its outputs, with the contacts that are closed and the pads that stick or slide
-   staying so; what friction remembers of the step before is no coordinate, and stays too.  PMR_REFUSED with a hoist.  With the prediction
-   x = (z*, v*, a*) (3 r'), from which a step begins, and drivers u at its end, x_next = A x + ... u:
-
-       dx_next = A dx + B du,    dy = C dx + D du,    dforces = L dx + K du,    dw = E dx + G du
-
-   with w = (z, v, z'') (3 r') at the step's end.  Any of A (3 r', 3 r'), B (3 r', N), C (o, 3 r'), D (o, N), L (m, 3 r'),
-   K (m, N), E (3 r', 3 r'), G (3 r', N) may be NULL.  The state stays where it is. */
-typedef struct {
-    double *A, *B, *C, *D, *L, *K, *E, *G;
-} pmr_jacobian;
-
-int pmr_linearize(pmr_state *state, const double *u, const pmr_jacobian *jacobian);
 
 /* ---- continuous time ---- */
 
@@ -590,7 +573,8 @@ typedef struct {
    the step, as sums of z*, v*, a* and the acceleration of the same mode. */
 void pmr_linear_courses(pmr_state *state, const pmr_chosen *chosen, double *courses);
 /* Matrices of the step to drivers u (N,), before it is taken; then what they are about, after it.  Return as
-   pmr_linearize and pmr_evaluate. */
+   a step and pmr_evaluate; PMR_REFUSED with a hoist.  Contacts that are closed stay so, and pads that stick or slide;
+   what friction remembers of the step before stays too. */
 int pmr_linear_matrices(pmr_state *state, const pmr_chosen *chosen, const double *u, const pmr_linear_step *to);
 int pmr_linear_outputs(pmr_state *state, const pmr_chosen *chosen, const double *u, const pmr_linear_step *to);
 /* Put rates into C, D and reference of `now`: y' = Y z' + Y' z and y'' = Y z'' + 2 Y' z' + Y'' z, with Y of neighbours

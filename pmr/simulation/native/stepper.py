@@ -355,7 +355,7 @@ class Stepper:
         fails.
         """
         kernel, motions = self._state.kernel, self._bound.motions
-        u = kernel.frame_drivers(motions)[0] if kernel.motions else motions[0].copy()
+        u = kernel.frame_drivers(motions) if kernel.motions else motions[0].copy()
         paths = self._path_coordinates
         self._form.refuse_unsupported(self._form.modal.side_coordinates(paths)[None], self._rho_inf)
         try:
@@ -393,7 +393,7 @@ class Stepper:
         if not kernel.motions:
             return self._drivers.path_coordinates
         paths = kernel.names("drivers")[: kernel.paths]
-        return dict(zip(paths, kernel.frame_drivers(self._bound.motions)[0][: kernel.paths].tolist(), strict=True))
+        return dict(zip(paths, kernel.frame_drivers(self._bound.motions)[: kernel.paths].tolist(), strict=True))
 
     def _levels(self, parts: int, scene: StoredScene | None) -> tuple[tuple[int, ...], float]:
         """Numbers of parts among which a step chooses, and the contact frequency in rad/s.
