@@ -40,16 +40,16 @@ class InputError(ValueError):
         return InputError, (self.source, self.key, self.value, self.allowed)
 
     def with_source(self, source: str) -> InputError:
-        """Return this error with `source`, the file or the option in which the user wrote the value, as its source.
+        """Return an InputError like this one whose source is `source`, the file or option with the value.
 
-        An error with another source than ``"scene"`` is returned unchanged.
+        If the source is not ``"scene"``, this error itself is returned.
         """
         return InputError(source, self.key, self.value, self.allowed) if self.source == "scene" else self
 
     def with_key(self, key: str) -> InputError:
-        """Return this error with another key: `key`, as the scene's file spells it.
+        """Return an InputError like this one with another key: `key`, as the scene's file spells it.
 
-        An error with another source than ``"scene"`` is returned unchanged.
+        If the source is not ``"scene"``, this error itself is returned.
         """
         return InputError(self.source, key, self.value, self.allowed) if self.source == "scene" else self
 
@@ -89,8 +89,9 @@ class GrowthError(SimulationError):
     def refusal(self, step: float, rho_inf: float) -> InputError:
         """Return this error as an InputError that names the key to change.
 
-        The key is time.step; if rigid constraints move, it is time.rho_inf, or reduction.flexibility if that is 0
-        already.  `step` is the scene's time step in s, and `rho_inf` its spectral radius at infinite frequency.
+        The key is time.step; if rigid constraints move, it is time.rho_inf or, if `rho_inf` is 0 already,
+        reduction.flexibility.  `step` is the scene's time step in s, and `rho_inf` its spectral radius at infinite
+        frequency.
         """
         key, value, allowed = "time.step", step, "a smaller one is allowed"
         if self.rigid_rows and rho_inf > 0.0:

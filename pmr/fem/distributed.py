@@ -61,7 +61,7 @@ def _view(local: Array, sizes: tuple[int, int], comm: MPI.Comm) -> PETSc.Mat:
 
 
 def sparse(rows: sp.csr_matrix, like: PETSc.Mat, columns: int | None = None) -> PETSc.Mat:
-    """Sparse PETSc matrix from `rows`, this rank's rows with global column numbers; collective.
+    """Sparse PETSc matrix (n, m) from `rows` (n_local, m), this rank's rows with global column numbers; collective.
 
     The rows are distributed as those of `like`.  `columns` is the number of columns that this rank owns; if it is None,
     PETSc decides.
@@ -169,7 +169,7 @@ def without_zeros(A: PETSc.Mat) -> PETSc.Mat:
 
 
 def gather(A: PETSc.Mat) -> sp.csr_matrix | None:
-    """Gather a sparse matrix A: return all its rows on rank 0, and None on other ranks; collective."""
+    """Return all rows of the sparse matrix A (n, m) on rank 0, and None on other ranks; collective."""
     comm = A.comm.tompi4py()
     shares = comm.gather(local_csr(A), root=0)
     return None if shares is None else sp.vstack(shares, format="csr")

@@ -170,7 +170,7 @@ def read_axes(card: Card) -> Axes | None:
     """Return the axes of a card `*SYSTEM`; None, for the axes of the whole model, if the card has no data.
 
     The first line has the origin a and a point b on the x axis, the second one a point c in the xy plane.  Without c
-    the axes are turned about z; without b they are moved alone.  Raises InputError for points on a line.
+    the axes are turned about z; with a alone they are only moved.  Raises InputError for points on a line.
     """
     numbers = [number for line in card.lines for number in read_numbers(line, 6)]
     if not numbers:

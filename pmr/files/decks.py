@@ -240,9 +240,10 @@ class ForeignNodes:
 
 
 def check_constraints(nodes: ForeignNodes, pairs: Indices) -> None:
-    """Raise InputError if nodes have axes of their own, or if cards constrain coordinates.
+    """Raise InputError for the first card that gives nodes axes of their own, or ties coordinates as is not allowed.
 
-    Such cards are refused only if some displacements have no row in the matrices.  `pairs` (n, 2) are the node and the
+    Any tie is refused if some displacements have no row in the matrices, as pmr takes these as fixed.  A rigid element
+    of Nastran is also refused if a displacement that it makes dependent has a row.  `pairs` (n, 2) are the node and the
     direction (from 1) of each row.
     """
     missing = 3 * len(nodes.numbers) - int(np.isin(pairs[:, 1], (1, 2, 3)).sum())

@@ -127,8 +127,8 @@ def _indefinite(M: sp.csr_matrix, K: sp.csr_matrix) -> Iterator[Reason]:
 def _least_eigenvalue(A: sp.csr_matrix, sizes: Array) -> float:
     """Return an upper bound of the least eigenvalue of a matrix A (n, n), scaled to a diagonal of ones.
 
-    `sizes` (n,) are the diagonal entries of A, by which it is scaled.  The bound is computed by Lanczos' method, which
-    starts from a fixed vector.
+    `sizes` (n,) are the positive numbers that count as diagonal entries of A in the scaling.  The bound is computed by
+    Lanczos' method, which starts from a fixed vector.
     """
     scale = 1.0 / np.sqrt(sizes)
     v = np.random.default_rng(3).standard_normal(A.shape[0])

@@ -237,7 +237,7 @@ def _complete_symmetric(A: sp.spmatrix) -> sp.csr_matrix:
 
 
 def _read_triplets(path: Path) -> sp.csr_matrix:
-    """Read a matrix from lines with row, column (both from 1) and entry."""
+    """Read a square matrix (n, n) from lines with row, column (both from 1) and entry."""
     entries = labelled.read_number_table(path, (int, int, float), "row, column and entry")
     rows, columns = (entries[:, k].astype(np.int64) - 1 for k in (0, 1))
     n = int(max(rows.max(), columns.max())) + 1
@@ -282,7 +282,7 @@ def _is_market(path: Path) -> bool:
 
 
 def _read_market(path: Path) -> sp.csr_matrix:
-    """Read a matrix in the format of Matrix Market, or in the format that Abaqus writes.
+    """Read a square matrix (n, n) in the format of Matrix Market, or in the format that Abaqus writes.
 
     Raises UnreadableError unless it is real, and general or symmetric.
     """

@@ -36,7 +36,7 @@ DAMAGED = (*_OF_VALUES, OSError, BadZipFile, zlib.error)
 
 @dataclass(frozen=True)
 class Entries:
-    """Entries of a matrix, E of them, each with node and direction of its row and of its column."""
+    """E entries of a matrix: `values` (E,), and node and direction of their rows and columns, (E, 2) each."""
 
     rows: Indices
     columns: Indices
@@ -148,7 +148,7 @@ def _is_row(parts: Sequence[str], kinds: Sequence[type]) -> bool:
 
 
 def read_output4(path: Path) -> dict[str, sp.csr_matrix]:
-    """Read the matrices of an OUTPUT4 file, by name: a text, or a binary file by pyNastran.
+    """Read the matrices (any shape) of an OUTPUT4 file, by name: a text, or a binary file by pyNastran.
 
     Raises InputError if pyNastran is missing, and UnreadableError if the file can't be read.
     """
@@ -168,7 +168,7 @@ WORDS = {1: 1, 2: 2}
 
 
 def _read_text4(lines: Sequence[str]) -> dict[str, sp.csr_matrix]:
-    """Read the matrices of the `lines` of an OUTPUT4 text, by name.
+    """Read the matrices (any shape) of the `lines` of an OUTPUT4 text, by name.
 
     Integers have 8 or 16 digits, numbers the width of the header.  A column lists its numbers from one row on, or,
     where that row is 0, strings of numbers with a row each.  Raises UnreadableError with the number of the line that
@@ -295,7 +295,7 @@ NAMES = ("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ")
 
 
 def read_harwell_boeing(path: Path) -> sp.csr_matrix:
-    """Read a matrix in the format of Harwell and Boeing, of one triangle (RSA) or of all entries (RUA).
+    """Read a matrix (n, n) in the format of Harwell and Boeing, of one triangle (RSA) or of all entries (RUA).
 
     The entries are those of the file: a triangle is not completed.  Right-hand sides, which HBMAT adds to a stiffness,
     are left out.  Raises UnreadableError for other types.

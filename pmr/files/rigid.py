@@ -67,7 +67,7 @@ def elastic_energies(K: sp.csr_matrix, R: Array, q: Array) -> Array:
 
 
 class RoundedSums(NamedTuple):
-    """Sums over the entries of n rows of a matrix for three motions, with a number for each row.
+    """Sums (n, 3) over the entries of n rows of a matrix for three motions, with a number (n,) for each row.
 
     The number is the rounding of the row's sums, or the sum of the magnitudes of their terms, as the function says that
     returns it.
@@ -234,9 +234,10 @@ class Resistance:
 
     @property
     def moments(self) -> Array:
-        """Forces and moments G (n, 3) by which K resists rotations of the whole body about x, y and z, per rad.
+        """Forces and moments G (n, 3) on each row of K when the body turns about x, y or z through the node of the row.
 
-        Rows of displacements are in N/rad, rows of rotations in N m/rad; entries within rounding are zero.
+        Rows of displacements are in N/rad, rows of rotations in N m/rad.  Entries within rounding are zero, except in
+        rows at nodes with supports.
         """
         return self._rotations[0]
 
@@ -265,14 +266,17 @@ class Resistance:
         return energy if self.scaled_eigenvalues[0] < energy else max(energy, CONDENSED)
 
     def _held_by_energy(self, motions: Array) -> Array:
-        """Return a matrix (h, 6) that is zero for all combinations of rigid `motions` (n, 6) that take no energy."""
+        """Return a matrix (h, 6) whose product with factors (6,) is zero if the motion by these takes no energy.
+
+        The motion is the sum of the six rigid `motions` (n, 6), each times its factor.
+        """
         scale = 1.0 / np.sqrt(self.K.diagonal())
         Q, T = np.linalg.qr(motions / scale[:, None])
         energies, V = np.linalg.eigh(Q.T @ (scale[:, None] * (self.K @ (scale[:, None] * Q))))
         return np.asarray(V[:, energies > self.least_energy].T @ T)
 
     def held_motions(self) -> Array:
-        """Return a matrix (h, 6) that is zero for all combinations of the six rigid motions that K leaves free.
+        """Return a matrix (h, 6) whose product with factors (6,) of rigid motions is zero if K leaves their sum free.
 
         The rotations are about axes through the origin. h is the number of rigid motions that supports and springs in K
         hold.  The rows are singular vectors of F and G, where each row of F and G is divided by its rounding, and

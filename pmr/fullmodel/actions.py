@@ -311,10 +311,10 @@ class _Stresses:
         return sp.vstack([shares @ self.rows.rows[count * points + k] for k in range(count)], format="csr")
 
     def _by_material(self, points: Indices, weights: Array) -> Iterator[tuple[Material, Array]]:
-        """Yield each material at the stress points `points` (k,), with the weights (k,) of the points of this material.
+        """Yield each material at the stress points `points` (k,), with weights (k,) for this material alone.
 
-        Points of the material have their weight in `weights` (k,), all others have 0.  A cell has the material of its
-        region, or that of the body if the region has none.
+        Points of the material have their weight in `weights` (k,), all other points have 0.  A cell has the material of
+        its region, or that of the body if the region has none.
         """
         cells, is_in_body = self.rows.cell[points], np.ones(len(points), bool)
         for name, region in self.part.body.regions.items():

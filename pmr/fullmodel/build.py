@@ -318,7 +318,10 @@ def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> AssembledBody:
 
 
 def full_model(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
-    """Assemble the full model of a scene with one body on `comm`, and log its warnings."""
+    """Assemble the full model of a scene with one body on `comm`, and log its warnings; collective.
+
+    Raises the errors of `build`.
+    """
     built = build(scene, comm)
     log_warnings([built], comm)
     return built.model

@@ -296,7 +296,7 @@ def lowest_frequencies(model: FullModel, s: Array, count: int, solver: str) -> A
     """Lowest circular frequencies (S, f) in rad/s with the rows held at each path coordinate `s` (S,) m; collective.
 
     The number f of frequencies is `count`, or the number of coordinates less the number of rows if that is smaller.
-    Raises a `ConvergenceError` if the solver finds too few.
+    `solver` is the choice of `eigensolver`, whose errors are raised.
     """
     solver_of_model = eigensolver(model, solver)
     count = min(count, model.size - len(model.rows.names))

@@ -325,7 +325,7 @@ def operators_of(model: StructuralModel, comm: MPI.Comm) -> Operators:
 
 
 def pad_pattern(A: sp.csr_matrix, other: sp.csr_matrix) -> sp.csr_matrix:
-    """Copy of A with stored zeros where only `other` has entries, so that its pattern contains both patterns."""
+    """Copy (n, n) of A with stored zeros where only `other` (n, n) has entries: its pattern contains both patterns."""
     A, other = A.tocoo(), other.tocoo()
     entries = np.concatenate([A.data, np.zeros(other.nnz)])
     places = np.concatenate([A.row, other.row]), np.concatenate([A.col, other.col])

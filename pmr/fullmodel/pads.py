@@ -161,9 +161,9 @@ class Restraints:
         return total.tocsr()
 
     def force(self, name: str, size: int) -> sp.csr_matrix:
-        """Row (1, n) in N per coordinate that measures the force of the spring called `name`; `size` is n.
+        """Row (1, n) in N per coordinate that measures the force of the spring called `name`.
 
-        Raises an `InputError` if no spring has this name.
+        The force is stiffness times elongation; `size` is n.  Raises an `InputError` if no spring has this name.
         """
         for c, spring in zip(self.spring_rows(size), self.springs, strict=True):
             if spring.name == name:
@@ -237,9 +237,10 @@ def fixed_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[
 
 
 def under_pad(pad: Pad, model: StructuralModel, positions: Array) -> sp.csr_matrix:
-    """Rows (p, n) of the mean motion under a pad centred at each of p `positions` (p,) in m along the axis.
+    """Rows (p, n) of the mean normal displacement under a pad, outwards positive, for p positions of its centre.
 
-    Raises an `InputError` if the pad leaves its face at one of them.
+    The `positions` (p,) are in m along the axis, the displacements in m on the n coordinates of `model`.  Raises an
+    `InputError` if the pad leaves its face at one of them.
     """
     step, reach = _station_spacing(pad), 2 * STATIONS  # stations with a weight on either side
     offsets = step * np.arange(1 - reach, reach)

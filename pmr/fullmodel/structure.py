@@ -349,10 +349,10 @@ def _frame_matrices(names: Sequence[str], coupling: Coupling, moving: FrameAssem
 
 
 def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat) -> RigidMotions:
-    """Rigid motions of a structure, and the values that clamps, springs and supports inside its matrices take.
+    """Rigid motions of a structure, and what clamps, springs and supports inside its matrices measure of them.
 
-    A spring weaker than the round-off in the stiffness K is left out.  Collective: every rank has its part of the
-    motions.
+    The springs are those of `restraints`.  A spring weaker than the round-off in the stiffness K is left out.
+    Collective: every rank has its part of the motions.
     """
     model, size = coupling.model, coupling.T.shape[1]
     inner_supports = model.body_matrices.held if isinstance(model, Matrices) else np.empty((0, len(model.directions)))
@@ -368,7 +368,10 @@ def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat) -> 
 
 
 def _constrain_matrix(A: PETSc.Mat, T: sp.csr_matrix, addition: sp.csr_matrix) -> PETSc.Mat:
-    """Sum of T^T A T and `addition`, with consecutive rows on each rank; A is freed.  Collective."""
+    """Sum of T^T A T and `addition`, with consecutive rows on each rank; collective.
+
+    A must not be used afterwards: it is freed or, if T is the identity, changed in place and returned.
+    """
     low, high = share(T.shape[1], A.comm.tompi4py())
     is_identity = T.shape[0] == T.shape[1] and (T != sp.eye(T.shape[0], format="csr")).nnz == 0
     P = None if is_identity else sparse(T[slice(*A.getOwnershipRange())], A, columns=int(high - low))

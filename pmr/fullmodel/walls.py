@@ -185,7 +185,7 @@ class Walls:
         return factors
 
     def _last_diagonal(self, values: Array, size: int) -> sp.csr_matrix:
-        """Diagonal matrix (size, size) with `values` at its end and zeros before."""
+        """Diagonal matrix (size, size) with `values` (k,) at its end and zeros before."""
         numbers = np.arange(size - len(values), size)
         return sp.csr_matrix((values, (numbers, numbers)), (size, size))
 

@@ -112,10 +112,11 @@ class Beam(FiniteElementModel, ABC):
 
     @abstractmethod
     def bending_stiffness(self, direction: str) -> dict[int, Array]:
-        """Bending moments (E,) in N m^2 in E elements by an axial strain that grows by 1/m along `direction`, y or z.
+        """Bending stiffness (E,) in N m^2 of E elements, by the coordinate on which its bending moment does work.
 
-        The key of a moment is a number among a node's coordinates in the function space: that of the slope on which the
-        moment does work.  A beam that does not bend along `direction` has no key.
+        The moment is that of an axial strain whose gradient along `direction`, y or z, is 1/m.  The key is the number
+        of a slope among a node's coordinates in the function space.  A beam that does not bend along `direction` has no
+        key.
         """
 
     @property

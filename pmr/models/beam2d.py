@@ -180,8 +180,8 @@ class Beam2D(Beam):
         """Shape functions (q, d, 2 d): motion of the axis at a point in each of q elements.
 
         Point i is at the share X[i] in [0, 1] of an element with length h[i] in m and section number[i]; h, X and
-        number are (q,).  Columns are the d coordinates of the element's first node, then those of its second node; d is
-        3 with axial motion, else 2.
+        number are (q,).  Rows are the motions along and about the `directions`.  Columns are the d coordinates of the
+        element's first node, then those of its second node; d is 3 with axial motion, else 2.
         """
         d, (value, slope) = len(self.directions), Bending(self.stiffnesses.bending).shape_weights(h, X, number)
         local = np.zeros((len(h), d, 2 * d))
@@ -272,8 +272,8 @@ class Beam2D(Beam):
 def planar_beam(body: Beam3DBody, box: Box, nodes: Array) -> Beam2D:
     """Planar beam of a box on `nodes` (N,) in m.
 
-    If the box varies along the axis, the beam has nodes of its own; the number of its elements is about
-    `body.elements`.
+    If the box varies along the axis, the beam has nodes of its own in place of `nodes`; the number of its elements is
+    about `body.elements`.
     """
     if not box.varying_keys:
         return Beam2D(body, nodes)

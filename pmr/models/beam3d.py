@@ -323,10 +323,10 @@ class Beam3D(Beam):
         return replace(self, stations=stations)
 
     def bending_stiffness(self, direction: str) -> dict[int, Array]:
-        """Bending moments about both principal axes under a curvature of 1/m of the axis along `direction`, y or z.
+        """Bending stiffnesses (E,) in N m^2 in both principal planes, for a curvature along `direction`, y or z.
 
-        Each is an array (E,) in N m, one for each of E elements.  The keys 3 and 5 are the numbers of the slopes v' and
-        w' among a node's coordinates, which the moments act on.
+        The keys 3 and 5 are the numbers of the slopes v' and w' among a node's coordinates in the function space, on
+        which the bending moments do work.
         """
         turned = self.sections.principal[:, :, "yz".index(direction)]
         moments = self.body.material.young * self.sections.second_moments * turned

@@ -80,7 +80,11 @@ class MeshFile:
         return replace(self, point_groups={**self.point_groups, **numbers})
 
     def in_triangles(self) -> MeshFile:
-        """Return this content with each quadrilateral split into four triangles around its centre."""
+        """Return this content with each quadrilateral split into four triangles around its centre.
+
+        Groups of cells then hold the triangles of their quadrilaterals, and a group of points that has all corners of a
+        quadrilateral gets its centre.
+        """
         points, blocks, point_groups = self.points, list[Cells](), dict(self.point_groups)
         for block in self.blocks:
             corners, kind, lines = block.corners, block.kind, block.lines

@@ -77,8 +77,8 @@ class Nodes:
 def number_nodes(cell: str, points: Array, cells: Indices, components: Mapping[int, tuple[int, ...]]) -> Nodes:
     """Number the nodes of a function space on a mesh with the vertices `points` (N, 3) and `cells` of the kind `cell`.
 
-    `components` says for each dimension of entities which components their nodes carry.  Dimensions without nodes are
-    left out of it.
+    `cells` (C, k) are the vertices of the cells in dolfinx' order.  `components` says for each dimension of entities
+    which components their nodes carry.  Dimensions without nodes are left out of it.
     """
     topology = cell_topology(cell)
     code, in_cell, keys, places = {}, {}, [], []
@@ -107,7 +107,7 @@ def number_nodes(cell: str, points: Array, cells: Indices, components: Mapping[i
 
 
 def _dimension_codes(flat: Indices, dim: int, cells: Indices, points: int) -> Indices:
-    """Unique numbers (e,) of e entities `flat` (e, k) with sorted vertices and the dimension `dim`.
+    """Numbers (e,) that identify e entities `flat` (e, k), with sorted vertices, of the dimension `dim`.
 
     The numbers are the `codes` of the entities, for a mesh with so many `points`.  If `dim` is 3, the entities are
     `cells` and their numbers are 0, 1, 2, ..., as two cells may share their three lowest vertices.

@@ -316,7 +316,7 @@ def stresses_along(
 
 
 def stress_rows(forces: ForceRows, element: Indices, corners: Mapping[str, Array], of: Array) -> StressRows:
-    """Stresses from section forces at P points along a beam.
+    """Stress rows in the corners of sections at P points along a beam, from the section forces there.
 
     Parameters
     ----------

@@ -188,9 +188,9 @@ def _named_group(mesh: NamedMesh, name: str) -> Group:
 
 
 def _entity_nodes(mesh: NamedMesh, nodes: Nodes, name: str, kind: str) -> Indices:
-    """First coordinates (e, k) of k displacement nodes on each entity of the group `name`, as Lagrange functions go.
+    """First coordinates (e, k) of the k displacement nodes on each of e entities, in the order of Lagrange functions.
 
-    `kind` is the kind of the entities' cells.
+    The entities are those of the group `name`; `kind` is the kind of the entities' cells.
     """
     topology = cell_topology(kind) if mesh.groups[name].dim else [[[0]]]
     tables = [

@@ -255,7 +255,8 @@ class Bodies:
     def _full_frequencies(self, at: WayPoints) -> Array:
         """Return the full system's f lowest frequencies (S, f) in Hz at the S positions `at`.
 
-        The frequencies are read from the caches; if these lack them, they are computed and stored there.
+        Frequencies that other runs share are taken as they are.  Others are read from the caches; if these lack them,
+        they are computed and stored there.
         """
         if self.shared is not None:
             return self.shared.frequencies
@@ -372,9 +373,10 @@ def _loaded_section(body: AssembledBody, recovered: RecoveredBody, states: BodyS
 
 
 def _loaded_rings(body: AssembledBody, states: BodyStates, q: Array) -> list[LoadedRing]:
-    """Return the pads of a body by their place along the body, with their forces in `states`.
+    """Return the pads of a body in rings, with the places and the forces of each ring in the S `states`.
 
-    q (S, n) are the full coordinates, from which the forces of springs follow.
+    Pads of one size that are at the same place along the body in all states form a ring.  q (S, n) are the full
+    coordinates, from which the forces of springs follow.
     """
     from pmr.fullmodel.wall_stress import LoadedRing
 

@@ -250,9 +250,10 @@ class SupportReactions(NamedTuple):
 
 
 def _support_reactions(full_system: FullSystem, history: History) -> SupportReactions:
-    """Return the rigid supports whose forces are no outputs of the system, and their forces (T, h) in N, by body.
+    """Return the rigid supports whose forces are no outputs of the system, and their forces (T, h), by body.
 
-    h is the number of such supports on the body; bodies without such supports are left out.
+    Forces are in N, moments in N m, at T times; h is the number of such supports on the body.  Bodies without such
+    supports are left out.
     """
     system, bearing_contacts = full_system.with_supports(), set(output_contacts(full_system))
     inner = {k: contact.inner for k, contact in enumerate(system.contacts) if k not in bearing_contacts}

@@ -216,7 +216,10 @@ class Cache(SystemCache):
     model: FullModel
 
     def reduced_body(self, request: Mapping[str, object], make: Callable[[], ReducedBody]) -> ReducedBody:
-        """Return the body stored for this request; if there is none, call `make` and store its result; collective."""
+        """Return the body stored for this request; if there is none, call `make` and store its result; collective.
+
+        The request holds all that the body depends on beside the full model and the code.
+        """
         file = self._file("reduction", request)
         arrays = self._read(file)
         if arrays is not None:

@@ -141,7 +141,7 @@ def basis_of_vectors(model: FullModel, vectors: Snapshots, choice: Reduction, si
 
 
 def _weigh(model: FullModel, v: Array, in_mass: bool) -> Array:
-    """Product M v (n_local, 1) of a vector v (n_local,) if `in_mass` is true, else v itself."""
+    """Product M v (n_local, 1) of a vector v (n_local,) if `in_mass` is true, else v itself as a column."""
     return times(model.M, v[:, None]) if in_mass else v[:, None]
 
 
