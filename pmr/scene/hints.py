@@ -90,17 +90,31 @@ class _UnusualNumber:
 def hints(scene: Scene, at_rest: bool = False) -> list[str]:
     """Return a sentence for each key of a scene whose number is unusual, and remarks on what its model leaves out.
 
-    The remarks are about a weight that lifts, hung forces without a mass, open profiles, and probes where a beam does
-    not know the stress.  A model `at_rest`, as that of a load chart, needs no masses of hung forces.
+    The remarks are about a weight that lifts or is never whole, hung forces without a mass, open profiles, and probes
+    where a beam does not know the stress.  A model `at_rest`, as that of a load chart, has its whole weight and needs
+    no masses of hung forces.
     """
     numbers = list(_unusual_in_table(scene, "", boom_scales(scene)))
     for number, part in enumerate(scene.sections):
         key = f"sections[{number}]." if scene.sections[0].name else ""
         numbers += _unusual_in_table(part, key, boom_scales(scene) | _section_scales(part))
-    hung = "" if at_rest else hung_force_remark(scene)
-    lifts = scene.gravity is not None and scene.gravity.direction[2] > 0.0
-    weight = "gravity.direction points upwards, along z: the weight lifts this boom" if lifts else ""
-    return [*_sentences(numbers), *filter(None, [weight, hung]), *_open_profile_remarks(scene), *_probe_remarks(scene)]
+    is_whole = at_rest or "gravity.rise" in [number.key for number in numbers]  # or it is asked for its unit
+    remarks = [_weight_remark(scene, is_whole), "" if at_rest else hung_force_remark(scene)]
+    return [*_sentences(numbers), *filter(None, remarks), *_open_profile_remarks(scene), *_probe_remarks(scene)]
+
+
+def _weight_remark(scene: Scene, is_whole: bool) -> str:
+    """Sentence about a weight that lifts or, unless it `is_whole`, still grows when a run ends; empty for others."""
+    gravity, end = scene.gravity, scene.time.end
+    if gravity is not None and gravity.direction[2] > 0.0:
+        return "gravity.direction points upwards, along z: the weight lifts this boom"
+    if gravity is None or is_whole or gravity.rise <= end:
+        return ""
+    reached = 100.0 * float(gravity.signal.value(end)) / gravity.acceleration
+    return (
+        f"the weight grows for gravity.rise = {gravity.rise:g} s, but the run ends at {end:g} s, when it has reached "
+        f"{reached:.2g} %; a shorter rise, or start = 'equilibrium', has the whole weight"
+    )
 
 
 def _open_profile_remarks(scene: Scene) -> Iterator[str]:
