@@ -199,24 +199,25 @@ def read_table(file: Path) -> NumberTable:
     """
     try:
         with file.open(newline="", encoding="utf-8-sig") as stream:
-            rows = [row for row in csv.reader(stream) if row]
+            reader = csv.reader(stream)
+            rows = [(reader.line_num, row) for row in reader if row]
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(str(file), "", None, f"a table of text in UTF-8 is allowed: {error}") from None
     except OSError:
         raise InputError(str(file), "", None, missing_file_reason(file)) from None
-    headings = rows[0] if rows else []
+    headings = rows[0][1] if rows else []
     units = tuple(heading.partition(" [")[2].strip().removesuffix("]") for heading in headings)
     for heading, unit in zip(headings, units, strict=True):
         if unit and unit not in UNITS:
             raise InputError(str(file), "columns", heading, f"one of these units is allowed: {', '.join(UNITS)}")
     names = tuple(heading.partition(" [")[0].strip() for heading in headings)
     values = np.full((max(len(rows) - 1, 0), len(names)), np.nan)
-    for line, row in enumerate(rows[1:], 2):
+    for number, (line, row) in enumerate(rows[1:]):
         if len(row) != len(names):
             raise InputError(str(file), f"line {line}", len(row), f"{len(names)} cells are allowed")
         for k, cell in enumerate(row):
             try:
-                values[line - 2, k] = float(cell) if cell.strip() else np.nan
+                values[number, k] = float(cell) if cell.strip() else np.nan
             except ValueError:
                 raise InputError(str(file), f"line {line}, {names[k]}", cell, "a number is allowed") from None
     return NumberTable(names, values, units)
@@ -227,17 +228,18 @@ class FrequencyTable:
     """Measured frequencies at k places, each given by the coordinates of the P paths of a system."""
 
     paths: tuple[str, ...]  # (P,), or ``s`` for the only path of a system
-    places: Array  # (k, P) m
+    places: Array  # (k, P) m, rad on the path of a luffing angle
     measured: tuple[MeasuredFrequencies, ...]  # (k,)
 
     @classmethod
     def read(cls, file: Path) -> FrequencyTable:
-        """Read a CSV table: columns named by paths, or ``s``, in m, then ``f1``, ``f2`` ... in Hz, lowest first.
+        """Read a CSV table: columns named by paths, or ``s``, then ``f1``, ``f2`` ... in Hz, lowest first.
 
-        Each row is a place.  Damping ratios of the lowest modes may follow in columns ``d1``, ``d2`` ...  A column
-        ``held_out`` may have 1 for places that serve to judge the fit and are not used for it, and a column
-        ``deviation`` the relative standard deviations of the frequencies.  Without these columns all places are used
-        for the fit, with the deviation of `MeasuredFrequencies`.  Raises InputError for another table.
+        Each row is a place, by its coordinates on the paths in m, or in rad for a luffing angle.  Damping ratios of the
+        lowest modes may follow in columns ``d1``, ``d2`` ...  A column ``held_out`` may have 1 for places that serve to
+        judge the fit and are not used for it, and a column ``deviation`` the relative standard deviations of the
+        frequencies.  Without these columns all places are used for the fit, with the deviation of
+        `MeasuredFrequencies`.  Raises InputError for another table.
         """
         table = read_table(file)
         names, values = table.names, table.values

@@ -56,7 +56,7 @@ def test_a_table_of_measurements_is_read(tmp_path: Path) -> None:
     [
         ("", "columns"), ("a,b\n1,2\n2,3\n", "columns"), ("t,a,a\n1,2,3\n2,3,4\n", "columns"),
         ("t [s],a [kN]\n1,2\n2,3\n", "columns"), ("t [ms],a [N]\n1,2\n2,3\n", "columns"),
-        ("t,a\n1,2\n2,x\n", "line 3, a"), ("t,a\n1,2\n2\n", "line 3"), ("t,a\n2,2\n1,3\n", "t"),
+        ("t,a\n1,2\n\n2,x\n", "line 4, a"), ("t,a\n1,2\n2\n", "line 3"), ("t,a\n2,2\n1,3\n", "t"),
         ("t,a\nnan,2\n1,3\n", "t"),
     ],
 )  # fmt: skip
