@@ -97,7 +97,8 @@ def support_block(result: RunResult, prefix: str) -> Block | None:
 def pivot_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block about forces on the machine, and their moments about the pivot; None if the run has none.
 
-    The forces are those of all of the boom's supports together.  `prefix` begins the identifiers of the figures.
+    The forces are those of all of the boom's supports together.  A table has the extremes of the luffing cylinder.
+    `prefix` begins the identifiers of the figures.
     """
     outputs = [output for output in result.responses["reduced"].outputs if output.name.startswith(REACTION_OF + PIVOT)]
     has_cylinder = any(output.name.endswith("cylinder") for output in outputs)
@@ -126,7 +127,7 @@ def pivot_block(result: RunResult, prefix: str) -> Block | None:
 
 
 def ground_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block about forces of outriggers and margins against tipping.
+    """Build the block about forces of outriggers, margins against tipping and the use of the support polygon.
 
     `prefix` begins the identifiers of its figures.  None if the machine has no ground.
     """

@@ -37,7 +37,7 @@ Rows = Iterator[tuple[str, str]]
 
 
 def system_rows(result: RunResult) -> Rows:
-    """Yield rows (name, text) about bodies, point masses, pads, loads, weight, angles, reach, tip and time."""
+    """Yield rows (name, text) about bodies, masses, pads, loads, weight, machine, angles, extensions, tip and time."""
     yield from _body_rows(result)
     yield from _mass_rows(result)
     yield from _pad_rows(result)

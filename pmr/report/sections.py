@@ -101,8 +101,8 @@ def accuracy_block(result: RunResult) -> Block | None:
 def input_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block with figures of paths or extensions, loads, and angles of the boom over time.
 
-    Extensions and angles that do not change, and loads that do not act, are left out; None if nothing is left.
-    `prefix` begins the identifiers of the figures.
+    Extensions are left out if none of them changes, and so are angles that do not change and loads that do not act.
+    None if nothing is left.  `prefix` begins the identifiers of the figures.
     """
     row, moves, colours = list[Drawing](), moving_part(result), section_colours(result.scene.bodies)
 
@@ -217,7 +217,7 @@ def _published_frequency_grids(result: RunResult) -> Iterator[Grid]:
 def response_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block with the frequency response of the tip; None if the scene does not ask for it.
 
-    Outputs that a load does not move are left out.  `prefix` begins the identifiers of the figures.
+    Loads that do not move the tip are left out.  `prefix` begins the identifiers of the figures.
     """
     response = result.frequency_response
     if response is None:

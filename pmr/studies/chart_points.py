@@ -318,9 +318,9 @@ def _place_arrays(
 ) -> dict[str, Array]:
     """Return the row of a place in each array of `governing_details`, by the array's name.
 
-    `limit` is that of `limits` which governs at the place; None if none does.  The load is slightly less than `load` in
-    kg, as there is no equilibrium at the load at which stability is lost.  `bent` are the outputs that show the bent
-    boom, and `stops` the stopping motions whose swings are computed.
+    `limit` is that of `limits` which governs at the place; None stands for stability.  The load is slightly less than
+    `load` in kg, as there is no equilibrium at the load at which stability is lost.  `bent` are the outputs that show
+    the bent boom, and `stops` the stopping motions whose swings are computed.
     """
     at, load = place.postures, load * (1.0 - JUST_BELOW)
     state = place.equilibria.state(load)

@@ -143,10 +143,9 @@ LimitFunction = Callable[[AtRest], float]
 
 
 def plugin_function(limit: str, name: str | None) -> LimitFunction:
-    """Return the function of the entry point `name`; raise an InputError if no package offers that name, or it is None.
+    """Return the function of the entry point `name`; `limit` is the name of the limit, for messages.
 
-    An error that names the package is raised if its object is no function.  `limit` is the name of the limit, for the
-    message.
+    Raises InputError if the name is None, if no package offers it, or if what is offered is no function.
     """
     offered = environment.plugin_objects("pmr.limits", frozenset())
     function: Any = offered.get(name or "")

@@ -96,7 +96,10 @@ class LoadChart:
 
     @property
     def labels(self) -> list[str]:
-        """Letters and names of the governing limits, and words for positions at which no limit is reached."""
+        """Letters and names of the governing limits, then words for other positions that the chart has.
+
+        Other positions are those at which no limit is reached, and those at which the boom is not permitted even empty.
+        """
         named = [f"{letters(k)} {self.names[k]}" for k in self.governing_limits]
         beyond = [f"more than {format_input(self.up_to)} kg (search ends there)"] * bool((self.which < 0).any())
         return named + beyond + [NOT_PERMITTED] * bool(self.not_permitted.any())

@@ -176,9 +176,9 @@ def _draw_fixtures(ax: Axes, result: RunResult, step: int) -> None:
 def _draw_loads(ax: Axes, result: RunResult, axes: Mapping[str, tuple[Array, Array]], step: int) -> None:
     """Draw each force in the plane of the view as an arrow, with two heads if it changes its sign, and its name.
 
-    `axes` are the points x (n,) in m of each body's axis, and their places (n, 2) in m in the view.  Forces at one
-    place in one direction share an arrow.  A force that does not act at the step number `step`, which is drawn, has the
-    time of its largest value.
+    `axes` are the points x (n,) in m of each body's axis, and their places (n, 2) in m in the view.  Forces whose
+    arrows begin at one point have a common label.  The name of a force that does not act at the step number `step`,
+    which is drawn, is followed by the time of its largest value.
     """
     inch = float(np.ptp(ax.get_xlim())) / (HALF - LEFT - RIGHT)
     forces, names = dict[tuple[str, str, float, bool], Array](), dict[tuple[float, ...], list[str]]()

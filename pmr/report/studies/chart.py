@@ -50,7 +50,7 @@ SHOWN = 0.5
 def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     """Build the chapter about a load chart; `prefix` is put before every identifier.
 
-    If no limit is reached at any point, the chapter has only the tables of limits and load cases.
+    If no limit is reached at any point, the chapter has no picture, no loads over the radius and no pages of limits.
     """
     names = [*(str(limit["name"]) for limit in study.study_file["limits"]), STABILITY]
     parts = [study.results.arrays(run.key) for run in study.results.runs]

@@ -200,7 +200,7 @@ def _degrees(parts: Parts) -> str:
 def error_bar_grids(study: FinishedStudy, names: list[str], parts: Parts) -> list[Grid]:
     """List with one table of the error bars of the limits `names`, and of the bars' parts, as shares of the load.
 
-    The list is empty if no error bars were asked for.
+    Limits that no load of the chart reaches have no row.  The list is empty if no error bars were asked for.
     """
     if not study.study_file["error_bars"]:
         return []
