@@ -267,7 +267,10 @@ def combine_rings(system: System) -> CombinedRings:
         return CombinedRings(system)
     numbers, contacts, shares = np.eye(len(system.contacts)), list[Contact](), list[Array]()
     bodies = {name: _BodyRows(body) for name, body in system.reduced.items()}
-    for ring, S in _rings(system.contacts, bodies):
+    rings = _rings(system.contacts, bodies)
+    if sum(len(S.T) for _, S in rings) == len(numbers):
+        return CombinedRings(system)
+    for ring, S in rings:
         pads = [system.contacts[k] for k in ring]
         scaled = np.sqrt(_relative_stiffness(pads))
         for n, share in enumerate(S.T):
@@ -282,8 +285,6 @@ def combine_rings(system: System) -> CombinedRings:
                 contact = replace(contact, direction=1.0, compliance=1.0 / mean)
             contacts.append(contact)
             shares.append((share * scaled) @ numbers[ring])
-    if len(contacts) == len(numbers):
-        return CombinedRings(system)
     models = {name: rows.model for name, rows in bodies.items()}
     return CombinedRings(System(models, tuple(contacts), terms=system.terms), np.array(shares).T)
 

@@ -95,7 +95,8 @@ class Term:
         `motions` maps each body's name to V (n, r), with which the old coordinates are q = V p.
         """
         V = sp.block_diag([sp.csr_matrix(motions[name]) for name in self.bodies], format="csr")
-        projected: dict[str, Any] = {key: (V.T @ (sp.csr_matrix(A) @ V)).toarray() for key, A in self.matrices.items()}
+        products = {key: V.T @ (A @ V) for key, A in self.matrices.items()}
+        projected: dict[str, Any] = {key: A.toarray() if sp.issparse(A) else A for key, A in products.items()}
         return replace(self, **projected, supports={})
 
     def scatter(self, numbers: Mapping[str, Sequence[int] | Indices], size: int) -> Term:
