@@ -50,6 +50,23 @@ int pmr_evaluate(pmr_state *state, const double *at, int hold, const pmr_values 
     return pmr_evaluate_along(state, at, NULL, NULL, NULL, hold, values);
 }
 
+int pmr_take_motions(int n, double step, const double *given, const double *limits, double *motions)
+{
+    int k, j;
+    for (k = 0; k < n; k++) {
+        const double value = given[k], rate = given[n + k], second = given[2 * n + k], change = value - motions[k];
+        const double *most = limits + k;
+        if (isnan(*most)) continue;
+        if (!(value >= most[0] && value <= most[n] && fabs(change) <= most[2 * n] && fabs(rate) <= most[3 * n] &&
+              isfinite(second)) ||
+            (second == 0.0 && motions[2 * n + k] == 0.0 && fabs(change - step * motions[n + k]) > most[4 * n]))
+            return k;
+    }
+    for (k = 0; k < n; k++)
+        for (j = 0; j < 3 && !isnan(limits[k]); j++) motions[j * n + k] = given[j * n + k];
+    return -1;
+}
+
 static double limited_sum(const pmr_limits *w, int k)
 {
     double sum = 0.0;

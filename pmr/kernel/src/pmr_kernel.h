@@ -328,6 +328,11 @@ int pmr_advance(pmr_state *state, const pmr_signals *signals, int64_t count, int
 int pmr_advance_sampled(pmr_state *state, const double *u, int per, int64_t count, int64_t every, const int32_t *parts,
                         const pmr_record *record, int64_t *taken, int *needed);
 
+/* Take `given` as motions (3, n) of a frame for a step if each is finite and within limits (5, n): its value from the first to
+   the second, its change up to the third, its rate up to the fourth, and up to the fifth what it goes on without a second
+   rate.  The number of the first that is not, and none is taken; -1: all are.  A motion whose limits are NaN stays. */
+int pmr_take_motions(int n, double step, const double *given, const double *limits, double *motions);
+
 /* Outputs y (o,) and forces (forces,) of all contacts, either NULL, where the state stands. */
 void pmr_outputs(pmr_state *state, double *y, double *forces);
 /* Some of them, by their numbers (count,): of outputs, behind these of forces, and behind these of outputs of a hoist, of

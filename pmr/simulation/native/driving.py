@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
 from math import isfinite
 from typing import Any, TypeGuard
 
@@ -12,7 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from pmr.errors import BEYOND_ENDS, InputError, similar_name_hint
 from pmr.files.arrays import Array
+from pmr.kernel._native import lib
 from pmr.kernel.further import AXES
+from pmr.kernel.kernel import pointer
 
 logger = logging.getLogger(__name__)
 #: Largest angle in rad, except for slewing.  Share of its range, or of a turn, by which a motion may change in a step
@@ -73,6 +76,7 @@ class Drivers:
         self._angles = {of_frame + k: name for k, name in enumerate(frame or ()) if name not in AXES}
         #: names, by number, of drivers that have inertia in the frame and no warning yet of a missing second rate
         self._unwarned = (dict(enumerate(self.paths)) | self._angles) if self._in_frame else {}
+        self._all: tuple[Array, Callable[[], int], Array] | None = None  # for `take_all`
         self._told, self._placed, self._started = set[str](), False, False
         self._begun_motions, self._begun_rows = motions.copy(), rows.copy()  # motions at the end of the last step
 
@@ -85,6 +89,33 @@ class Drivers:
         self._limits_of_frame: Limits = {
             name: (k, *(turn if k in self._angles else unlimited)) for name, k in self._frame_numbers.items()
         }
+
+    def take_all(self, given: Array, names: Sequence[str], free: Collection[str]) -> None:
+        """Take motions `given` (3, n) of a frame: values, rates and second rates of all n `names`, in their order.
+
+        Motions that are `free` are computed, and their columns have no effect.  Errors and warnings are those of
+        motions that are taken by their names.
+        """
+        if self._all is None:
+            limits = np.full((5, len(names)), np.nan)
+            of_all = self._limits | self._limits_of_loads | self._limits_of_frame
+            for k, name in enumerate(names):
+                if name not in free:
+                    limits[:, k] = *of_all[name][1:], LEFT_OUT if k in self._unwarned else LARGEST
+            room = np.zeros((3, len(names)))
+            pointers = map(pointer, (room, limits, self.motions))
+            self._all = room, partial(lib.pmr_take_motions, len(names), self._step, *pointers), limits
+        room, take, _ = self._all
+        if given.shape != room.shape:
+            allowed = f"{room.shape} is allowed: values, rates and second rates of {', '.join(names)}"
+            raise InputError("stepper", "s", given.shape, allowed)
+        room[:] = given
+        if take() >= 0:  # one by one, for a message about the one that is beyond a limit
+            motions = {name: tuple(of) for name, of in zip(names, room.T.tolist(), strict=True) if name not in free}
+            self.take_path({name: of for name, of in motions.items() if name in self._limits})
+            self.take_loads({name: of for name, of in motions.items() if name in self._limits_of_loads})
+            self.take_frame({name: of for name, of in motions.items() if name in self._limits_of_frame})
+        self.rows.fill(3)
 
     @property
     def path_coordinates(self) -> dict[str, float]:

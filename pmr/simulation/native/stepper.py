@@ -166,6 +166,9 @@ class Stepper:
             self._ranges = {path: self._ranges[path] for path in paths}
         undivided = settings.parts == (1,)
         driven = paths, loads, of_frame
+        #: names of all motions of a boom in a frame, in the order in which `step` takes them as an array
+        self.motion_names = () if moving is None else moving.drivers
+        self._free = (*self._moved, *([LUFFING] if self._computed and not self._moved else ()))
         self._drivers = Drivers(bound.motions, bound.rows, driven, self._ranges, step, not undivided)
         self._drivers.take_path(s)
         self._check_followers()
@@ -197,9 +200,11 @@ class Stepper:
 
         Parameters
         ----------
-        s : as for the start, m
+        s : as for the start, m; or array (3, n)
             Path coordinates at the end of the step.  A path may go beyond its end by `pmr.errors.BEYOND_ENDS` of its
-            length; it is then taken at the end.  Paths that a mapping leaves out stay where they are.
+            length; it is then taken at the end.  Paths that a mapping leaves out stay where they are.  For a boom in a
+            frame, an array (3, n) is fastest, without F and frame: values, rates and second rates of all n motions,
+            in the order of `motion_names`.  Columns of motions that are free have no effect.
         F : as for the start, N (gravity m/s^2)
             Loads at the end of the step; a Python float is fastest.  Loads that are not given stay as they are.
         frame : as for the start
@@ -223,21 +228,27 @@ class Stepper:
             finite: the message names the step, its time and what failed.
         """
         drivers = self._drivers
-        if type(F) is float and self._load >= 0 and F - F == 0.0:  # F - F is NaN unless F is finite
-            self._driver_values[self._load] = F
-        elif F is not None:
-            drivers.take_loads(F)
-        if frame is not None:
-            if self._computed and not self._moved and LUFFING in frame:
-                allowed = "none is allowed after the start, for the luffing angle is free"
-                raise InputError("stepper", "frame.luffing", frame[LUFFING], allowed)
-            drivers.take_frame(frame)
-        if type(s) is float and self._low <= s <= self._high and abs(s - self._driver_values[0]) <= self._jump:
-            self._driver_values[0] = s
+        if type(s) is np.ndarray and s.ndim == 2:
+            if not self.motion_names or F is not None or frame is not None:
+                allowed = "an array of all motions is allowed by itself, for a boom in a frame"
+                raise InputError("stepper", "s", s.shape, allowed)
+            drivers.take_all(s, self.motion_names, self._free)
         else:
-            if self._moved:
-                self._refuse_moved(s)
-            drivers.take_path(s)
+            if type(F) is float and self._load >= 0 and F - F == 0.0:  # F - F is NaN unless F is finite
+                self._driver_values[self._load] = F
+            elif F is not None:
+                drivers.take_loads(F)
+            if frame is not None:
+                if self._computed and not self._moved and LUFFING in frame:
+                    allowed = "none is allowed after the start, for the luffing angle is free"
+                    raise InputError("stepper", "frame.luffing", frame[LUFFING], allowed)
+                drivers.take_frame(frame)
+            if type(s) is float and self._low <= s <= self._high and abs(s - self._driver_values[0]) <= self._jump:
+                self._driver_values[0] = s
+            else:
+                if self._moved:
+                    self._refuse_moved(s)
+                drivers.take_path(s)
         if self._in_parts:
             drivers.lead_rates(self._bound.rates)
         failed = self._advance()

@@ -88,6 +88,26 @@ def test_bad_motions_are_refused(system: System, change: dict[str, Any], says: s
 
 
 @pytest.mark.slow
+def test_an_array_of_all_motions_is_taken_as_they_are_by_their_names(system: System, frame: MovingFrame) -> None:
+    excitation = Excitation.from_scene(pmr.load_scene(plain_machines.CRANE, [*CHANGES]))
+    by_names, by_array = (Stepper(system, STEP, **given(frame, excitation, 0.0)) for _ in range(2))
+    assert by_array.motion_names == frame.drivers
+    for k in range(1, 20):
+        array = frame.motions(excitation, k * STEP)
+        assert np.array_equal(by_names.step(**given(frame, excitation, k * STEP)), by_array.step(array))
+    for number, value, message in (("fly", 99.0, "s.fly = 99.0: "), ("slewing", np.nan, "frame.slewing = "),
+                                   ("luffing", 7.0, "frame.luffing = 7.0: at most one turn")):  # fmt: skip
+        beyond = array.copy()
+        beyond[0, frame.drivers.index(number)] = value
+        with pytest.raises(InputError, match=message):
+            by_array.step(beyond)
+    for arguments in ((array[:2],), (array, 0.0)):
+        with pytest.raises(InputError, match="stepper: s = .*allowed"):
+            by_array.step(*arguments)
+    assert np.array_equal(by_names.step(**given(frame, excitation, 20 * STEP)),
+                          by_array.step(frame.motions(excitation, 20 * STEP)))  # fmt: skip
+
+
 def test_a_motion_without_second_rates_is_told_once(system: System, frame: MovingFrame, caplog: Any) -> None:
     """As the run has it nothing is said; and a boom that slews goes on beyond a turn."""
     excitation = Excitation.from_scene(pmr.load_scene(plain_machines.CRANE, [*CHANGES]))
