@@ -144,7 +144,9 @@ def write_sid(body: NodalBody, target: Path) -> Path:
 def _centrifugal(of: Array) -> Array:
     """Coefficients (m, [m,] 6) of the integral of phi . omega x (omega x r), by the six products Omega of the module.
 
-    `of` (3, 3, m, [m]) are integrals of products of a component of r, or of r in each of m modes, and one of phi.
+    `of` (3, 3, m) are the integrals of products of a component of r, of the points without deformation, and one of phi
+    in each of m modes.  For the part of r that is linear in the modes `of` is (3, 3, m, m), a mode of r before one of
+    phi.
     """
     trace = np.einsum("ii...->...", of)
     squares = [of[a, a] - trace for a, b in PRODUCTS[:3]]

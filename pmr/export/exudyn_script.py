@@ -39,9 +39,11 @@ def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
     The script's data are written into the same folder.  The script needs numpy, scipy and exudyn only; its path is
     returned.
 
-    Raises InputError as `script_data`; if the file holds no system; if matrices of the system or lengths of its ropes
-    change in time; if it has friction or a hoist; or if the data would replace a file that holds anything but data of a
-    script.
+    Raises InputError in these cases, and as `script_data`:
+
+    - the file holds no system;
+    - the system's matrices or the lengths of its ropes change in time, or it has friction or a hoist;
+    - the data would replace a file that does not hold data of a script.
     """
     npz_path, target = Path(npz_path), Path(target)
     system = System.load(npz_path).ensure_constant(npz_path.name).ensure_lengths_stay(npz_path.name)
@@ -70,9 +72,11 @@ def _is_free(file: Path) -> bool:
 def script_data(system: System, source: str) -> Arrays:
     """Arrays that the script reads, by name: matrices, contacts, signals, start.
 
-    Raises InputError, which names the file `source`, for a system that the script can't simulate: if its provenance has
-    no usable scene; if the scene has a frame that moves, or a signal that is no sum of polynomials and sines; or if no
-    output is a displacement.
+    Raises InputError, which names the file `source`, for a system that the script can't simulate:
+
+    - its provenance has no usable scene;
+    - its scene has a frame that moves, or a signal that is no sum of polynomials and sines;
+    - none of its outputs is a displacement.
     """
     for body in system.bodies.values():
         if ALONE in system.bodies:

@@ -194,8 +194,8 @@ def read_table(file: Path) -> NumberTable:
     """Read a CSV table of numbers, whose first line has the names of columns with their units in brackets.
 
     Empty lines are left out; an empty cell is NaN.  Raises InputError for a file that is missing or no text in UTF-8,
-    for a unit that is not in `UNITS` and, with the number of the line, for a cell that is no number and for a line of
-    another length.
+    and for a unit that is not in `UNITS`.  For a cell that is no number, or a line of another length, the InputError
+    has the number of the line in the file.
     """
     try:
         with file.open(newline="", encoding="utf-8-sig") as stream:

@@ -72,8 +72,9 @@ class _Views:
         """Yield the bodies and all that surrounds them at a moment, as seen from a `direction`.
 
         A body encloses those that slide in it: walls on the side of the camera are drawn in front of them, walls on the
-        other side behind them.  `edges` is the width of mesh lines in px, and `opacity` (0 to 1) that of the next outer
-        section of a body alone, and of the bodies that enclose the body called `shown`; None: all bodies are opaque.
+        other side behind them.  `edges` is the width of mesh lines in px.  The bodies that enclose the body called
+        `shown` have the `opacity` (0 to 1), and so has the next outer section of a body alone; if `shown` is None, all
+        bodies are opaque.
         """
         sight = np.array(direction) if self.pose is None else self.pose.rotation[moment.frame].T @ direction
         pieces, names = list(self._body_pieces(moment, edges)), list(self.bodies.surfaces)

@@ -354,8 +354,9 @@ def _deflection_text(direction: str, value: float) -> str:
 def _frequency_rows(result: RunResult) -> LargestValues:
     """Yield a row with the lowest natural frequency over the path; nothing if none is known.
 
-    The row also says in which direction this mode moves the tip, where on the path the frequency is lowest, and what
-    masses and closed pads it has.  A frequency below the share `ROUND_OFF` of the highest frequency is printed as 0.
+    The row also says in which direction this mode moves the tip, where on the path the frequency is lowest, what masses
+    and closed pads it has, and what it is without pads that are open at rest.  A frequency below the share `ROUND_OFF`
+    of the highest frequency is printed as 0.
     """
     frequencies = result.frequencies.models.get("reduced")
     if frequencies is None or not frequencies.size or not np.isfinite(frequencies[:, 0]).any():

@@ -333,8 +333,8 @@ def _force_grid(result: RunResult, kind: str, forces: Sequence[Force]) -> Grid:
 def _reaction_grid(result: RunResult, at_pivot: bool, caption: str) -> Grid:
     """Build the table, with its `caption`, of the extremes of forces and moments on rigid supports that bear any.
 
-    If `at_pivot` is true, the table has the forces at the pivot of a boom in a frame, which are sums over all supports;
-    if it is false, the table has the forces on all other supports.
+    If `at_pivot` is true, the forces are those at the pivot of a boom in a frame, the sums over all supports.  If it is
+    false, they are those on each of the other supports.
     """
     response, measured = result.responses["reduced"], list[Measured]()
     for of, extremes in reaction_extremes(response, result.abscissa_at(response.t)).items():

@@ -159,7 +159,10 @@ def reaction_table(result: RunResult) -> Table:
 
 
 def frequency_table(result: RunResult) -> Table:
-    """Return a table of the lowest frequencies in Hz over the path coordinate, or over the reach of a boom."""
+    """Return a table of the lowest frequencies in Hz over the path coordinate, or over the reach of a boom.
+
+    The last column is the lowest frequency without pads that are open at rest, if it is known.
+    """
     lowest = result.frequencies
     heads = [f"{name.replace('_', ' ')} {k + 1} [Hz]" for name, f in lowest.models.items() for k in range(f.shape[1])]
     values = np.column_stack([lowest.along, *lowest.models.values()])

@@ -186,7 +186,7 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     - ``at.<name>``: arrays of `pmr.studies.chart_points.governing_details` at the points ``at.place`` (l,), where each
       limit governs the largest load of the row; ``at.place`` is -1 for a limit that governs at none.
       ``at.remarks`` (l,): what the quantity of each limit leaves out, in words; ``at.left_out`` (n, 2): what the chart
-      leaves out, as pairs of a subject and clauses; ``at.definitions`` (n, 2): the same of what words mean.
+      leaves out, as pairs of a subject and clauses; ``at.definitions`` (n, 2): words and what they mean.
       ``at.slewing``: the slewing angles of the row in degrees.
 
     Record: ``load.least`` and ``load.most``, the extremes over the points of the smallest load over all limits, in kg.

@@ -53,8 +53,8 @@ class Drivers:
         If `reactions` is false, forces of rigid supports are no outputs, and pads of a ring are combined where the
         effect stays the same.  Where the luffing angle of the system's scene is free, all modes get inertia.
 
-        Raises InputError as `modal_form` and `stepped_frame`; if the system has matrices of a moving frame or of second
-        order but no scene whose frame moves it; or if its paths are not those of the frame, in the same order.
+        Raises InputError as `modal_form` and `stepped_frame`, and in two cases: the system has matrices of a moving
+        frame or of second order, but no scene with such a frame; or its paths are not those of the frame in this order.
         """
         stored = read_scene(system, "system", free=True) if "scene" in system.provenance else None
         if stored is not None and stored.luffs_freely:

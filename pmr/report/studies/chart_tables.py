@@ -301,8 +301,8 @@ def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Itera
     def cell(r: int, e: int, values: Array) -> str:
         """Entry of `values` (radii, lengths) in kg at radius number `r` and length number `e`, and its limit's letter.
 
-        The text is empty where the entry is NaN, ``>`` and the largest load that was tried where no limit is reached,
-        and `NO_LOAD` where nothing remains of the entry after rounding down.
+        The text is empty for NaN.  It is ``>`` and the largest load that was tried if no limit is reached, and
+        `NO_LOAD` if nothing remains after rounding down.
         """
         if np.isnan(values[r, e]):
             return ""
