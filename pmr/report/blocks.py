@@ -204,8 +204,9 @@ class Player:
 class Block:
     """Content below one heading: text, errors, animation, drawings, pictures, grids and tables, in this order.
 
-    Two drawings of half a page's width stand side by side; `software` lists names with versions.  On paper the tables
-    stand in this number of `columns`; in one column they are as wide as the page on a screen, too.
+    If `grids_first` is true, grids stand before the drawings: their rows fill the end of a page on which no drawing has
+    room.  Two drawings of half a page's width stand side by side; `software` lists names with versions.  On paper the
+    tables stand in this number of `columns`; in one column they are as wide as the page on a screen, too.
     """
 
     heading: str
@@ -218,6 +219,7 @@ class Block:
     tables: Sequence[Table] = ()
     columns: int = 3
     software: Sequence[str] = ()
+    grids_first: bool = False
 
 
 @dataclass(frozen=True)

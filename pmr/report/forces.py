@@ -282,7 +282,9 @@ def _force_block(result: RunResult, prefix: str, kind: str, heading: str, *more:
     named = ", ".join(force.name for force in slight)
     text += f"Below {format_percent(SLIGHT, 1)} of the largest one, so not drawn: {named}." if slight else ""
     grids = tuple(grid for grid in (_force_grid(result, kind, bearing), *more) if grid.rows)
-    return Block(heading.capitalize(), drawn, text=text.strip(), grids=grids) if forces or grids else None
+    if not forces and not grids:
+        return None
+    return Block(heading.capitalize(), drawn, text=text.strip(), grids=grids, grids_first=True)
 
 
 def exceeds_round_off(result: RunResult, force: Force) -> bool:

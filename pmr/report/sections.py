@@ -282,7 +282,7 @@ def stress_block(result: RunResult, prefix: str) -> Block | None:
         drawings.append(drawing(anchor, histories.stress_figure, caption, result, body))
     grids = tuple(_part_grids(result))
     heading = " ".join(filter(None, ("Stress", stress_remark(result.scene))))
-    return Block(heading=heading, drawings=drawings, grids=grids) if drawings or grids else None
+    return Block(heading=heading, drawings=drawings, grids=grids, grids_first=True) if drawings or grids else None
 
 
 def section_force_block(result: RunResult, prefix: str) -> Block | None:
@@ -309,7 +309,7 @@ def section_force_block(result: RunResult, prefix: str) -> Block | None:
     grid = extremes_grid(
         result, "Least and largest section forces and moments", measured, where=", and their distance from the tail"
     )
-    return Block(heading="Forces along beams", drawings=(drawn,), grids=(grid,))
+    return Block(heading="Forces along beams", drawings=(drawn,), grids=(grid,), grids_first=True)
 
 
 def _part_grids(result: RunResult) -> Iterator[Grid]:
@@ -362,7 +362,7 @@ def probe_block(result: RunResult, prefix: str) -> Block | None:
         for k, of in enumerate(_drawn_measurements(measured))
     ]
     text = "The file tables/cycles.csv has all load cycles, counted by rainflow."
-    return Block("Probes", figures, text=text, grids=(grid, *_damage_grids(result)))
+    return Block("Probes", figures, text=text, grids=(grid, *_damage_grids(result)), grids_first=True)
 
 
 def _damage_grids(result: RunResult) -> list[Grid]:

@@ -63,7 +63,7 @@ def case_sentence(asked: Summary) -> str:
         factors = f"factor of load {lifted[-1]:.4g}, of the boom's weight {case.weight:.4g}"
         factors += "" if case.machine == 1.0 else f", of the machine's {case.machine:.4g}"
         names.setdefault(f"{factors}, {loads}", []).append(case.name)
-    parts = {"a factor of the load": min(lifted) > 1.0, "wind": all(case.wind for case in cases)}
+    parts = {"wind": all(case.wind for case in cases), "a factor of the load": min(lifted) > 1.0}
     contained = [part for part, is_in in parts.items() if is_in]
     missing = [part for part in parts if part not in contained]
     missing = [f"{part} beyond these loads" if part == "wind" and not calm else part for part in missing]
@@ -85,7 +85,10 @@ def _wind_words(case: LoadCase) -> str:
     if case.wind is None:
         return ""
     speed = f"wind of {case.wind.speed:g}{SPACE}m/s, {case.wind.pressure:.4g}{SPACE}Pa"
-    return speed if case.wind.on else f"{speed}, on the sections, shape factor {case.wind.shape:g} where they have none"
+    if case.wind.on:
+        return speed
+    area = f"height or width of their boxes, shape factor {case.wind.shape:g}"
+    return f"{speed}, on the sections: {area}, unless the scene states others"
 
 
 def slewing_clause(angles: Array) -> str:
