@@ -228,10 +228,10 @@ class Assembly:
         numbers = self.system.sides_of(name)
         sides = [self.system.sides[number] for number in numbers]
         each = [self.system.row(side.place).derivatives(x[number]) for number, side in zip(numbers, sides, strict=True)]
-        owners = np.repeat(numbers, [len(of_side.touched) for of_side in each])
-        weights = np.zeros((3, len(self.system.contacts), len(owners)))
-        for number, side, of_side in zip(numbers, sides, each, strict=True):
-            weights[:, side.contact, owners == number] = side.sign * of_side.weights
+        counts = [len(of_side.touched) for of_side in each]
+        owners, weights = np.repeat(numbers, counts), np.zeros((3, len(self.system.contacts), sum(counts)))
+        for side, of_side, at in zip(sides, each, consecutive(counts), strict=True):
+            weights[:, side.contact, at] = side.sign * of_side.weights
         return SideWeights(np.concatenate([of_side.touched for of_side in each]), owners, weights)
 
     def outputs_by_moments(self, x: Array) -> Array:

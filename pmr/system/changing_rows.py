@@ -83,7 +83,7 @@ class ChangingRows:
             assert carriers is not None
             touched, owners, weights = a.side_weights(name, x)
             moved = v[:, None, owners]
-            b = [weights[0], weights[1] * moved, weights[2] * moved**2][: highest + 1]
+            b = [weights[0], *(weights[order] * moved**order for order in range(1, highest + 1))]
             values = carriers.values[touched][:, a.free_coordinates[name]]
             for rows, of_order in zip(orders, b, strict=True):
                 rows.C[..., a.coordinate_slices[name]] += of_order @ values

@@ -29,7 +29,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -47,6 +47,17 @@ class TouchedWeights(NamedTuple):
 
     touched: Indices
     weights: Array
+
+
+@cache
+def _power_derivatives(count: int) -> Array:
+    """Exponents and factors (2, 3, count) of x^(count - 1) to x^0 and of their first and second derivatives."""
+    exponents, factors = np.arange(count - 1.0, -1.0, -1.0), np.ones(count)
+    by_order = []
+    for order in range(3):
+        by_order.append([np.maximum(exponents - order, 0.0), factors])
+        factors = factors * (exponents - order)
+    return np.array(by_order).swapaxes(0, 1)
 
 
 @dataclass(frozen=True)
@@ -121,11 +132,8 @@ class Row:
         """
         at = min(max(s, self.breaks[0]), self.breaks[-1])
         j = int(self.breaks[1:-1].searchsorted(at, side="right"))
-        x, b = at - self.breaks[j], np.zeros((3, self.touched.shape[1]))
-        for c in self.coefficients[:, j]:  # Horner's scheme for the polynomials and their derivatives
-            b[2] = b[2] * x + 2.0 * b[1]
-            b[1] = b[1] * x + b[0]
-            b[0] = b[0] * x + c
+        exponents, factors = _power_derivatives(len(self.coefficients))
+        b = (factors * (at - self.breaks[j]) ** exponents) @ self.coefficients[:, j]
         return TouchedWeights(self.touched[j], b)
 
     def at(self, s: ArrayLike, derivative: int = 0) -> sp.csr_matrix:
