@@ -4,10 +4,12 @@ from typing import Any
 
 import free_boom
 import numpy as np
+import plain_machines
 import pytest
 
 import pmr
 from pmr.compare.strength import dynamic_factors_part
+from pmr.scene import Scene
 
 pytestmark = pytest.mark.slow  # a boom is reduced
 
@@ -88,10 +90,15 @@ def test_a_base_that_moves_has_no_factor(key: str) -> None:
     assert rows(*STANDS, key, "time.end=0.02") == {}
 
 
+def outriggers(*keys: str) -> Scene:
+    """A coarse crane on outriggers, its sections out by 2 m."""
+    few = ("section.mesh.elements=6", "section.reduction.estimate=false", "compare.against=[]")
+    out = [f"sections.{name}.joint.extension=2.0" for name in ("middle", "fly")]
+    return pmr.load_scene(plain_machines.OUTRIGGERS, [*few, *out, *keys])
+
+
 def test_a_machine_that_stands_has_the_factor_1_in_its_pin_and_in_the_use_of_its_support_polygon() -> None:
-    still = {f"sections.{name}.joint.extension": "2.0" for name in ("middle", "fly")}
-    still |= {"frame.luffing": "20.0", "frame.slewing": "30.0", "time.end": "0.04", "compare.against": "[]"}
-    scene = pmr.load_scene("crane_outriggers", [f"{key}={value}" for key, value in still.items()])
+    scene = outriggers("frame.luffing=20.0", "frame.slewing=30.0", "time.end=0.04")
     model = pmr.reduce(scene).system
     found = dynamic_factors_part(scene, model, pmr.simulate(scene, model)).figures["dynamic_factors"]
     assert {"reaction", "resultant", "outrigger", "tipping"} < {row["kind"] for row in found}
@@ -100,10 +107,9 @@ def test_a_machine_that_stands_has_the_factor_1_in_its_pin_and_in_the_use_of_its
 
 def test_the_resultant_of_a_pin_has_the_factor_of_its_history_not_of_a_component() -> None:
     """The pin of a crane that luffs fast: the largest resultant, over that of the same posture held still."""
-    still = {"frame.slewing": "0.0", "time.end": "0.5", "compare.against": "[]", "start": "'equilibrium'"}
-    still |= {f"sections.{name}.joint.extension": "2.0" for name in ("middle", "fly")}
-    moving = {"frame.luffing": "{kind='smooth_ramp', times=[0.0, 0.5], values=[20.0, 30.0]}"}
-    scene = pmr.load_scene("crane_outriggers", [f"{key}={value}" for key, value in (still | moving).items()])
+    still = ("frame.slewing=0.0", "start='equilibrium'")
+    luffing = "frame.luffing={kind='smooth_ramp', times=[0.0, 0.5], values=[20.0, 30.0]}"
+    scene = outriggers(*still, luffing, "time.end=0.5")
     model = pmr.reduce(scene).system
     response = pmr.simulate(scene, model)
     rows = dynamic_factors_part(scene, model, response).figures["dynamic_factors"]
@@ -111,9 +117,7 @@ def test_the_resultant_of_a_pin_has_the_factor_of_its_history_not_of_a_component
     axes = [f"reaction of base: pin {axis}" for axis in "xyz"]
     sizes = np.sqrt(sum(response.other(name) ** 2 for name in axes))
     assert pin["name"] == "base: pin" and pin["largest"] == pytest.approx(sizes.max(), rel=1e-12)
-    luffing = float(scene.frame.luffing.value(pin["t"]))
-    held = still | {"frame.luffing": repr(luffing), "time.end": "0.02"}
-    there = pmr.load_scene("crane_outriggers", [f"{key}={value}" for key, value in held.items()])
+    there = outriggers(*still, f"frame.luffing={float(scene.frame.luffing.value(pin['t']))!r}", "time.end=0.02")
     at_rest = pmr.simulate(there, pmr.reduce(there).system)
     rest = np.sqrt(sum(at_rest.other(name)[0] ** 2 for name in axes))
     assert pin["rest"] == pytest.approx(rest, rel=1e-6) and pin["largest"] / rest > 1.02
