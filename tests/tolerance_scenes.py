@@ -16,14 +16,13 @@ from pmr.scene.run_settings import Accuracy
 
 #: Kind of each scene by its seed: 26 beams, 7 booms on pads that rattle, 7 telescopic booms.
 KINDS = ("beam",) * 26 + ("rattling",) * 7 + ("telescopic",) * 7
-SEEDS = range(len(KINDS))
 
 
 def tolerance_scene(seed: int) -> Scene:
-    """Scene number `seed` of the forty, without a tolerance."""
-    rng = np.random.default_rng([seed, 46])
-    scene = {"beam": _beam, "rattling": _rattling, "telescopic": _telescopic}[KINDS[seed]](rng)
-    scene = scene.model_copy(update={"title": f"{KINDS[seed]} {seed}"})
+    """Scene number `seed`, without a tolerance: one of the forty, or a further beam."""
+    rng, kind = np.random.default_rng([seed, 46]), KINDS[seed] if seed < len(KINDS) else "beam"
+    scene = {"beam": _beam, "rattling": _rattling, "telescopic": _telescopic}[kind](rng)
+    scene = scene.model_copy(update={"title": f"{kind} {seed}"})
     check_scene(scene)
     return scene
 

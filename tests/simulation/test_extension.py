@@ -273,18 +273,6 @@ def test_a_stepper_moves_a_soft_boom_as_a_run_that_replays_the_extension(way: st
         stepper.step({"fly": 0.7})
 
 
-def test_a_valve_opens_no_further_than_fully() -> None:
-    oil = "oil={areas=[2e-3, 1.2e-3], dead_volumes=[2e-4, 3e-4], bulk_modulus=1.4e9, back_pressure=1e6, supply=20e6, "
-    oil += "valve={opening={kind='constant', amount=0.0}, gain=[2e-7, 1.5e-7]}}"
-    boom, ends = system(free(oil)), []
-    for opening in (0.5, 1.0, 3.0):
-        stepper = pmr.Stepper(boom, step=1e-3, s={"fly": 0.6})
-        for _ in range(20):
-            stepper.step({}, {"extension drive opening": opening})
-        ends.append(stepper.extension["extension of fly"])
-    assert ends[2] == ends[1] != ends[0]
-
-
 @pytest.mark.parametrize(("supply", "weak"), [(5e4, True), (20e6, False)])
 def test_a_supply_that_is_too_weak_has_a_warning(supply: float, weak: bool) -> None:
     """The valve opens to extend a raised section: with a weak supply the section sinks, and else it meets its stop."""

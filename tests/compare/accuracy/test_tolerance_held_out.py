@@ -1,8 +1,8 @@
-"""Runs with a tolerance on scenes that no other sweep has: what is said to hold does, beside a finer full model.
+"""Runs with a tolerance on random scenes: what is said to hold does, beside a finer full model.
 
-60 planar beams are clamped, pinned, and on a roller at the far end, with one to three sliders, rho_inf 0.6 to 1, graded
-meshes, paths with kinks and without, several loads, forces and moments, some at once, and damping of 0 to 10 %.  One of
-them as a rule, and two of the 40 scenes of `tolerance_scenes`; ``PMR_SWEEP=full`` takes all.
+Sixty of the planar beams of `tolerance_scenes` have a tolerance of 3, 1 or 0.3 %, some of forces at sliders and some
+of the mesh, steps that may be coarse at first, and damping of up to 10 %.  One of them as a rule, and three of the
+other scenes; ``PMR_SWEEP=full`` takes all.
 """
 
 import os
@@ -26,7 +26,7 @@ from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import ModalForm, modal_form
 
 WHOLE = os.environ.get("PMR_SWEEP") == "full"
-SEEDS = range(60) if WHOLE else (56,)
+SEEDS = range(60) if WHOLE else (0,)
 #: Of `tolerance_scenes`: what a search that judges models with steps that don't resolve the motion gives up on.
 BEAMS = [seed for seed, kind in enumerate(KINDS) if kind == "beam"] if WHOLE else [1, 9]
 BOOMS = [seed for seed, kind in enumerate(KINDS) if kind != "beam"] if WHOLE else [34]
@@ -35,86 +35,17 @@ FINER, MOST, RHO = 4, 2_400_000, 0.95
 
 
 def ordered_scene(seed: int) -> Scene:
-    """One of the scenes, with a tolerance of 3, 1 or 0.3 %."""
-    rng = np.random.default_rng([seed, 20])
-    length, mass = float(rng.uniform(1.5, 9.0)), float(10.0 ** rng.uniform(-0.3, 2.0))
-    first = float(rng.uniform(3.0, 12.0))  # Hz, of the beam on two pins
-    stiffness = mass * (2.0 * np.pi * first * (length / np.pi) ** 2) ** 2
-    force = 48.0 * stiffness / length**3 * 1e-3 * length  # bends it by a thousandth of its length
-    end = float(rng.uniform(2.0, 8.0)) / first
-    held = rng.choice(["clamped", "pinned", "pinned and roller"])
-    supports = [{"on": 0.0, "kind": str(held).split()[0]}]
-    supports += [{"on": length, "kind": "roller"}] * ("roller" in held)
-    ahead = np.cumsum(rng.uniform(0.06, 0.2, int(rng.integers(1, 4)))) * length
-    offsets = [0.0, *ahead[:-1].tolist()]
-    low, high = 0.12 * length, 0.92 * length - offsets[-1]
-    path = _path(rng, low, high, end)
-    loads = [_load(rng, f"load {k}", length, force, first, end) for k in range(int(rng.integers(1, 4)))]
-    damping = float(rng.choice([0.0, 0.0, 0.003, 0.02, 0.1]))
-    steps = int(rng.choice([400, 1000, 3000]))
-    scene = Scene.model_validate(
-        {
-            "title": f"ordered {seed}",
-            "body": {"profile": {"length": length, "bending_stiffness": stiffness, "mass_per_length": mass}},
-            "mesh": {"elements": int(rng.integers(20, 41)), "grading": float(rng.choice([1.0, rng.uniform(0.3, 3.0)]))},
-            "supports": supports,
-            "slider": {"path": path, "offsets": offsets},
-            "loads": loads,
-            "time": {"end": end, "step": end / steps, "rho_inf": float(rng.choice([rng.uniform(0.6, 1.0), 0.6, 1.0]))},
-            "damping": {"ratio": damping, "frequencies": [first, 12.0 * first]},
-            "reduction": {"basis": "free_modes", "flexibility": True},
-            "simulation": {"simulators": ["march"]},
-            "compare": {"against": []},
-        }
-    )
-    forces = rng.random() < 0.3 and path["kind"] != "ramp"
-    kinds, tolerance = ["beam", "tip", *["pad_force"] * forces], float(rng.choice([0.03, 0.01, 0.003]))
-    scene = Scene.model_validate(
-        scene.model_dump() | {"accuracy": {"tolerance": tolerance, "outputs": kinds, "mesh": bool(rng.random() < 0.5)}}
+    """One of sixty beams that have a tolerance of their own."""
+    rng, scene = np.random.default_rng([seed, 20]), tolerance_scene(len(KINDS) + seed)
+    kinds = ("beam", "tip", *["pad_force"] * bool(rng.random() < 0.3 and scene.slider.path.kind != "ramp"))
+    damped = float(rng.choice([0.0, 1.0, 5.0]))  # times what it has
+    scene = with_tolerance(scene, float(rng.choice([0.03, 0.01, 0.003])), mesh=bool(rng.random() < 0.5)).with_keys(
+        accuracy={"outputs": kinds},
+        time={"step": scene.time.end / int(rng.choice([400, 1000, 3000]))},
+        damping={"mass": damped * scene.damping.mass, "stiffness": damped * scene.damping.stiffness},
     )
     check_scene(scene)
     return scene
-
-
-def _path(rng: np.random.Generator, low: float, high: float, end: float) -> dict[str, Any]:
-    match rng.choice(["ramp", "smooth_ramp", "sine", "table"]):
-        case "sine":
-            middle, reach = 0.5 * (low + high), 0.5 * (high - low) * float(rng.uniform(0.2, 0.95))
-            waves = float(rng.uniform(0.3, 2.0)) / end
-            return {"kind": "sine", "amplitude": reach, "frequency": waves, "offset": middle}
-        case "table":
-            times = np.linspace(0.0, end, 8)
-            middle, reach = 0.5 * (low + high), 0.35 * (high - low)  # what is drawn through values overshoots them
-            values = rng.uniform(middle - reach, middle + reach, 8).tolist()
-            return {"kind": "table", "times": times.tolist(), "values": values}
-        case kind:
-            count = int(rng.integers(2, 5))
-            times = np.sort(rng.uniform(0.05, 0.95, count)) * end + np.arange(count) * 0.01 * end
-            return {"kind": str(kind), "times": times.tolist(), "values": rng.uniform(low, high, count).tolist()}
-
-
-def _load(rng: np.random.Generator, name: str, length: float, force: float, first: float, end: float) -> dict[str, Any]:
-    turns = rng.random() < 0.25
-    size = float(rng.uniform(0.3, 1.0)) * force * (0.2 * length if turns else 1.0)
-    match rng.choice(["step", "steps", "sine", "chirp", "pulse"]):
-        case "step":
-            signal: dict[str, Any] = {"kind": "step", "time": float(rng.uniform(0.0, 0.5)) * end, "after": size}
-        case "steps":
-            terms = [
-                {"kind": "step", "time": float(at) * end, "after": float(share) * size}
-                for at, share in zip(rng.uniform(0.1, 0.9, 3), rng.uniform(-1.0, 1.0, 3), strict=True)
-            ]
-            signal = {"kind": "sum", "terms": terms}
-        case "sine":
-            signal = {"kind": "sine", "amplitude": size, "frequency": float(rng.uniform(0.2, 5.0)) * first}
-        case "chirp":
-            ends = [0.1 * first, float(rng.uniform(1.0, 8.0)) * first]
-            signal = {"kind": "chirp", "amplitude": size, "times": [0.0, end], "frequencies": ends}
-        case _:
-            at, width = float(rng.uniform(0.1, 0.6)) * end, float(rng.uniform(0.02, 0.3)) * end
-            signal = {"kind": "smooth_ramp", "times": [at, at + width / 2, at + width], "values": [0.0, size, 0.0]}
-    on = float(rng.choice([rng.uniform(0.2, 0.95) * length, 0.6 * length]))
-    return {"name": name, "on": on, "direction": "ry" if turns else "z", "signal": signal}
 
 
 @dataclass(frozen=True)
@@ -183,17 +114,6 @@ def _full_motion(form: ModalForm, scene: Scene, model: ReducedModel, steps: int,
     seen = one_body.observe(form, excitation, every=steps // times)
     found, rows = outputs_from_columns(System.of(form.body), seen.y, seen.multipliers), len(model.row_names)
     return replace(found, force=found.force[:, -rows:])  # rigid holds are rows of the full model alone
-
-
-@pytest.mark.slow
-def test_the_scenes_are_of_all_kinds() -> None:
-    scenes = [ordered_scene(seed) for seed in range(60)]
-    assert {len(scene.slider.offsets or ()) for scene in scenes} == {1, 2, 3}
-    assert {scene.supports[0].kind for scene in scenes} == {"pinned", "clamped"}
-    assert {scene.slider.path.kind for scene in scenes} == {"ramp", "smooth_ramp", "sine", "table"}
-    assert {len(scene.loads) for scene in scenes} == {1, 2, 3}
-    kinked = [scene for scene in scenes if scene.slider.path.kind == "ramp"]
-    assert all(scene.accuracy is not None and "pad_force" not in scene.accuracy.outputs for scene in kinked)
 
 
 def judge(found: list[Case]) -> list[Case]:

@@ -131,15 +131,3 @@ def test_a_luffing_angle_beyond_the_stroke_is_no_start(angle: float, tmp_path: P
         Instance(library).initialise(["luffing_start"], [angle])
     with pytest.raises(SimulationError, match="at the first luffing angle is needed within its stroke"):
         freed.stepped("opening", frame={"luffing": angle})
-
-
-@pytest.mark.slow
-def test_an_opening_beyond_one_is_a_fully_open_valve(tmp_path: Path) -> None:
-    _, _, library = free_boom("opening", tmp_path)
-    angles = []
-    for opening in (0.5, 1.0, 3.0):
-        instance = Instance(library)
-        instance.initialise(["luffing_drive_opening"], [opening])
-        instance.step(0.0, 0.05)
-        angles.append(float(instance.get(["luffing_angle"])[0]))
-    assert angles[2] == angles[1] != angles[0]
