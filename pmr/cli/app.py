@@ -126,7 +126,8 @@ def _before_any_command(
 def main() -> None:
     """Run the command line; errors are printed as a message in one line.
 
-    The process exits with code 2 for wrong input, and with code 1 if a solver fails.
+    The process exits with code 2 for wrong input or a package that can't be imported, and with code 1 if a solver fails
+    or results can't be written.
     """
     console.prepare_streams()
     warnings.filterwarnings("ignore", "A NumPy version")  # SciPy warns of it; errors due to it are reported below

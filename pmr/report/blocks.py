@@ -38,8 +38,9 @@ RANKED = (BETTER, SAME, WITHIN, DIFFERENT, WORSE)  # from the best to the worst
 class Row:
     """Row of the error table, as text: an error or another value of this run, with the published value.
 
-    `comparison` says which models are compared, `place` names the quantity, `value` is this run's value, and `absolute`
-    is the norm of the difference with its unit.  An entry is None if its column does not apply to the row.
+    `comparison` says which models are compared, `place` names the quantity, `value` is this run's value, `deviation`
+    its relative deviation from the published value, `mark` the verdict on that, and `absolute` the norm of the
+    difference of the models with its unit.  An entry is None if its column does not apply to the row.
     """
 
     comparison: str

@@ -132,7 +132,8 @@ class StressRows:
 class PeakSummary(TypedDict, total=False):
     """Entry of summary.json about a largest von Mises stress, as `StressPeak.summary` returns it.
 
-    In the summary of a boom, `section` is the name of the section with this stress.
+    The entries are the fields of `StressPeak`, with values in Pa, times in s and positions in m.  In the summary of a
+    boom, `section` is the name of the section with this stress.
     """
 
     value: float

@@ -69,7 +69,7 @@ def build_tables(result: RunResult) -> dict[str, Table]:
 
 
 def write_tables(result: RunResult, folder: Path) -> None:
-    """Write each table of a run as ``tables/<name>.csv`` into the run's folder."""
+    """Write each table of a run that has rows as ``tables/<name>.csv`` into `folder`; old tables stay."""
     (folder / "tables").mkdir(parents=True, exist_ok=True)
     for name, table in build_tables(result).items():
         with (folder / "tables" / f"{name}.csv").open("w", encoding="utf-8", newline="") as stream:

@@ -154,7 +154,10 @@ _FLAGS = ("-shared", "-std=gnu11", "-O2", "-ffp-contract=fast", "-fvisibility=hi
 
 @dataclass(frozen=True)
 class Contents:
-    """All files of an FMU except the binaries: texts by name in the archive, system file, data of the description."""
+    """All files of an FMU except the binaries: `texts` by name in the archive, and resources/system.pmr, `system`.
+
+    `described` has the attributes of the model in its description.
+    """
 
     texts: dict[str, str]
     system: bytes

@@ -38,7 +38,9 @@ DRIVE_UNITS = {"opening": "1", "force": "N", "length": "m"}
 class Drivers:
     """A system in the kernel's form, and its N drivers.
 
-    The drivers are paths, then loads, then motions of the frame if the frame moves.
+    The drivers are paths, then loads, then motions of the frame if the frame moves.  `forms` has each body in modal
+    coordinates, by name, and `data` the arrays of the kernel.  `frame` is None if the system has no frame that moves
+    it.
     """
 
     system: System

@@ -170,7 +170,7 @@ RESTING: dict[str, Any] = {"color": INK, "linestyle": "--", "linewidth": 0.9}
 
 
 def _circle_style(edge: str, fill: str, size: float) -> dict[str, Any]:
-    """Keywords for ``Axes.plot`` of circles without a line, by colours of edge and filling and size in points."""
+    """Keywords for ``Axes.plot`` of circles without a line, with the colours `edge` and `fill` and a `size` in pt."""
     return {
         "linestyle": "none",
         "marker": "o",
