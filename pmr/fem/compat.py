@@ -198,10 +198,10 @@ class LagrangeRule(NamedTuple):
 
 
 @lru_cache(maxsize=32)
-def lagrange_rule(cell: str, nodes: int, degree: int, parts: int = 1) -> LagrangeRule:
-    """Weights of a quadrature rule, and the k functions of a Lagrange element with their derivatives at its points.
+def lagrange_rule(cell: str, order: int, degree: int, parts: int = 1) -> LagrangeRule:
+    """Weights of a quadrature rule, and the k functions of a Lagrange element and their derivatives at its q points.
 
-    The reference cell has d dimensions; a ``"point"`` has one function, which is 1.  `nodes` is the polynomial degree
+    The reference cell has d dimensions; a ``"point"`` has one function, which is 1.  `order` is the polynomial degree
     of the element, and `degree` the one that the rule integrates exactly.  The rule is repeated in the `parts`^d equal
     pieces of the cell, for lines, triangles and quadrilaterals.
     """
@@ -211,7 +211,7 @@ def lagrange_rule(cell: str, nodes: int, degree: int, parts: int = 1) -> Lagrang
     points, weights = _quadrature(kind, degree)
     pieces = parts ** points.shape[1]
     points, weights = _repeat_points(cell, parts, points), np.tile(weights, pieces) / pieces
-    element = basix.create_element(basix.ElementFamily.P, kind, nodes, basix.LagrangeVariant.gll_warped)
+    element = basix.create_element(basix.ElementFamily.P, kind, order, basix.LagrangeVariant.gll_warped)
     table = np.asarray(element.tabulate(1, points))[..., 0]
     return LagrangeRule(np.asarray(weights), table[0], table[1:])
 
@@ -252,12 +252,18 @@ def _quadrature(kind: CellType, degree: int) -> tuple[Array, ...]:
 
 
 def lagrange_space(mesh: Mesh, degree: int) -> FunctionSpace:
-    """Function space of continuous vectors of polynomials of `degree`, with a component per coordinate of the mesh."""
+    """Function space of continuous vectors of polynomials of `degree`, with a component per coordinate of the mesh.
+
+    Collective.
+    """
     return _space(mesh, _element(mesh, "Lagrange", degree, mesh.geometry.dim))
 
 
 def shell_space(mesh: Mesh) -> FunctionSpace:
-    """Function space on triangles: quadratic displacements and Crouzeix-Raviart rotations, three components each."""
+    """Function space on triangles: quadratic displacements and Crouzeix-Raviart rotations, three components each.
+
+    Collective.
+    """
     return _space(mesh, _mixed_element([_element(mesh, "Lagrange", 2, 3), _element(mesh, "CR", 1, 3)]))
 
 
@@ -267,7 +273,7 @@ def hermite_space(mesh: Mesh, linear: int, planes: int = 1) -> FunctionSpace:
     There are `planes` bending planes.  Cubic Hermite functions on an element with the coordinate X in [0, 1] are built
     from two elements.  Each has one degree of freedom at each vertex: A spans the value functions N2 and N5, B spans
     the slope functions N3 and N6.  With the element's length J = dx/dX the deflection is ``w = w_A + J theta_B``; the
-    deflection is C1 on graded meshes, and theta_B is the physical slope.
+    deflection is C1 on graded meshes, and theta_B is the physical slope.  Collective.
     """
     # Complete degrees (A holds the constants, B does not) also keep the two apart for FFCx, which in 0.5 compares
     # custom elements by little else.
@@ -438,7 +444,7 @@ def cellwise(mesh: Mesh, values: Array) -> Function:
     """Function that is constant in each cell, from `values` (C,) for the C cells in the order passed to `create_mesh`.
 
     The space of such functions is made once for a mesh, because forms take dozens of these functions and making the
-    space takes most of their time.
+    space takes most of their time.  Collective.
     """
     attributes = vars(mesh)
     if _CELLWISE not in attributes:

@@ -87,7 +87,7 @@ class Elimination:
         """The matrix T of q = T z as a PETSc matrix, with its rows spread over ranks as those of `template`.
 
         z are the coordinates that are no pivots; the number of columns of T on a rank is its number of such
-        coordinates.
+        coordinates.  Collective.
         """
         first, last = template.getOwnershipRange()
         pivots = np.count_nonzero((self.pivots >= first) & (self.pivots < last))

@@ -123,7 +123,7 @@ class FiniteElementModel(StructuralModel, Protocol):
         """The dolfinx mesh of the model, spread over `comm`; collective."""
 
     def space(self, domain: Mesh) -> FunctionSpace:
-        """Function space of the model on `domain`, the dolfinx mesh."""
+        """Function space of the model on `domain`, the dolfinx mesh; collective."""
 
     def forms(self, space: FunctionSpace) -> Forms:
         """Mass and stiffness as UFL forms on `space`."""

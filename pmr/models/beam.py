@@ -58,10 +58,11 @@ class Beam(FiniteElementModel, ABC):
 
     @abstractmethod
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
-        """Stresses in the profile's corners from the section forces at P places; None if there is no profile.
+        """Stress rows in the profile's corners at both ends of the E elements, P = 2 E places; None without a profile.
 
-        `element` (P,) is the number of the element of each place.  The rows of the result act on the same coordinates
-        as the rows of `forces`.
+        `forces` are the section forces at the P places in the order of `section_forces`; the result acts on the same
+        coordinates.  `element` (P,) are the numbers by which the result names the elements of the places: if this beam
+        is that of a `Cut`, those of the whole beam's elements.
         """
 
     @property
@@ -104,7 +105,7 @@ class Beam(FiniteElementModel, ABC):
     @property
     @abstractmethod
     def section_stiffness(self) -> dict[str, Array]:
-        """Section forces (E, v) in E elements per unit of each of v `strains`, by name, such as ``normal force``."""
+        """Section forces (E, v) in N or N m in E elements per unit of each of v `strains`, by their names."""
 
     @abstractmethod
     def on_nodes(self, stations: Array) -> Beam:

@@ -143,7 +143,7 @@ class Beam2D(Beam):
         return U
 
     def space(self, domain: Mesh) -> FunctionSpace:
-        """Function space of the beam on `domain`, a dolfinx interval mesh."""
+        """Function space of the beam on `domain`, a dolfinx interval mesh; collective."""
         return hermite_space(domain, linear=len(self.directions) - 2)
 
     def forms(self, space: FunctionSpace) -> Forms:
@@ -200,10 +200,11 @@ class Beam2D(Beam):
         return {name: (FACES[name], Extent((0.0, self.body.length))) for name in ("bottom", "top")}
 
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
-        """Rows of the axial stresses of the lowest and the highest fibre at P places, from section forces.
+        """Rows of the axial stresses in the lowest and highest fibre at both ends of the E elements, P = 2 E places.
 
-        `forces` are the rows of the section forces at the places, and `element` (P,) is the number of each place's
-        element.  The result is None if the beam is given by its stiffnesses, since its section has no shape.
+        `forces` are the rows of the section forces at the places, and `element` (P,) are the numbers by which the
+        result names the places' elements.  The result is None if the beam is given by its stiffnesses, since its
+        section has no shape.
         """
         if self.sections is None:
             return None
@@ -231,7 +232,7 @@ class Beam2D(Beam):
 
     @property
     def section_stiffness(self) -> dict[str, Array]:
-        """Section forces (E, v) in E elements per unit of each of v `strains`, by name.
+        """Section forces (E, v) in N or N m in E elements per unit of each of v `strains`, by name.
 
         The keys are ``bending moment y`` and, if there are axial coordinates, ``normal force``.  A positive curvature
         w'' has a negative moment -EI w''.

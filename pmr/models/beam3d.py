@@ -144,7 +144,10 @@ class Beam3D(Beam):
         return np.asarray(U @ self.sections.centre_motions)
 
     def space(self, domain: Mesh) -> FunctionSpace:
-        """Function space on `domain`, an interval mesh: u, phi, and the Hermite functions of both planes."""
+        """Function space on `domain`, an interval mesh: u, phi, and the Hermite functions of both planes.
+
+        Collective.
+        """
         return hermite_space(domain, linear=2, planes=2)
 
     def forms(self, space: FunctionSpace) -> Forms:
@@ -312,9 +315,10 @@ class Beam3D(Beam):
         return planes
 
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
-        """Axial and torsion stresses in the profile's corners, at P points in the elements `element` (P,).
+        """Axial and torsion stresses in the profile's corners at both ends of the E elements, P = 2 E places.
 
-        `forces` are the rows of the section forces at these points.  The result is None if a section has no profile.
+        `forces` are the rows of the section forces at the places, and `element` (P,) are the numbers by which the
+        result names the places' elements.  The result is None if a section has no profile.
         """
         return stresses_along(self.sections, np.repeat(self.number, 2), forces, element, corner_stress_factors)
 
@@ -342,7 +346,7 @@ class Beam3D(Beam):
 
     @property
     def section_stiffness(self) -> dict[str, Array]:
-        """Section forces (E, 4) in E elements per unit of each of the four `strains`, by name.
+        """Section forces (E, 4) in N or N m in E elements per unit of each of the four `strains`, by name.
 
         The keys are ``normal force``, ``torque``, ``bending moment y`` and ``bending moment z``.
         """

@@ -319,7 +319,10 @@ class Assembler:
     """Assembles weak forms on a model's function space to matrices in the model's order of coordinates."""
 
     def __init__(self, model: FiniteElementModel, domain: object) -> None:
-        """Make the function space of `model` on its mesh `domain`, a dolfinx mesh, and the order of its coordinates."""
+        """Make the function space of `model` on its mesh `domain`, a dolfinx mesh, and the order of its coordinates.
+
+        Collective.
+        """
         self.model, self.comm, self.space = model, comm_of(domain), model.space(domain)
         self._order = model_order(model, self.space)
         self._projection: sp.csr_matrix | None = None  # None: the model's coordinates are those of the space, reordered

@@ -89,10 +89,11 @@ def triangle_normals(corners: Array) -> Array:
 
 
 def _corner_volumes(cell: str, corners: Array) -> Array:
-    """Triple products (C, k) in m^3 of the three edges at each of k corners of C cells.
+    """Triple products in m^3 of the three edges at corners of C cells: (C, 8) for hexahedra, (C, 1) for tetrahedra.
 
-    `corners` (C, k, 3) are the positions of the cells' vertices in m.  All products are positive in a convex cell with
-    the orientation of the file's format.
+    `corners` (C, k, 3) are the positions of the cells' vertices in m.  A hexahedron has a product at each of its
+    corners, a tetrahedron at its first one.  All products are positive in a convex cell with the orientation of the
+    file's format.
     """
     if cell == "tetrahedron":
         at = np.array([[0, 1, 2, 3]])

@@ -281,16 +281,16 @@ def _shear_coefficient(m: float, nu: float) -> float:
 
 
 @dataclass(frozen=True)
-class Plane:
+class FigureMoments:
     """Integrals of 1, p and p p^T over a plane figure, where p is the vector from the beam's axis."""
 
     area: float  # m^2
     first: Array  # (2,) m^3
     second: Array  # (2, 2) m^4
 
-    def less(self, other: Plane) -> Plane:
+    def less(self, other: FigureMoments) -> FigureMoments:
         """Integrals over this figure without `other`, a figure inside this one."""
-        return Plane(self.area - other.area, self.first - other.first, self.second - other.second)
+        return FigureMoments(self.area - other.area, self.first - other.first, self.second - other.second)
 
 
 @dataclass(frozen=True)
@@ -349,7 +349,7 @@ def inset_sides(sides: tuple[Side, ...], depth: float) -> tuple[Side, ...]:
     return tuple(inner_sides)
 
 
-def enclosed_figure(sides: tuple[Side, ...]) -> Plane:
+def enclosed_figure(sides: tuple[Side, ...]) -> FigureMoments:
     """Area and moments of the figure inside the mid-line of a profile with these `sides`."""
     area, first, second = 0.0, np.zeros(2), np.zeros((2, 2))
     for side in sides:
@@ -358,4 +358,4 @@ def enclosed_figure(sides: tuple[Side, ...]) -> Plane:
         area += float(weights.sum()) / 2.0
         first += weights @ p / 3.0
         second += np.einsum("q,qi,qj->ij", weights, p, p) / 4.0
-    return Plane(area, first, second)
+    return FigureMoments(area, first, second)

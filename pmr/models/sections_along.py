@@ -294,7 +294,7 @@ def stresses_along(
     Parameters
     ----------
     number, element : (P,) integer arrays
-        Section and element of each point.
+        Section of each point, and the number of its element in the result.
     forces : ForceRows
         Section forces; the forces of one kind at all P points come after each other.
     corners : callable

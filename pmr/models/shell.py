@@ -110,7 +110,7 @@ class Shell(MeshedModel):
         return frequency_scale(self.mesh.points, plate.material, plate.thickness)
 
     def space(self, domain: Mesh) -> FunctionSpace:
-        """Function space on `domain`, the mesh in dolfinx."""
+        """Function space on `domain`, the mesh in dolfinx; collective."""
         return shell_space(domain)
 
     def forms(self, space: FunctionSpace) -> Forms:

@@ -84,7 +84,7 @@ class Solid(MeshedModel):
         return frequency_scale(self.mesh.points, self.body.material)
 
     def space(self, domain: Mesh) -> FunctionSpace:
-        """Function space on `domain`, the mesh in dolfinx."""
+        """Function space on `domain`, the mesh in dolfinx; collective."""
         return lagrange_space(domain, 2)
 
     def forms(self, space: FunctionSpace) -> Forms:

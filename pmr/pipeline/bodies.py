@@ -171,7 +171,10 @@ class Bodies:
         return Motions(simulations, simulated, error, references, recovered)
 
     def summary_parts(self, motions: Motions, natural: Frequencies) -> list[SummaryPart]:
-        """Return the contributions to summary.json, in the order in which they are to be combined; on rank 0 alone."""
+        """Return the contributions to summary.json by the run's motions and natural frequencies; on rank 0 alone.
+
+        They are in the order in which they are to be combined.
+        """
         scene, system, responses = self.scene, self.system, motions.responses
         simulated, error = motions.simulated, motions.error
         assert motions.reduced is not None and simulated is not None and error is not None
@@ -200,7 +203,10 @@ class Bodies:
         ]
 
     def results(self, motions: Motions) -> dict[str, BodyResult]:
-        """Return shapes, fields, stresses and envelopes of each body, by its name; to be called on rank 0 alone."""
+        """Return shapes, recovered fields, stresses and envelopes of each body, by its name; on rank 0 alone.
+
+        Fields, stresses and envelopes are those of `motions`; bodies that were not recovered have none.
+        """
         results = {}
         for name, body in self.bodies.items():
             model, of = body.model, motions.recovered.get(name)

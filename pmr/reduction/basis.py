@@ -247,7 +247,7 @@ def reduced_model(model: FullModel, basis: Basis, provenance: dict[str, object])
     The result consists of V^T A V for A = M, D, K and the model's `matrices`, and of V^T B, O V and C(s) V. Fixed rows
     that every basis vector satisfies (supports, for eigenmodes) are left out and named in the result.  The result keeps
     `provenance`, which says what it was made from.  An InputError is raised if the remaining rows depend on each other,
-    as with a basis that is too small.
+    as with a basis that is too small.  Collective.
     """
     complete = galerkin(model, basis, provenance)
     satisfied = satisfied_rows(complete.rows, tolerance=min(1e2 * basis.accuracy, 1e-3))

@@ -95,7 +95,7 @@ class Reduction:
 
     @property
     def basis(self) -> Array | Mapping[str, Array]:
-        """Basis V (n, r) of a single body, or a dict of the basis of each section by its name.
+        """Basis V (n, r) of a single body, or a dict of the basis of each section by its name; collective.
 
         The columns of V are the vectors that the coordinates multiply.  The vectors of a section's cylinder modes come
         last; modes without inertia (`pmr.system.attachment`) have none.  Under MPI every rank has the whole array.
@@ -107,7 +107,7 @@ class Reduction:
     def snapshots(self) -> Array | Mapping[str, Array]:
         """Snapshots (n, k) from which the basis of a single body is made, or a dict of those of each section by name.
 
-        The array is the same on every rank.
+        The array is the same on every rank.  Collective.
         """
         pools = {
             name: self._gather_rows(name, np.array(body.snapshots.S.getDenseArray()))
@@ -122,7 +122,7 @@ class Reduction:
 
         with reduced coordinates p, loads f and multipliers lambda.  The second term is the motion of the part that the
         basis V leaves out, if the model has the flexibility R of this part.  `states` are those that
-        `pmr.simulate_with_states(scene, reduction.system, steps)` returns.
+        `pmr.simulate_with_states(scene, reduction.system, steps)` returns.  Collective.
         """
         coordinates = {
             name: self._gather_rows(name, self._recovery(name).positions(at).T).T for name, at in states.items()
@@ -135,7 +135,7 @@ class Reduction:
         .. math:: p = (V^T X V)^{-1} V^T X q, \qquad X = M \text{ or } I
 
         `q` has all n coordinates, the same on every rank.  The result has the further axes of q.  `body` is the name of
-        a section of a boom; without it, the scene's single body is meant.
+        a section of a boom; without it, the scene's single body is meant.  Collective.
         """
         V, model = self._recovery(body).V, self.built[body].model
         XV = times(model.M, V) if self.bodies[body].basis.product == "mass" else V
@@ -149,7 +149,7 @@ class Reduction:
     def _gather_rows(self, body: str, local: Array) -> Array:
         """Gather an array (n, ...) on every rank from the part `local` (n_local, ...) of its rows that each rank has.
 
-        The ranks are those of the full model of the body called `body`.
+        The ranks are those of the full model of the body called `body`.  Collective.
         """
         return np.concatenate(self.built[body].model.comm.allgather(local))
 

@@ -265,6 +265,7 @@ def _work_on_motions(reduced: ReducedModel, model: FullModel, V: Array, motions:
     """Work (h, r) of each of the model's matrices on h supports' motions and r basis vectors V, by the matrices' names.
 
     If the carriers of `reduced` have this work on all vectors of their own matrices, that work is returned instead.
+    Collective.
     """
     if reduced.carriers is not None and reduced.carriers.supports:
         return dict(reduced.carriers.supports)

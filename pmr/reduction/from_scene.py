@@ -41,7 +41,7 @@ def vectors_from_file(model: FullModel, file: Path) -> Snapshots:
     """Snapshots from a file of the user: the array ``V`` (n, k) in an npz file, for the model's n coordinates.
 
     Every rank reads the file.  An InputError is raised if it has no such array, or one with another number of rows,
-    without columns or with entries that are not finite.
+    without columns or with entries that are not finite.  Collective.
     """
     try:
         V = np.asarray(npz.read(file)["V"], dtype=float)
@@ -54,7 +54,7 @@ def vectors_from_file(model: FullModel, file: Path) -> Snapshots:
 
 
 def vectors_from_array(model: FullModel, basis: Vectors) -> Snapshots:
-    """Snapshots from `basis`: an array (n, k), or a function that gets the full model and returns vectors.
+    """Snapshots from `basis`: an array (n, k), or a function that gets the full model and returns vectors; collective.
 
     An array is whole on every rank; a function returns only this rank's part (n_local, k).
 
@@ -103,7 +103,7 @@ def _are_vectors(model: FullModel, V: Array, rows: int) -> bool:
 def _snapshots(model: FullModel, local: Array, source: str) -> Snapshots:
     """Snapshots from k vectors of a user, `local` (n_local, k), this rank's part; `source` says where they come from.
 
-    Their frequencies, positions and residuals are not known, and set to NaN.
+    Their frequencies, positions and residuals are not known, and set to NaN.  Collective.
     """
     unknown = np.full(local.shape[1], np.nan)
     return Snapshots(tall(np.ascontiguousarray(local), model.M), unknown, unknown, unknown, source)
@@ -141,12 +141,15 @@ def basis_of_vectors(model: FullModel, vectors: Snapshots, choice: Reduction, si
 
 
 def _weigh(model: FullModel, v: Array, in_mass: bool) -> Array:
-    """Product M v (n_local, 1) of a vector v (n_local,) if `in_mass` is true, else v itself as a column."""
+    """Product M v (n_local, 1) of a vector v (n_local,) if `in_mass` is true, else v itself as a column; collective."""
     return times(model.M, v[:, None]) if in_mass else v[:, None]
 
 
 def _norm(model: FullModel, v: Array, in_mass: bool) -> float:
-    """Norm of a vector v (n_local,), in the mass product if `in_mass` is true, else in the Euclidean one."""
+    """Norm of a vector v (n_local,), in the mass product if `in_mass` is true, else in the Euclidean one.
+
+    Collective.
+    """
     return float(np.sqrt(inner(v[:, None], _weigh(model, v, in_mass), model.comm).item()))
 
 
@@ -162,7 +165,7 @@ SEARCHED_MODES, SEARCHED_OF_SECTIONS = 38, 16
 def take_snapshots(
     scene: Scene, model: FullModel, body: FreeBody | None = None, vectors: Vectors | None = None
 ) -> Snapshots:
-    """Snapshots of the kind that the scene chooses, or made from the user's `vectors` if these are given.
+    """Snapshots of the kind that the scene chooses, or made from the user's `vectors` if these are given; collective.
 
     The snapshots are eigenmodes with the slider held at several positions (POD), free modes with the sliders released,
     or vectors from a file or an installed package.  A `body` that is not None lends its factor to free modes.  An
@@ -185,7 +188,7 @@ def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
     """Basis of the kind that the scene chooses: POD of the snapshots, free modes unchanged, or the user's vectors.
 
     If flexibility is added, rigid-body modes are the first vectors of a POD basis and of a basis of the user's vectors.
-    An InputError is raised if the snapshots span too little.
+    An InputError is raised if the snapshots span too little.  Collective.
     """
     choice = scene.reduction
     if choice.is_external:
@@ -245,7 +248,7 @@ def summary(scene: Scene, models: Mapping[str, FullModel], bodies: Mapping[str, 
 def project(
     scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, object], motions: Array | None = None
 ) -> ReducedModel:
-    """Reduced model of the body on the given basis, in the form that the scene asks for.
+    """Reduced model of the body on the given basis, in the form that the scene asks for; collective.
 
     If an error is estimated (`pmr.compare.estimate`) or terms that vary in time may act, it has enrichment modes, and
     inertia on carriers for the estimate.  Otherwise it has tables of the residual flexibility if the scene asks for
@@ -265,7 +268,7 @@ def project(
 
 
 def enrichment_of(scene: Scene, choice: Reduction, model: FullModel) -> int:
-    """Number of enrichment modes: modes beyond the coordinates, for estimates of errors or as modes without inertia.
+    """Number of enrichment modes, beyond the coordinates of `choice`: for estimates of errors, or without inertia.
 
     - If errors are estimated for a tolerance or a budget: `SEARCHED_MODES`, or `SEARCHED_OF_SECTIONS` for a section
       of a boom.  On a coarse mesh the number is smaller, so that coordinates and enrichment modes together are at most

@@ -217,7 +217,7 @@ class Stresses:
 
     @property
     def along_beam(self) -> Array:
-        """P section forces, followed by p axial stresses, at S times, as columns (S, P + p); only for a beam."""
+        """P section forces in N and N m, then p axial stresses in Pa, at S times: (S, P + p); only for a beam."""
         assert self.forces is not None
         return self.forces if self.values is None else np.hstack([self.forces, self.values[:, :, 0]])
 

@@ -52,6 +52,8 @@ SPANNED = 1e-13
 def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, object]) -> ReducedModel:
     """Galerkin projection on `basis`, with tables of the flexibility that it leaves out; the same on every rank.
 
+    Collective.
+
     Parameters
     ----------
     body : FreeBody
@@ -149,8 +151,8 @@ def _cylinder_responses(
 ) -> Array | None:
     """Responses (n_local, n), this rank's part, to a unit force of a section's cylinder; None without a cylinder.
 
-    The n = `RICHER` + 1 responses are R c, R M R c and so on, with the row c of the cylinder.  The responses are zero
-    if supports hold the body where the cylinder acts.
+    The n = `RICHER` + 1 responses are R c, R M R c and so on, with the row c of the cylinder.  If supports hold the
+    body where the cylinder acts, as the `flexibility` between carriers shows, the responses are zero.  Collective.
     """
     load = _tail_weights(shared_carriers)
     if load is None:
@@ -283,7 +285,7 @@ def _without_round_off(reduced: ReducedModel, residual: ResidualFlexibility, V: 
     .. math:: |V^T K V|_{ij} \le c\, \epsilon\, (|V|^T |K|\, |V|)_{ij}
 
     with c = `ROUND_OFF` and the machine precision :math:`\epsilon` has no correct digit.  Between the modes of a fine
-    mesh all couplings are of this kind.
+    mesh all couplings are of this kind.  Collective.
     """
     model, rigid, bound = residual.model, residual.rigid, ROUND_OFF * np.finfo(float).eps
 

@@ -88,7 +88,7 @@ def eigenmode_snapshots(model: FullModel, scene: Scene) -> Snapshots:
     """Snapshots of a scene: ``reduction.modes`` mass-normalised eigenmodes for each position of the held slider.
 
     An InputError is raised if the slider can't be held at one of the positions, a ConvergenceError if too few modes
-    exist or converge.
+    exist or converge.  Collective.
     """
     solver, free = eigensolver(model, scene.reduction.solver), model.size - len(model.rows.names)
     if scene.reduction.modes > free:
@@ -184,7 +184,7 @@ class _LowestModes:
 
 
 def _lowest_modes(body: FreeBody, count: int) -> _LowestModes:
-    """The `count` lowest modes that loads and rows can excite, or all if there are fewer.
+    """The `count` lowest modes that loads and rows can excite, or all if there are fewer; collective.
 
     Rigid-body modes come first and are counted among them.
     """
@@ -213,7 +213,10 @@ def _lowest_modes(body: FreeBody, count: int) -> _LowestModes:
 
 
 def _elastic_modes(fixed_model: FullModel, body: FreeBody, pairs: int) -> Modes:
-    """Elastic modes among the `pairs` lowest modes of `fixed_model`, which are counted with the rigid-body modes."""
+    """Elastic modes among the `pairs` lowest modes of `fixed_model`, which are counted with the rigid-body modes.
+
+    Collective.
+    """
     if is_dense(fixed_model, body.choice):
         return _remove_rigid_modes(
             fixed_model, body.Z, DenseEigenSolver(fixed_model).lowest(_any_position(fixed_model), pairs)
@@ -233,7 +236,7 @@ def _remove_rigid_modes(fixed_model: FullModel, Z: Array, modes: Modes) -> Modes
     Computed rigid-body modes are rigid to a few digits only, and mix with low elastic ones.  Therefore the M-orthogonal
     complement of Z in the span of all modes is computed, and its modes follow from the frequencies of all modes.  A
     ConvergenceError is raised if the modes do not contain Z: round-off in the stiffness of a rigid motion is then more
-    than the stiffness of the lowest modes.
+    than the stiffness of the lowest modes.  Collective.
     """
     count = Z.shape[1]
     if count == 0:
@@ -254,7 +257,7 @@ def _remove_rigid_modes(fixed_model: FullModel, Z: Array, modes: Modes) -> Modes
 
 
 def _bent_modes(model: FullModel, stress: Sequence[PETSc.Mat], modes: Modes, numbers: Indices) -> Mask:
-    """Mask (k,) of the modes with the numbers `numbers` (k,) that axial forces bend.
+    """Mask (k,) of the modes with the numbers `numbers` (k,) that axial forces bend; collective.
 
     `stress` are the geometric stiffnesses of the axial forces.  The measure of mode k is the sum of (phi_k^T G phi_j)^2
     / omega_k^2 over the matrices G in `stress` and all modes j before the first of `numbers`.
@@ -289,7 +292,7 @@ def _with_coupled_modes(model: FullModel, work: Array, modes: Sequence[Array]) -
     """Relative `work` (a, k) on k modes with further rows: work of the damping forces of each mode that is excited.
 
     The `modes` are blocks (n_local, any) of columns.  Rayleigh damping couples no modes.  Any other damping excites
-    modes from others, and from these further ones.  Couplings that are round-off are left out.
+    modes from others, and from these further ones.  Couplings that are round-off are left out.  Collective.
     """
     if DAMPING not in model.matrices:
         return work
