@@ -16,7 +16,7 @@ import scipy.sparse as sp
 
 from pmr import ReducedModel, System
 from pmr.fem.compat import MPI
-from pmr.fem.distributed import columns
+from pmr.fem.distributed import from_transpose
 from pmr.fullmodel.model import FullModel, RigidMotions, assemble_model
 from pmr.fullmodel.pads import slider_row
 from pmr.models.beam2d import Beam2D
@@ -166,8 +166,8 @@ def section(box: Box) -> FullModel:
         M,
         0.0 * M,
         operators.K,
-        inputs=columns(M, sp.vstack([*loads.values()])),
-        outputs=columns(M, sp.vstack([beam.displacement(float(x)) for x in observed])),
+        inputs=from_transpose(M, sp.vstack([*loads.values()])),
+        outputs=from_transpose(M, sp.vstack([beam.displacement(float(x)) for x in observed])),
         rows=Rows((*held, slider_row(beam, 0.0, "w")), beam.size),
         input_names=tuple(loads),
         output_positions=observed,

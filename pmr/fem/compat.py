@@ -384,7 +384,10 @@ def tabulate(expression: Expr, points: Array, space: FunctionSpace) -> Array:
 
 
 def _space(mesh: Mesh, element: Element) -> FunctionSpace:
-    """Function space of an element on a mesh; collective."""
+    """Function space of an element on a mesh; collective.
+
+    Raises the error of `_compile_once`.
+    """
     create = dolfinx.fem.FunctionSpace if VERSION < (0, 7) else dolfinx.fem.functionspace
     return _compile_once(mesh.comm, f"element {element!r}", partial(create, mesh, element))
 

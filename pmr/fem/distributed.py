@@ -143,7 +143,7 @@ def free_dropped(comm: MPI.Comm, cycles: bool = True) -> None:
     PETSc.garbage_cleanup(comm)
 
 
-def columns(like: PETSc.Mat, transposed: sp.csr_matrix) -> PETSc.Mat:
+def from_transpose(like: PETSc.Mat, transposed: sp.csr_matrix) -> PETSc.Mat:
     """Sparse PETSc matrix (n, k) without explicit zeros, from its transpose (k, n), which all ranks pass; collective.
 
     The rows of the matrix are distributed as those of `like`.

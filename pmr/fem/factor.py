@@ -320,7 +320,7 @@ class ReplicatedFactor:
                 right, answer = view(mine, self._factor), view(mine, self._factor)
                 self._factor.matSolve(right, answer)
                 free_objects(right, answer)
-            self._exchange.rows(mine, columns[:, k : k + many])
+            self._exchange.write_rows(mine, columns[:, k : k + many])
         return columns
 
     def destroy(self) -> None:
@@ -363,7 +363,7 @@ class Exchange:
             self._comm.Alltoallw(of_rows, of_columns)
         return full
 
-    def rows(self, full: Array, local: Array) -> None:
+    def write_rows(self, full: Array, local: Array) -> None:
         """Write this rank's rows to `local` (n_local, k) in Fortran's order, from its columns `full` (n, k_local).
 
         Collective; the method undoes `columns`.

@@ -95,7 +95,7 @@ class _Files:
         """Yield place and text of each line of a file but comments, with the lines of included files in their place.
 
         A keyword line is yielded as one text with the lines in which it goes on.  `within` are the files that include
-        this file, the deck first.
+        this file, the deck first.  Raises the errors of `include`.
         """
         pending: tuple[Place, str] | None = None
         for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
@@ -115,7 +115,8 @@ class _Files:
     def _expand(self, place: Place, text: str, within: Sequence[Path]) -> Iterator[tuple[Place, str]]:
         """Yield the line `text` with its place or, if the line includes a file, the lines of that file.
 
-        `place` is the place of the line, and `within` are the files that led to the line, the deck first.
+        `place` is the place of the line, and `within` are the files that led to the line, the deck first.  Raises the
+        errors of `include`.
         """
         if text[:1] == "*" and (card := _head(place, text)).keyword == "INCLUDE":
             yield from self.include(card, within)

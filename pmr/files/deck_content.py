@@ -242,7 +242,7 @@ def _read_surface(deck: Deck, card: Card, instances: Mapping[str, Numbers]) -> N
     """Add to the deck the nodes on the surface of a card: listed nodes (TYPE=NODE), or those on faces or edges.
 
     Left out are analytical surfaces, combined surfaces and surfaces of whole bodies.  `instances` are the numbers that
-    nodes and elements of instances have in the deck, by the instance's name.
+    nodes and elements of instances have in the deck, by the instance's name.  Raises the errors of `_named_members`.
     """
     name, kind = card.options.get("NAME", ""), card.options.get("TYPE", "ELEMENT").upper()
     if kind not in ("NODE", "ELEMENT") or not card.lines or not name or "COMBINE" in card.options:
@@ -325,7 +325,10 @@ def set_by_name(deck: Deck, sets: dict[str, set[int]], card: Card, option: str) 
 
 
 def _read_system(deck: Deck, card: Card) -> None:
-    """Set the axes in which `deck` has the coordinates of all following nodes, from a card `*SYSTEM`."""
+    """Set the axes in which `deck` has the coordinates of all following nodes, from a card `*SYSTEM`.
+
+    Raises InputError for a card with options, and in the cases of `read_axes`.
+    """
     card.allow_options("")
     deck.axes = read_axes(card)
 

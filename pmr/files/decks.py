@@ -356,7 +356,10 @@ def _read_deck_nodes(path: Path) -> ForeignNodes:
 
 
 def _read_bulk_nodes(path: Path) -> ForeignNodes:
-    """Read grid points, their sets and own axes, and cards that constrain coordinates from Nastran's bulk data."""
+    """Read grid points, their sets and own axes, and cards that constrain coordinates from Nastran's bulk data.
+
+    Raises the errors of `read_bulk`.
+    """
     bulk = read_bulk(path)
     groups = {name: nodes.tolist() for name, nodes in bulk.groups.items()}
     ties = [(Place(str(path), line), name) for line, name in bulk.constraints]

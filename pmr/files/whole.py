@@ -186,7 +186,8 @@ def _finish_moves(folder: Path) -> None:
     """Move the files of the complete new folder in `folder` to their names in `folder`, and remove old files.
 
     The old files are removed first, and the emptied new folder last.  A file that was moved before is passed over.
-    Without a complete new folder nothing is done; one without a list of moves is removed with its content.
+    Without a complete new folder nothing is done; one without a list of moves is removed with its content.  Raises the
+    InputError of `_listed_moves`.
     """
     complete = folder / _COMPLETE
     if not complete.is_dir():

@@ -276,7 +276,8 @@ def _end_row(end: Support, model: StructuralModel, T: sp.csr_matrix, pads: Pads)
     """Row of the place `end`, which another body holds, on the coordinates z of a structure, with q = T z.
 
     The row is that of a support, cut into two intervals of the path coordinate of `pads`.  A row with one interval
-    counts as a support of the ground, which always holds; two intervals avoid this.
+    counts as a support of the ground, which always holds; two intervals avoid this.  Raises the errors of
+    `_support_row`.
     """
     travel = pads.travel
     return _support_row(end, model, T, pads).refine(np.array([travel[0], sum(travel) / 2.0, travel[1]]))

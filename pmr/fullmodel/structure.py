@@ -21,7 +21,7 @@ import scipy.sparse as sp
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, PETSc
-from pmr.fem.distributed import columns, free_objects, project_matrix, share, sparse
+from pmr.fem.distributed import free_objects, from_transpose, project_matrix, share, sparse
 from pmr.files.arrays import Array
 from pmr.fullmodel.actions import ALONG, Action, Gauge, Inertia, LineLoad, PadForce, Warmth, Weight
 from pmr.fullmodel.model import FullModel, Operators, RigidMotions, masses_of, operators_of, pad_pattern, rayleigh
@@ -296,8 +296,8 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
         operators.M,
         damping,
         operators.K,
-        inputs=columns(operators.M, sp.vstack(loads, format="csr")),
-        outputs=columns(operators.M, outputs),
+        inputs=from_transpose(operators.M, sp.vstack(loads, format="csr")),
+        outputs=from_transpose(operators.M, outputs),
         rows=Rows(restraints.rows, size),
         input_names=tuple(load.name for load in structure.loads),
         output_positions=np.array([_position(output, structure) for output in structure.outputs]),

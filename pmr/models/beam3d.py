@@ -185,8 +185,8 @@ class Beam3D(Beam):
         total = sum(self.element_property(mesh, rho * size) * ufl_product(S, v, u) for size, v, u in parts)
         return (total + self._ring_inertia(mesh, S, by, of)) * measure(mesh)
 
-    def _ring_inertia(self, mesh: Mesh, S: Expr, by: Sequence[Motion], of: Sequence[Motion]) -> Expr:
-        """Integrand of the rings' inertia in UFL, from `_motion` of the test (`by`) and trial (`of`) functions.
+    def _ring_inertia(self, mesh: Mesh, S: Expr, test: Sequence[Motion], trial: Sequence[Motion]) -> Expr:
+        """Integrand of the rings' inertia in UFL, from `_motion` of the `test` and of the `trial` function.
 
         S (3, 3) is the matrix of `inertia`.  Rings have their own centroid and second moments.
         """
@@ -205,10 +205,10 @@ class Beam3D(Beam):
                 centre = tuple(c if t is None else c + arm * t for c, t in zip(centre, turn, strict=True))
             return centre
 
-        total = cellwise(mesh, rho * added.area) * ufl_product(S, centroid_motion(by), centroid_motion(of))
+        total = cellwise(mesh, rho * added.area) * ufl_product(S, centroid_motion(test), centroid_motion(trial))
         for j in (0, 1):
             for k in (0, 1):
-                total += cellwise(mesh, second[:, j, k]) * ufl_product(S, by[1 + j], of[1 + k])
+                total += cellwise(mesh, second[:, j, k]) * ufl_product(S, test[1 + j], trial[1 + k])
         return total
 
     def _principal_rotation(self, mesh: Mesh) -> list[list[Expr]]:

@@ -315,27 +315,29 @@ def stresses_along(
     return stress_rows(forces, element, at, np.array([corners_of[key][1] for key in keys]))
 
 
-def stress_rows(forces: ForceRows, element: Indices, corners: Mapping[str, Array], of: Array) -> StressRows:
+def stress_rows(forces: ForceRows, element: Indices, corners: Mapping[str, Array], factors: Array) -> StressRows:
     """Stress rows in the corners of sections at P points along a beam, from the section forces there.
 
     Parameters
     ----------
+    forces : ForceRows
+        Section forces; the forces of one kind at all P points come after each other.
     element : (P,) array
         Number of the element of each point.
     corners : dict of str to (P, 2) array, m
         y and z of each of the k corners at each point, by the corner's name.
-    of : (P, k, c, 6) array
+    factors : (P, k, c, 6) array
         c stress components in the corners per unit section force: axial, then torsion if c = 2.
     """
-    count, components = len(element), of.shape[2]
+    count, components = len(element), factors.shape[2]
     names = forces.names[::count]
-    of = of[..., [list(FORCES).index(name) for name in names]]
+    factors = factors[..., [list(FORCES).index(name) for name in names]]
     ends = np.arange(count * components + 1)
     local = [
         sp.hstack(
             [sp.csr_matrix((of_corner[..., n].ravel(), ends[:-1] // components, ends)) for n in range(len(names))]
         )
-        for of_corner in np.moveaxis(of, 1, 0)
+        for of_corner in np.moveaxis(factors, 1, 0)
     ]
     rows = sp.csr_matrix(sp.vstack(local) @ forces.rows)
     rows.eliminate_zeros()
@@ -416,14 +418,14 @@ class Bending:
         rotation, curvature = first + gamma * (steeper - 1), second + gamma * steeper.dx(0)
         return Deflection(second, third, gamma, w + gamma * bulge, rotation, curvature)
 
-    def energy(self, of: Deflection, by: Deflection, of_elements: Callable[[Array], Expr]) -> Expr:
-        """Integrand of the bending stiffness in UFL, for the trial function (`of`) and the test function (`by`).
+    def energy(self, trial: Deflection, test: Deflection, of_elements: Callable[[Array], Expr]) -> Expr:
+        """Integrand of the bending stiffness in UFL, for the deflections of the `trial` and of the `test` function.
 
         `of_elements` turns a property (K,) of the K sections into UFL.
         """
         EI = of_elements(self.stiffness)
-        integrand = EI * of.second * by.second
-        return integrand if of.shear is None else integrand + EI * of.shear * by.third
+        integrand = EI * trial.second * test.second
+        return integrand if trial.shear is None else integrand + EI * trial.shear * test.third
 
 
 def _evaluate(polynomials: Array, X: Array) -> Array:

@@ -190,7 +190,8 @@ def _named_group(mesh: NamedMesh, name: str) -> Group:
 def _entity_nodes(mesh: NamedMesh, nodes: Nodes, name: str, kind: str) -> Indices:
     """First coordinates (e, k) of the k displacement nodes on each of e entities, in the order of Lagrange functions.
 
-    The entities are those of the group `name`; `kind` is the kind of the entities' cells.
+    The entities are those of the group `name`; `kind` is the kind of the entities' cells.  Raises the InputError of
+    `_part_coordinates`.
     """
     topology = cell_topology(kind) if mesh.groups[name].dim else [[[0]]]
     tables = [

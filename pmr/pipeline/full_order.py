@@ -155,7 +155,7 @@ class FullOrder:
 
         If contacts only push, `stepping` holds the parts into which steps are divided; None stands for the scene's
         steps.  If `checkpoint` is not None, a simulation that was interrupted continues.  Raises SimulationError on
-        every rank if the response can't be trusted.
+        every rank if the simulation fails, or its response can't be trusted.
         """
         system, comm, excitation = self.system, self.system.comm, Excitation.from_scene(self.scene)
         excitation = excitation.with_stepping(stepping or excitation.stepping)

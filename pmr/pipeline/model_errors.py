@@ -254,7 +254,8 @@ def _unknown_model_error(error: Exception, label: str) -> dict[str, Any]:
 def _choose_model(options: list[Scene], comm: MPI.Comm, cache: Cache | None) -> ModelDecision:
     """Choose a model among `options`: compare each beam, from the simplest on, with the shell, which is the last one.
 
-    The choice is that of `decide_models`.  Collective.  If `cache` is None, nothing is stored.
+    The choice is that of `decide_models`.  Collective.  If `cache` is None, nothing is stored.  Raises an InputError if
+    no beam is accurate enough, and the scene needs what only a beam has.
     """
     *beams, shell = options
     tried = list[dict[str, Any]]()

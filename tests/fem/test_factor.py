@@ -110,7 +110,7 @@ def test_columns_come_back_as_rows(count: int) -> None:
     columns = exchange.columns(np.asfortranarray(whole[mine]))
     assert np.array_equal(np.hstack(comm.allgather(columns)), whole)
     back = np.full(whole[mine].shape, np.nan, order="F")
-    exchange.rows(columns, back)
+    exchange.write_rows(columns, back)
     assert np.array_equal(back, whole[mine])
 
 
