@@ -21,7 +21,7 @@ from scipy.interpolate import PchipInterpolator
 from pmr.errors import InputError, letters
 from pmr.errors.environment import import_package
 from pmr.files.arrays import Array
-from pmr.scene.keys import SceneTable, Usual
+from pmr.scene.keys import SceneTable, Usual, key_error
 from pmr.studies.charting import governing_limit
 from pmr.studies.study import csv_text
 
@@ -321,6 +321,14 @@ class Wind(SceneTable):
     shape: Annotated[float, Field(gt=0.0)] = Field(
         default=1.6, description="Without `on`: shape factor of sections that have no wind of their own in the scene"
     )
+
+    @model_validator(mode="after")
+    def _check_areas(self) -> Self:
+        """Refuse a direction and a shape factor beside areas, which have their own."""
+        for key in ("azimuth", "shape") if self.on else ():
+            if getattr(self, key) != type(self).model_fields[key].default:  # stored studies have all keys
+                raise key_error(key, getattr(self, key), "a wind without `on` is allowed with it")
+        return self
 
     @property
     def pressure(self) -> float:

@@ -386,6 +386,8 @@ def test_a_limit_of_the_users_own_is_what_its_function_says(
         ("most = 4.0, count", "most = 6.5, count", "less than 6 m is allowed"),
         ("most = 4.0, count", "most = 5.8, count", "extensions[2] = 5.8: the overlap of middle and base shrinks to"),
         ('[{ load = "gust"', '[{ load = "guts"', "cases[1].wind.on[0].load = 'guts': gust of the scene are allowed"),
+        ("density = 1.25, on", "shape = 1.2, on", "cases[1].wind.shape = 1.2: a wind without `on` is allowed with it"),
+        ('name = "calm"', 'name = "calm"\nwind = { speed = 9.0, azimuth = 90.0 }', "side wind does not move"),
         ('hoisting_class = "HC2"', 'hoisting_class = "HC5"', "hoisting_class = 'HC5': one of HC1, HC2, HC3, HC4"),
         ("hoisting_speed = 0.5", "", "hoisting_class and hoisting_speed go together"),
         ('standard = "', 'loads = { gust = 1.0 }\nstandard = "', "loads and wind.on name the same load: gust"),
