@@ -167,7 +167,10 @@ def test_a_model_that_the_data_would_replace_stays(model: ReducedModel, tmp_path
 def test_a_signal_that_is_no_sum_of_polynomials_and_sines_is_refused(
     model: ReducedModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """It has a value and a rate of its own, as a kind of signal that is installed beside pmr."""
     saved = model.save(tmp_path / "beam.npz")
+    for name in ("value", "rate"):
+        monkeypatch.setattr(Chirp, name, lambda self, t: np.zeros(np.shape(t)))
     monkeypatch.setattr(Chirp, "strands", SignalBase.strands)
     with pytest.raises(InputError, match="beam.npz: signal of F 0: Chirp is no sum"):
         write_exudyn_script(saved, tmp_path / "script.py")
