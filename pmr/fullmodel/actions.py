@@ -298,7 +298,10 @@ class _Stresses:
         return _Points(inside, np.full(len(inside), 1.0 / len(inside)))
 
     def _ends(self, nearest: Indices, x: float) -> _Points:
-        """Both ends of the beam's element at `x` m, in the corner of the stress point `nearest` (1,)."""
+        """Stress points at both ends of the beam's element at `x` m, with weights that interpolate linearly to `x`.
+
+        The points are in the corner of the section in which the stress point `nearest` (1,) is.
+        """
         corner = np.flatnonzero(self.rows.face == self.rows.face[nearest]).reshape(-1, 2)
         first, last = self.rows.points[corner, 0].T
         element = int(np.maximum(first - x, x - last).argmin())

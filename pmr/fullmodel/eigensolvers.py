@@ -73,7 +73,7 @@ class Elimination:
         return np.setdiff1d(np.arange(self.size), self.pivots)
 
     def to_scipy(self) -> sp.csr_matrix:
-        """The matrix T (n, n - c) as a SciPy matrix."""
+        """The matrix T (n, n - c) of q = T z as a SciPy matrix; z are the `free` coordinates in their order."""
         free = self.free
         column = np.full(self.size, -1)
         column[free] = np.arange(len(free))

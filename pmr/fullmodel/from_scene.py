@@ -153,7 +153,10 @@ def _member_pads(member: Member) -> Pads:
 
 
 def _common_travel(pads: Pads) -> Interval:
-    """Lowest and highest path coordinate in m between which the rows of all moving pads are defined."""
+    """Lowest and highest path coordinate in m between which the rows of all moving pads are defined.
+
+    If no moving pad has a range of its own, this is the range of `pads`.
+    """
     travels = [pad.travel for pad in pads.moving if pad.travel is not None] or [pads.travel]
     return Interval(float(np.max([low for low, _ in travels])), float(np.min([high for _, high in travels])))
 

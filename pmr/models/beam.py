@@ -402,7 +402,10 @@ class Beam(FiniteElementModel, ABC):
         return first + np.array([i for i, d in enumerate(self.directions) if d in directions], np.int64)
 
     def rigid_motions(self) -> Array:
-        """Coordinates (n, d) under unit rigid motions along and about the d directions."""
+        """Coordinates (n, d) under unit rigid motions along and about the d directions.
+
+        Rotations are about the origin.
+        """
         numbers = [DIRECTIONS.index(direction) for direction in self.directions]
         nodes = self.grid.points
         motions = rigid_motions(np.repeat(nodes, len(numbers), axis=0), np.tile(numbers, len(nodes)))[:, numbers]

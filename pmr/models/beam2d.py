@@ -158,7 +158,10 @@ class Beam2D(Beam):
         return Forms(self.inertia(space, ufl.Identity(3)), stiffness * measure(mesh))
 
     def inertia(self, space: FunctionSpace, S: Expr) -> Form:
-        """UFL form of the integral of rho A v . S u along the axis; rotary inertia is neglected."""
+        """UFL form of the integral of rho A v . S u along the axis, for trial and test displacements u and v.
+
+        `S` is a tensor (3, 3) in UFL.  Rotary inertia is neglected.
+        """
         u, v = (self._displacement(field) for field in _trial_and_test(space))
         return self.element_property(space.mesh, self.stiffnesses.mass) * ufl_product(S, v, u) * measure(space.mesh)
 

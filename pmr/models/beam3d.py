@@ -367,7 +367,10 @@ class Beam3D(Beam):
 
 
 def box_beam(body: Beam3DBody, box: Box) -> Beam3D:
-    """Beam in space of a box, with its sections along the axis and the mass of its frames."""
+    """Beam in space of a box, with its sections along the axis and the mass of its frames.
+
+    `body` has the material, the profile and the number of elements.
+    """
     beam = Beam3D(body)
     if box.varying_keys:
         stations = stations_of(box.breaks, body.elements)

@@ -57,7 +57,7 @@ def shifted_ends(sides: Sequence[Side], k: int, outward: Callable[[Side], float]
 
 
 def outward_normal(side: Side, at: Pair) -> Array:
-    """Outward unit vector (2,) of a side at one of its ends, `at`."""
+    """Outward unit vector (2,) of a side at one of its ends, the point `at` (y, z) in m."""
     if side.centre is not None:
         arm = np.subtract(at, side.centre)
         return np.asarray(arm / np.hypot(*arm))

@@ -149,7 +149,7 @@ class Drawing:
         return float(np.linalg.norm(p - q))
 
     def boundary(self, entities: Sequence[Entity]) -> list[Entity]:
-        """Entities that bound all given entities as a whole."""
+        """Entities of one dimension less that bound all given entities as a whole, without those between them."""
         self._model.geo.synchronize()
         return list(self._model.getBoundary(list(entities), combined=True, oriented=False))
 

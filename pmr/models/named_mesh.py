@@ -84,7 +84,7 @@ def mesh_fault(cell: str, points: Array, cells: Indices) -> Fault | None:
 
 
 def triangle_normals(corners: Array) -> Array:
-    """Normals (C, 3) of C triangles with `corners` (C, 3, 3) in m; the length of a normal is the area in m^2."""
+    """Normals (C, 3) of C triangles, as long as their areas in m^2, from the first three `corners` (C, k, 3) in m."""
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2.0
 
 

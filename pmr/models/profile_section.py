@@ -184,7 +184,7 @@ def _arc_angles(side: Side, x: Array) -> Array:
 
 
 def points_along(side: Side, x: Array) -> Array:
-    """Points (q, 2) in m at q shares x (q,) in [0, 1] along a side."""
+    """Points (q, 2), y and z in m, at q shares x (q,) in [0, 1] along a side."""
     if side.centre is None:
         return np.asarray(side.start + x[:, None] * np.subtract(side.end, side.start))
     angle = _arc_angles(side, x)

@@ -223,7 +223,7 @@ def stations_of(breaks: Sequence[float], elements: int) -> Array:
 
 
 def _principal_axes(section: BeamSection) -> Array:
-    """Principal axes of a section as the rows (y, z) of a matrix (2, 2)."""
+    """Principal axes of a section, unit vectors in y and z, as the rows of a matrix (2, 2)."""
     if section.product_of_inertia == 0.0:
         return np.eye(2)
     difference = section.second_moment_z - section.second_moment_y

@@ -235,7 +235,7 @@ def _mass_measure(mesh: Mesh) -> ufl.Measure:
 
 
 def _plane_stress(E: Expr, nu: Expr, strain: Expr) -> Expr:
-    """Stress in Pa of a strain (2, 2) in UFL, for Young's modulus E and Poisson's ratio nu."""
+    """Plane stress (2, 2) in Pa of a strain (2, 2) in UFL, for Young's modulus E and Poisson's ratio nu."""
     return E / (1 - nu**2) * ((1 - nu) * strain + nu * ufl.tr(strain) * ufl.Identity(2))
 
 

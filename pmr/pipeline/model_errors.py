@@ -296,6 +296,6 @@ def _model_budget(
 
 
 def _chosen_model(scene: Scene) -> dict[str, Any]:
-    """Return the structural model of the outermost body: its ``name`` and its ``walls``."""
+    """Return the structural model of the outermost body: its ``name``, and as ``walls`` the value of `body.walls`."""
     last = members(scene)[-1]
     return {"name": model_of(last), "walls": last.part.body.walls}

@@ -278,5 +278,5 @@ def cache_in(folder: Path, model: FullModel) -> Cache:
 
 
 def _model_file(file: Path) -> Path:
-    """Path of the reduced model or system that belongs to `file`."""
+    """Path of the file beside `file` that stores the reduced model or system which belongs to it."""
     return file.with_name(f"{file.stem}-reduced.npz")
