@@ -240,7 +240,7 @@ class ForeignNodes:
 
 
 def check_constraints(nodes: ForeignNodes, pairs: Indices) -> None:
-    """Raise InputError for the first card that gives nodes axes of their own, or ties coordinates as is not allowed.
+    """Raise InputError for the first card that the matrices do not allow: own axes of nodes, or ties of displacements.
 
     Any tie is refused if some displacements have no row in the matrices, as pmr takes these as fixed.  A rigid element
     of Nastran is also refused if a displacement that it makes dependent has a row.  `pairs` (n, 2) are the node and the

@@ -262,7 +262,7 @@ def _external_pairs(lines: Lines) -> Indices:
 
 
 def _entries(lines: Lines, name: str) -> Iterator[tuple[int, list[str]]]:
-    """Yield the number of the first line and the fields of each entry of a `name`.
+    """Yield the number of the first line, and the fields after the name, of each entry called `name`.
 
     Continuation lines of an entry begin with a blank, plus, star or comma.
     """

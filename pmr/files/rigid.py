@@ -157,7 +157,7 @@ class Resistance:
 
     @cached_property
     def blocks(self) -> Array:
-        """Forces (N, 3, 3) on each node along three axes (rows) under three translations (columns).
+        """Forces (N, 3, 3) in N/m on each node along three axes (rows) under three unit translations (columns).
 
         The forces are zero along axes without a coordinate.
         """

@@ -126,7 +126,7 @@ def free_motions(
     scale = np.ones(6)
     scale[3:] = max(float(np.max(positions.tails[name])) + body.reach for name, body in bodies.items())
     rows = np.concatenate(
-        [_contact_measures(system, bodies, positions, shifts), *_supports(bodies, shifts)], axis=1
+        [_contact_measures(system, bodies, positions, shifts), *_support_measures(bodies, shifts)], axis=1
     ) / np.tile(scale, len(bodies))
     size = np.linalg.norm(rows, axis=2, keepdims=True)
     rows = np.divide(rows, size, out=np.zeros_like(rows), where=size > 0.0)
@@ -187,7 +187,7 @@ def _contact_measures(
     return rows * counts[:, :, None]
 
 
-def _supports(bodies: Mapping[str, RigidBody], shifts: Mapping[str, Array]) -> Iterator[Array]:
+def _support_measures(bodies: Mapping[str, RigidBody], shifts: Mapping[str, Array]) -> Iterator[Array]:
     """Yield for each of b bodies the values (T, h, 6 b) that its h clamps and springs take under the rigid motions.
 
     There are six rigid motions of each body, and T positions.  `shifts` are matrices (T, 6, 6) by body, as `_shifts`

@@ -367,6 +367,7 @@ def direction_polynomial(cylinder: LuffingCylinder) -> PPoly:
 def _direction_derivatives(cylinder: LuffingCylinder, angle: Array) -> Array:
     r"""Unit vector from a cylinder's foot to its lug and its first two derivatives by the luffing angle, (n, 3, 2).
 
+    The second axis has the vector, its first and its second derivative, the last axis their components along x and z.
     `angle` (n,) are the luffing angles in rad.  With the foot :math:`r_0` and the lug :math:`r_1` as complex numbers x
     + i z, and the luffing angle :math:`\varphi`, the unit vector is :math:`e^{i \beta}` with :math:`\beta = \arg(r_1 -
     r_0 e^{-i \varphi})`.

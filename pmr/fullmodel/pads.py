@@ -239,8 +239,8 @@ def fixed_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[
 def under_pad(pad: Pad, model: StructuralModel, positions: Array) -> sp.csr_matrix:
     """Rows (p, n) of the mean normal displacement under a pad, outwards positive, for p positions of its centre.
 
-    The `positions` (p,) are in m along the axis, the displacements in m on the n coordinates of `model`.  Raises an
-    `InputError` if the pad leaves its face at one of them.
+    The rows act on the n coordinates of `model`; the `positions` (p,) are in m along the axis.  Raises an `InputError`
+    if the pad leaves its face at one of them.
     """
     step, reach = _station_spacing(pad), 2 * STATIONS  # stations with a weight on either side
     offsets = step * np.arange(1 - reach, reach)

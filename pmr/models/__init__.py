@@ -47,7 +47,7 @@ class UnitState:
     solve: Callable[[UnitState], Function]  # displacement under the loads of this state; collective
 
     def displacement(self, space: FunctionSpace) -> Function:
-        """Displacement of the body under the loads of this state, a function on the model's `space`; collective."""
+        """Displacement of the body under the loads of this state, as a function on `space`, the model's; collective."""
         return self.solve(self)
 
 

@@ -156,8 +156,9 @@ class Beam(FiniteElementModel, ABC):
     def bending_load(self, direction: str, gradient: float) -> sp.csr_matrix:
         r"""Row (1, n) of the load by an initial strain whose gradient along `direction` is `gradient` in 1/m.
 
-        The strain is zero at the centroid.  An element with the bending stiffness EI is bent by the moments
-        :math:`\mp EI \kappa` at its ends, which is the integral of :math:`EI \kappa\, \delta w''` along it.
+        The strain is zero at the centroid.  Under the gradient :math:`\kappa` an element with the bending stiffness EI
+        is bent by the moments :math:`\mp EI \kappa` at its ends, which is the integral of :math:`EI \kappa\, \delta
+        w''` along it.
         """
         d, load = len(self.directions), np.zeros(len(self.directions) * (self.first[-1] + 2))
         for slope, stiffness in self.bending_stiffness(direction).items():
@@ -259,7 +260,7 @@ class Beam(FiniteElementModel, ABC):
         return self.corner_stresses(self.section_forces(), np.repeat(np.arange(len(self.grid.cells)), 2))
 
     def cut(self, parts: int) -> Cut:
-        """Cut each element of the beam into `parts` equal pieces."""
+        """Return this beam with each of its elements cut into `parts` equal pieces."""
         x, shares, d = self.node_stations, np.arange(parts) / parts, len(self.directions)
         places = np.append((x[:-1, None] + np.diff(x)[:, None] * shares).ravel(), x[-1])
         beam, number = self.on_nodes(np.repeat(places, 2)[1:-1]), np.repeat(np.arange(len(places)), 2)[1:-1]

@@ -281,7 +281,7 @@ class NodeFits(NamedTuple):
 
 
 def node_fits(mesh: NamedMesh) -> NodeFits:
-    """Return the values at the nodes of each wall, at its edges too, that fit values of cells.
+    """Return the matrix that fits values at the nodes of each wall, at its edges too, to values of cells.
 
     At each node the value is that of a quadratic polynomial in the two directions of the wall.  The polynomial fits the
     values in the middles of the cells that touch the node, and of all cells that share a node with them; cells that are

@@ -39,7 +39,7 @@ class Mover:
 
     @property
     def wheel(self) -> int:
-        """Number of the wheel's coordinate along z."""
+        """Number of the wheel's coordinate along z: 0 if it moves with the mass, 1 if a spring is between them."""
         return 0 if self.body.stiffness == "rigid" else 1
 
     @property

@@ -141,7 +141,7 @@ def start_richer(scene: Scene, cache: Cache, helper: Executor) -> Future[None] |
     """Let another process reduce the richer model of a scene and store it in `cache` for `measure_model`.
 
     The process is one of `helper`.  Returns None if the richer model is stored already, if `measure_model` has a reason
-    to measure nothing, and if no process can be started.
+    to measure nothing, or if no process can be started.
     """
     if scene.computed_key is not None:
         return None
@@ -155,7 +155,7 @@ def start_richer(scene: Scene, cache: Cache, helper: Executor) -> Future[None] |
 def start_stresses(scene: Scene, helper: Executor) -> Future[None] | None:
     """Let another process, one of `helper`, compute the local stress in walls at pads and store it for later calls.
 
-    Returns None if the scene asks for no stresses, if no beam of it has walls that stay the same along it, and if no
+    Returns None if the scene asks for no stresses, if no beam of it has walls that stay the same along it, or if no
     process can be started.
     """
     has_walls = any(traits_of(member).is_beam and member.part.has_even_walls for member in members(scene))
@@ -241,8 +241,8 @@ def measure_mesh(
 def _unknown_model_error(error: Exception, label: str) -> dict[str, Any]:
     """Return the entries of summary.json for an error that can't be measured.
 
-    The keys are ``reason`` and, if the reason is long, ``detail``.  `label` is the name of the scene with which the run
-    was to be compared.
+    The keys are ``beside``, which is None, ``reason`` and, for a NotHeldError, ``detail`` with its longer message.
+    `label` is the name of the scene with which the run was to be compared.
     """
     reason = error.allowed if isinstance(error, InputError) else str(error)
     if isinstance(error, NotHeldError):
@@ -261,7 +261,7 @@ def _choose_model(options: list[Scene], comm: MPI.Comm, cache: Cache | None) -> 
     tried = list[dict[str, Any]]()
 
     def chosen_figures(scene: Scene, **more: Any) -> dict[str, Any]:
-        """Return ``chosen_model`` of summary.json for the scene that is chosen."""
+        """Return ``chosen_model`` of summary.json for the chosen scene, with the further entries `more`."""
         return _chosen_model(scene) | {"tolerance": scene.compare.model_tolerance, "tried": tried} | more
 
     try:

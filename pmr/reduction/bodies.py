@@ -289,7 +289,7 @@ def _reduce_section(scene: Scene, member: Member, model: FullModel, cache: Cache
 
 
 def _without_flexibility(model: ReducedModel) -> ReducedModel:
-    """Return the model of a section without residual flexibility, of its rows and on its carriers."""
+    """Return a section's model without residual flexibility, neither in its tables nor on its carriers."""
     assert model.carriers is not None  # section models have carriers
     return replace(model, flexibility=None, carriers=replace(model.carriers, flexibility=None, answers=None))
 
