@@ -7,7 +7,7 @@ from driving import driven
 from one_body import respond
 from scipy.signal import butter, sosfiltfilt
 
-from pmr import ReducedModel, RunResult, reduce, run
+from pmr import RunResult, reduce, run
 from pmr.compare.errors import nrms
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
@@ -55,30 +55,6 @@ def test_a_run_gives_its_result_on_rank_0(load_scene, tmp_path) -> None:
     assert np.array_equal(loaded.responses["full"].tip, result.responses["full"].tip)
     assert np.array_equal(loaded.body.shapes.shapes, result.body.shapes.shapes)
     assert loaded.responses["reduced"].seconds == result.responses["reduced"].seconds
-
-
-def test_a_saved_model_simulates_to_the_same_motion(load_scene, tmp_path) -> None:
-    scene = load_scene("paper_evolved", SHORT)
-    reduced = reduce(scene).reduced
-    loaded = ReducedModel.load(reduced.save(tmp_path / "reduced.npz"))
-    stepping = TimeStepping(0.2, 1e-3)
-    first, second = (
-        one_body.in_exudyn(model, driven(scene.slider.path, [scene.loads[0].signal], stepping))
-        for model in (reduced, loaded)
-    )
-    assert np.array_equal(first.q, second.q) and np.abs(first.q).max() > 1e-6
-
-
-def test_dense_and_slepc_give_the_same_motion(load_scene) -> None:
-    scene = load_scene("paper_evolved", [*SHORT, "reduction.solver=slepc"])
-    stepping = TimeStepping(0.5, 1e-3)
-    reference = reduce(load_scene("paper_evolved", [*SHORT, "reduction.solver=dense"])).reduced
-    found = reduce(scene).reduced
-    tips = []
-    for model in (reference, found):
-        motion = one_body.in_exudyn(model, driven(scene.slider.path, [scene.loads[0].signal], stepping))
-        tips.append(motion.q @ model.outputs[-1])
-    assert np.abs(tips[0]).max() > 1e-3 and np.abs(tips[0] - tips[1]).max() < 1e-9
 
 
 @pytest.mark.slow
