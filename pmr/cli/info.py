@@ -267,9 +267,9 @@ def describe_key(schema: Schema, key: str) -> list[tuple[str, str]]:
 
 
 def _tables_of(value: Schema, definitions: dict[str, Schema]) -> Iterator[Schema]:
-    """Yield the tables of keys that a value may be, by the schema; for a list, those that its members may be.
+    """Yield the schemas of all tables that the schema `value` allows; for a list, those of its members.
 
-    `definitions` are the schema's definitions, to which values refer by name.
+    `definitions` are the definitions to which schemas refer by name.
     """
     if "$ref" in value:
         yield from _tables_of(definitions[value["$ref"].rpartition("/")[2]], definitions)

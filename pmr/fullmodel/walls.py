@@ -172,8 +172,8 @@ class Walls:
     def _sliding_factors(self) -> list[tuple[Array, Array, Array]]:
         """Factors A' (p, k, r) and V (r, m) of A = A' V, and the matrices S_m (p, k, k), for each `Sliding`.
 
-        The module's docstring has the equations.  Components V of y_f to which A contributes less than `SHARED` are
-        left out.
+        The module's docstring has the equations.  Components V y_f whose columns of A' have no entry above `SHARED`
+        are left out: they hardly move the pads that slide.
         """
         inverse, factors = np.linalg.pinv(self._standing_root, rcond=SAME**0.5).T, []
         for sliding in self.sliding:

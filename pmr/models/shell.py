@@ -172,8 +172,8 @@ class Shell(MeshedModel):
     def plane_stresses(self, space: FunctionSpace) -> Expr:
         """Membrane stresses in Pa, then bending stresses per distance from the middle in Pa/m, as a UFL vector of six.
 
-        The stresses are linear in a trial function on `space`.  Each of the two has three components in the axes of
-        `frames`: along, across, and shear.
+        The stresses are linear in a trial function on `space`.  Membrane and bending stresses have three components
+        each, in the axes of `frames`: along, across, and shear.
         """
         mesh, axes = space.mesh, frames(self.mesh)
         frame = [ufl.as_vector([cellwise(mesh, axes[:, k, i]) for i in range(3)]) for k in range(3)]

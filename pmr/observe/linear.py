@@ -261,10 +261,10 @@ def output_sensitivity(reference: LinearMotion, changed: LinearMotion) -> Array:
     """Outputs (T, q) of the motion `changed` minus those of the motion `reference`, for q outputs at T steps.
 
     `changed` is the same motion of a system in which one parameter (a stiffness, Young's modulus, a mass) is changed.
-    The difference is that by the whole change, not per unit of the parameter.  Raises InputError if the two motions
-    have other steps or outputs.
+    The difference is that by the whole change, not per unit of the parameter.  Raises InputError if outputs or
+    times of the steps differ between the two motions.
     """
-    if reference.outputs != changed.outputs or reference.t.shape != changed.t.shape:
+    if reference.outputs != changed.outputs or not np.array_equal(reference.t, changed.t):
         raise InputError(
             "observe", "parameters", changed.outputs, "the same outputs and steps as those of the reference are needed"
         )

@@ -39,7 +39,8 @@ def is_compared(result: RunResult) -> bool:
 def rows(result: RunResult) -> list[Row]:
     """Rows of the error table.
 
-    Differences to other models come first, then estimates, the largest displacement and the largest difference.
+    Errors against other models come first, then estimated errors.  The last two rows are the largest displacement and
+    the largest difference to the full model.
     """
     errors = (*_error_rows(result), *_further_rows(result), *_section_rows(result), *_estimate_rows(result))
     return [*errors, *_length_rows(result)]

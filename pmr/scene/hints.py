@@ -238,9 +238,10 @@ def _unusual_in_value(
 def _unusual_number(
     value: float, key: str, usual: tuple[Usual, ...], unit: str, scales: Scales
 ) -> Iterator[_UnusualNumber]:
-    """Yield the number `value` of a key if its magnitude is outside of the range that its `usual` ranges share.
+    """Yield the number `value` of a key if its magnitude is outside of the intersection of its `usual` ranges.
 
-    `unit` is its unit if the last range has none.  0 is never unusual.  A range in multiples of a scale is left out if
+    The number is in the unit of the last range, or in `unit` if that range has none.  Nothing is yielded if the ranges
+    have nothing in common.  0 is never unusual.  A range in multiples of a scale is left out if
     `scales` lacks this scale or has it as 0.
     """
     ranges = [of for of in usual if not of.scale or scales.get(of.scale)]

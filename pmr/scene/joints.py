@@ -243,7 +243,7 @@ class ScaledSignal(SignalBase):
 
     @property
     def strands(self) -> tuple[Strand, ...]:
-        """Pieces of polynomials and sines whose sum is the scaled signal, from those of the signal itself."""
+        """Strands whose sum is the scaled signal: those of the signal itself, each scaled."""
         scaled = (
             replace(strand, polynomials=self.ratio * strand.polynomials, amplitude=self.ratio * strand.amplitude)
             for strand in self.signal.strands

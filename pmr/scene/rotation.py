@@ -15,7 +15,7 @@ from pmr.files.arrays import Array
 from pmr.scene.signals import SignalBase
 
 #: An angle in rad, its rate and its second rate, (T,) each.
-Angle = Sequence[Array]
+AngleMotion = Sequence[Array]
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,9 @@ class FrameRotation:
         return cls.from_angles(motion_of(luffing, t), motion_of(slewing, t), [motion_of(angle, t) for angle in rocking])
 
     @classmethod
-    def from_angles(cls, luffing: Angle, slewing: Angle, rocking: Sequence[Angle] = ()) -> FrameRotation:
+    def from_angles(
+        cls, luffing: AngleMotion, slewing: AngleMotion, rocking: Sequence[AngleMotion] = ()
+    ) -> FrameRotation:
         """Rotation by the frame's angles (T,) in rad, with rates and second rates, on a base turned by `rocking`.
 
         An empty `rocking` stands for a base that does not turn.
@@ -50,13 +52,16 @@ class FrameRotation:
         return cls.from_rocking(rocking).carry(turning) if rocking else turning
 
     @classmethod
-    def from_rocking(cls, rocking: Sequence[Angle]) -> FrameRotation:
-        """Rotation :math:`R_Z(c) R_Y(b) R_X(a)` of a base, whose angles `rocking` are roll a, pitch b and yaw c."""
+    def from_rocking(cls, rocking: Sequence[AngleMotion]) -> FrameRotation:
+        """Rotation :math:`R_Z(c) R_Y(b) R_X(a)` of a base by roll a, pitch b and yaw c in rad.
+
+        `rocking` has each of these angles with its rate and its second rate.
+        """
         roll, pitch, yaw = (cls.about_axis(axis, angle) for axis, angle in enumerate(rocking))
         return yaw.carry(pitch).carry(roll)
 
     @classmethod
-    def about_axis(cls, axis: int, angle: Angle) -> FrameRotation:
+    def about_axis(cls, axis: int, angle: AngleMotion) -> FrameRotation:
         """Rotation about the axis x, y or z (`axis` 0, 1 or 2) by an `angle` with its rate and second rate."""
         value, rate, second = (np.asarray(part)[:, None] for part in angle)
         e = np.eye(3)[axis]
@@ -93,7 +98,7 @@ class FrameRotation:
         return skew(self.acceleration) + spin @ spin
 
 
-def motion_of(angle: SignalBase, t: Array) -> Angle:
+def motion_of(angle: SignalBase, t: Array) -> AngleMotion:
     """Value, rate and second rate (T,) of an angle at the times t (T,) in s."""
     return angle.value(t), angle.rate(t), angle.second_rate(t)
 

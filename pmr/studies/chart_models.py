@@ -179,7 +179,7 @@ def stiffness_excess(scene: Scene, better: System, full: System, positions: Post
 
 
 def _sample_postures(positions: PostureSet) -> NDArray[np.int64]:
-    """Return the numbers of three postures of each extension: at the least, a middle and the largest luffing angle.
+    """Return the numbers of up to three postures of each extension: at the least, a middle and the largest angle.
 
     The numbers (n,) ascend.
     """

@@ -246,12 +246,13 @@ def _angles_at_radii(radii: Array, place: Array, luffing: Array) -> Array:
 
 
 def _interpolate_loads(angles: Array, luffing: Array, load: Array, up_to: float, smooth: bool) -> Array:
-    """Interpolate `load` (A, l) in kg, by l limits at A increasing angles `luffing` (A,), at `angles` (2, R) in rad.
+    """Loads (2, R, l) in kg that l limits allow at luffing angles `angles` (2, R) in rad; NaN where an angle is NaN.
 
-    The result is (2, R, l), NaN where an angle is NaN.  The inverse of the load is interpolated, as a moment that a
-    limit allows is the load times a radius.  The interpolation is by monotone cubic curves, or by straight lines if not
-    `smooth`.  `up_to` in kg is the largest load that was tried.  Between two angles of which one allows no load, no
-    load is allowed, because the angle at which the boom is permitted again is not known.
+    They are interpolated between the loads `load` (A, l) in kg at A increasing angles `luffing` (A,).  The inverse of
+    the load is interpolated, as a moment that a limit allows is the load times a radius.  The interpolation is by
+    monotone cubic curves, or by straight lines if not `smooth`.  `up_to` in kg, the largest load that was tried, sets
+    the small offset that keeps the inverse of a load of 0 finite; it is no upper limit.  Between two angles of which
+    one allows no load, no load is allowed, because the angle at which the boom is permitted again is not known.
     """
     if len(luffing) == 1:
         return np.where(np.isnan(angles)[..., None], np.nan, load[0])

@@ -304,9 +304,10 @@ class TippingMoments:
         return np.asarray(np.where(held > 0.0, factor * load / np.where(held > 0.0, held, 1.0), np.inf).max(axis=1))
 
     def overturning_load(self, states: LoadedStates, factor: float) -> float:
-        """Return the load in kg whose moment is that of the acting load plus the boom's moment divided by `factor`.
+        """Return the load in kg that tips by as much as the acting load and the boom, the boom's moment over `factor`.
 
-        Both moments are absolute values about the worst edge; `states` hold one state.
+        With the moments m_l of 1 kg of load and m_b of the boom about the worst edge, it is the acting load plus
+        abs(m_b) / (factor abs(m_l)).  `states` hold one state.
         """
         load = states.load[0] * (self.tip_moment + states.outputs[0] @ self.tip_derivative.T)
         boom = states.outputs[0] @ self.boom.T - load

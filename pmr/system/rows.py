@@ -230,9 +230,9 @@ class IntervalColumns(NamedTuple):
 
 
 def columns_by_interval(touching: Indices, n: int, k: int) -> IntervalColumns:
-    """Columns out of n that each of k intervals touches, from codes ``interval * n + column``.
+    """Columns, of n in all, that each of k intervals touches.
 
-    The codes `touching` (any,) may be in any order and occur several times.
+    They are given by the codes ``interval * n + column`` in `touching` (any,), in any order and also several times.
     """
     different = np.unique(touching)
     interval, width = different // n, np.bincount(different // n, minlength=k)

@@ -183,7 +183,7 @@ class BodySystem(Generic[AnyBody]):
 
     @cached_property
     def compliance(self) -> Compliance:
-        """Compliance of the pads, supports, cylinders and ropes of all contacts, without that of the bodies."""
+        """Compliance A(s) (m, m) of the m contacts: of their pads, supports, cylinders and ropes, not of bodies."""
         return Compliance.from_contacts(self.contacts)
 
     def contact_compliance(self, x: Array) -> Array:

@@ -144,7 +144,7 @@ class SignalBase(BaseModel):
 
     @property
     def strands(self) -> tuple[Strand, ...]:
-        """Pieces of polynomials and sines whose sum the signal is; raises NotImplementedError for any other signal."""
+        """Strands whose sum is the signal; raises NotImplementedError for a signal that has none."""
         raise NotImplementedError(f"{type(self).__name__} is no sum of polynomials and sines")
 
     def on_steps(self, step: float) -> SignalBase:
@@ -247,7 +247,7 @@ class Chirp(SignalBase):
 
     @property
     def strands(self) -> tuple[Strand, ...]:
-        """Pieces of polynomials and sines whose sum is the chirp, one piece for each interval of its frequencies."""
+        """The chirp as one strand: a piece between each two of `times`, one before the first and one after the last."""
         knots, f = np.array(self.times), np.array(self.frequencies)
         breaks = np.array([knots[0] - 1.0, *knots])  # before the first knot the frequency is constant
         slopes = np.array([0.0, *(np.diff(f) / np.diff(knots)), 0.0])

@@ -202,12 +202,13 @@ def begin(
     excitation: Excitation,
     initial: Mapping[str, InitialState] | None = None,
 ) -> tuple[Any, ...]:
-    """Start a kernel of `form` by ``start(kind, *modes)``; return these arguments.
+    """Start a kernel of `form` by ``start(kind, *modes)``; return the arguments of the call that started it.
 
-    The kernel begins in the states `initial` of bodies by name, or, if that is None, at rest or in equilibrium, as the
-    excitation says.  In addition to the errors of `start`, a StepError is raised if no equilibrium with a hoist is
-    found.  For a start in equilibrium, an InputError is raised if nothing holds the bodies, or if a system with a hoist
-    has more than `DENSE_WITH_HOIST` modes.
+    The kind is ``equilibrium`` or ``rest``, without modes, or ``given`` with the modes' states.  The kernel begins in
+    the states `initial` of bodies by name, or, if that is None, at rest or in equilibrium, as the excitation says.  In
+    addition to the errors of `start`, a StepError is raised if no equilibrium with a hoist is found.  For a start in
+    equilibrium, an InputError is raised if nothing holds the bodies, or if a system with a hoist has more than
+    `DENSE_WITH_HOIST` modes.
     """
     system, modes, failed = form.system, form.modes, None
     if initial is None and excitation.start == "equilibrium":

@@ -293,7 +293,7 @@ class March:
 def without_pull(multipliers: Array, pushing: NDArray[np.bool_]) -> None:
     """Set negative forces of contacts that only push to zero in `multipliers` (T, m) in N, in place.
 
-    Negative forces of such contacts, the mask `pushing` (m,), are round-off of other forces.
+    `pushing` (m,) is true for these contacts.  A negative force of theirs is only the round-off of larger forces.
     """
     np.maximum(multipliers, np.where(pushing, 0.0, -np.inf), out=multipliers)
 

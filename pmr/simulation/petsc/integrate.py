@@ -248,8 +248,9 @@ class Integrator:
     ) -> None:
         """Factorise the effective matrix of steps with the scheme's `factors` for each body of `system`; collective.
 
-        `rows` are the contact rows along the course, `pushing` is the state of contacts that only push, and `terms` are
-        forces of terms and friction.
+        `rows` are the contact rows along the course, `pushing` is the state of contacts that only push, and `terms`
+        gives the forces of the system's terms and of friction.  `shared` is the number of integrators that share the
+        memory for responses.
         """
         self._terms = terms
         self._system, self._factors = system, factors

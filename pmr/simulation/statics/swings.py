@@ -153,10 +153,11 @@ class Swing:
 
 
 def stopping_swing(form: Form, load: float, acting: LoadEffects, duration: float) -> Swing | None:
-    """Swing of a structure under a `load` in kg, during a constant deceleration of `duration` s and afterwards.
+    """Outputs and contact forces of a structure under a `load` in kg while it is decelerated for `duration` s.
 
-    `form` is the structure with its closed contacts, and `acting` are the effects of the deceleration.  The result is
-    None if no equilibrium exists under the load.
+    They are histories, also for the time after that, for a unit of the deceleration and without the response to loads
+    at rest (`Swing`).  `form` is the structure with its closed contacts, and `acting` are the effects of a unit of the
+    deceleration.  The result is None if no equilibrium exists under the load.
     """
     if not form.held or not 0.0 <= load < form.critical:
         return None
