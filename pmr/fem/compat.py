@@ -203,7 +203,8 @@ def lagrange_rule(cell: str, order: int, degree: int, parts: int = 1) -> Lagrang
 
     The reference cell has d dimensions; a ``"point"`` has one function, which is 1.  `order` is the polynomial degree
     of the element, and `degree` the one that the rule integrates exactly.  The rule is repeated in the `parts`^d equal
-    pieces of the cell, for lines, triangles and quadrilaterals.
+    pieces of the cell, for lines, triangles and quadrilaterals.  Raises a `ValueError` for tetrahedra in several
+    pieces.
     """
     if cell == "point":
         return LagrangeRule(np.ones(1), np.ones((1, 1)), np.zeros((0, 1, 1)))
@@ -346,7 +347,10 @@ def function(space: FunctionSpace, values: Array) -> Function:
 
 
 def compiled_form(form: Form) -> CompiledForm:
-    """Compile a bilinear form, so that it can be assembled for any values of its constants; collective."""
+    """Compile a bilinear form, so that it can be assembled for any values of its constants; collective.
+
+    Raises the error of `_compile_once`.
+    """
     domain = next(iter(form.subdomain_data())).ufl_cargo()
     return _compile_once(domain.comm, f"form {form.signature()}", partial(dolfinx.fem.form, form))
 
@@ -373,7 +377,8 @@ def tabulate(expression: Expr, points: Array, space: FunctionSpace) -> Array:
     """Values (C, q, v, d) of an expression of v components that is linear in a trial function of `space`; collective.
 
     The q `points` (q, tdim) are on the reference cell of dimension tdim.  C is the number of cells that this rank
-    knows, and d the number of degrees of freedom of a cell, in the order of `unrolled_cell_dofs`.
+    knows, and d the number of degrees of freedom of a cell, in the order of `unrolled_cell_dofs`.  Raises the error of
+    `_compile_once`.
     """
     mesh = space.mesh
     name = ffcx.naming.compute_signature([(expression, points)], "")

@@ -173,7 +173,8 @@ def read_sets(deck: Deck, instances: Mapping[str, Numbers]) -> None:
     """Add the members of all sets and surfaces to `deck`, from the deck's cards.
 
     `instances` has the numbers of nodes and elements of each instance, by the instance's name.  Sets are read in the
-    order of their cards, then surfaces.
+    order of their cards, then surfaces.  Raises InputError, with file and line, for members that do not exist or can't
+    be read.
     """
     for card in deck.sets:
         if card.keyword != "SURFACE":

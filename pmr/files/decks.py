@@ -68,7 +68,10 @@ class _Assembly:
         return content
 
     def end_instance(self) -> None:
-        """Move the open instance to its place and join it with the whole; do nothing if no instance is open."""
+        """Move the open instance to its place and join it with the whole; do nothing if no instance is open.
+
+        Raises InputError, with file and line, for a place, a set or an element that can't be read.
+        """
         if self.open is None:
             return
         (card, content), self.open = self.open, None
@@ -81,7 +84,8 @@ class _Assembly:
         """Return the whole deck.
 
         Without instances, each part counts as one instance of itself that is not moved.  With exactly one instance, its
-        sets have their own names only, not those with the instance's name in front, such as ``instance.set``.
+        sets have their own names only, not those with the instance's name in front, such as ``instance.set``.  Raises
+        the errors of `end_instance`.
         """
         self.end_instance()
         if not self.instances:

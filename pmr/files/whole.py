@@ -165,7 +165,10 @@ def replacement_folder(folder: Path, ours: Sequence[str]) -> Iterator[Path]:
 
 
 def finish_swap(folder: Path) -> None:
-    """Complete the moves that a killed process had begun in a folder, and remove its incomplete new files."""
+    """Complete the moves that a killed process had begun in a folder, and remove its incomplete new files.
+
+    Raises the InputError of `_listed_moves`.
+    """
     new_folders = [path for path in folder.glob(f"{_NEW}*") if path.is_dir()]
     if new_folders or (folder / _COMPLETE).exists():
         with report_full_disk(folder), hold_lock(folder):

@@ -263,7 +263,10 @@ class _Stresses:
         return None if rows is None else cls(part, model, rows)
 
     def gauges(self, number: int, measure: str) -> Iterator[Gauge]:
-        """Yield gauges of the components of ``stress`` or ``strain`` (`measure`) that probe `number` measures."""
+        """Yield gauges of the components of ``stress`` or ``strain`` (`measure`) that probe `number` measures.
+
+        Raises the errors of `_probe_points`.
+        """
         stress_rows, probe, (points, weights) = self.rows, self.part.probes[number], self._probe_points(number)
         mean = self._mean(points, weights)
         if measure == "strain":

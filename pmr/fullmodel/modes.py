@@ -111,8 +111,8 @@ def largest_eigenpairs(
 class _Block:
     """M-orthonormal columns that span a block of columns W (n_local, b), with the mass M.
 
-    `vectors` X are these columns; directions of W that are too short are left out.  `dual` is the product M X.
-    `lengths` is a matrix L (b, b) with L^T L = W^T M W.
+    `vectors` X (n_local, c) are these columns; directions of W that are too short are left out.  `dual` (n_local, c) is
+    the product M X.  `lengths` is a matrix L (b, b) with L^T L = W^T M W.
     """
 
     vectors: Array

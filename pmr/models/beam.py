@@ -190,7 +190,10 @@ class Beam(FiniteElementModel, ABC):
         return rows
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
-        """Rows (d, n) that measure a place's motion at the point `about` (3,) m, by default at the place's centroid."""
+        """Rows (d, n) that measure a place's motion at the point `about` (3,) m, by default at the place's centroid.
+
+        Raises the InputError of `station`.
+        """
         at = self.station(place)
         return self._point_motions(np.array([at]), np.array([self.centroid(at) if about is None else about]))
 
@@ -367,7 +370,10 @@ class Beam(FiniteElementModel, ABC):
         return [cellwise(mesh, values) for values in sums]
 
     def displacement(self, *places: str | float) -> sp.csr_matrix:
-        """Rows (k t, n) of the displacements of the centroids at k places, along the t of x, y, z that the beam has."""
+        """Rows (k t, n) of the displacements of the centroids at k places, along the t of x, y, z that the beam has.
+
+        Raises the InputError of `station`.
+        """
         at = np.array([self.station(place) for place in places])
         motions = self._point_motions(at, np.array([self.centroid(place) for place in at]))
         return motions[np.flatnonzero(np.tile([d in "xyz" for d in self.directions], len(at)))]
@@ -387,7 +393,7 @@ class Beam(FiniteElementModel, ABC):
     def centroid(self, place: str | float) -> Array:
         """Point (3,) in m that represents a place: the centroid of the walls' mid-line, as at the end of a shell.
 
-        The point is on the axis if the beam has no profile.
+        The point is on the axis if the beam has no profile.  Raises the InputError of `station`.
         """
         at = self.station(place)
         return np.array([at, *(np.zeros(2) if self.sections is None else self.sections.middle_at(at))])

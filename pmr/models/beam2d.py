@@ -286,7 +286,10 @@ def planar_beam(body: Beam3DBody, box: Box, nodes: Array) -> Beam2D:
 
 
 def from_member(member: Member) -> Beam2D:
-    """Planar beam of a body from its stiffnesses or its box, on generated nodes or on the nodes of a mesh file."""
+    """Planar beam of a body from its stiffnesses or its box, on generated nodes or on the nodes of a mesh file.
+
+    Raises the errors of `read_nodes`.
+    """
     body, mesh, length = member.part.body, member.part.mesh, member.part.length
     nodes = graded_nodes(length, mesh.elements, mesh.grading) if mesh.file is None else read_nodes(mesh.file, length)
     return Beam2D(body.profile, nodes) if body.profile else planar_beam(beam_body(member), member.box, nodes)

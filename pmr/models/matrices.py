@@ -86,7 +86,10 @@ class Matrices(TracedModel):
         return float(np.sqrt(max(squares.min(), 1e-12 * squares.max())))
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
-        """Numbers (k,) of the coordinates of nodes in the group `place` that are in one of the given `directions`."""
+        """Numbers (k,) of the coordinates of nodes in the group `place` that are in one of the given `directions`.
+
+        Raises the InputError of `_group`.
+        """
         on = np.isin(self.body_matrices.node, self._group(place))
         along = np.isin(self.body_matrices.direction, [DIRECTIONS.index(direction) for direction in directions])
         return np.flatnonzero(on & along)

@@ -122,7 +122,7 @@ class MeshedModel(TracedModel):
     def trace(self, place: str | float) -> Trace:
         """Trace of the displacement on `place`: a named group, or the cross-section at a distance in m along the axis.
 
-        Traces are cached.
+        Traces are cached.  Raises the errors of `group_trace` and `section_trace`.
         """
         if place not in self._traces:
             if isinstance(place, str):

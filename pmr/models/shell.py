@@ -95,7 +95,10 @@ class Shell(MeshedModel):
 
     @cached_property
     def plates(self) -> CellProperties:
-        """Material and thickness of each cell."""
+        """Material and thickness of each cell.
+
+        Raises the errors of `region_properties`.
+        """
         return region_properties(self.mesh, self.body.plate, self.body.regions)
 
     @property

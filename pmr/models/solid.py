@@ -75,7 +75,10 @@ class Solid(MeshedModel):
 
     @cached_property
     def materials(self) -> CellProperties:
-        """Material of each cell."""
+        """Material of each cell.
+
+        Raises the errors of `region_properties`.
+        """
         return region_properties(self.mesh, self.body.material, self.body.regions)
 
     @property

@@ -34,6 +34,7 @@ def reduce_scene(scene: Scene, comm: MPI.Comm, clock: Clock | None = None, vecto
     """Build and reduce a scene's bodies on `vectors`, or on the scene's basis if `vectors` is None; collective.
 
     The full models are part of the result.  `clock` measures the wall time of the stages; None leaves them unmeasured.
+    Raises the errors of `build_bodies` and `reduce_bodies`.
     """
     clock = clock or Clock()
     with clock.stage("assemble"):
@@ -74,7 +75,7 @@ def decide_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None
 
     A scene without a choice of models is returned unchanged.  If no model can be compared with a shell, the simplest
     models are taken, and the result contains the reason.  `cache` is a folder for the reduced systems that are
-    compared, or None to store nothing.
+    compared, or None to store nothing.  Raises the errors of `build_bodies` and `_choose_model`.
     """
     options = candidate_scenes(scene)
     if not options:
@@ -132,7 +133,10 @@ class ComparedScene:
         return self.cache.system_of(self.scene, lambda: self.reduction.system)
 
     def motion(self) -> Motion | None:
-        """Simulate the scene; return its motion on rank 0, None on other ranks; collective."""
+        """Simulate the scene; return its motion on rank 0, None on other ranks; collective.
+
+        Raises an InputError, ConvergenceError or SimulationError if the scene can't be reduced or simulated.
+        """
         system = self.system
         return call_on_first_rank(self.comm, lambda: Motion.compute(self.scene, system))
 

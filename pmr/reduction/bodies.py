@@ -246,7 +246,7 @@ def reduce_body(
 
     The basis is the one that the scene chooses, or made from the user's `vectors` if these are not None.  `clock`
     measures the time of each stage.  The result has the attachment modes of the scene's ports, and reactions of rigid
-    supports.
+    supports.  Raises the errors of `take_snapshots` and `build_basis`.
     """
     clock = clock or Clock()
     with clock.stage("snapshots"):

@@ -62,7 +62,10 @@ class FreeBody:
 
     @cached_property
     def Z(self) -> Array:
-        """The c rigid-body modes Z (n_local, c), M-orthonormal: this rank's part of the coordinates."""
+        """The c rigid-body modes Z (n_local, c), M-orthonormal: this rank's part of the coordinates.
+
+        Raises the ValueError of `rigid_modes`.
+        """
         return np.asfortranarray(rigid_modes(self.model))
 
     @cached_property
@@ -84,7 +87,7 @@ class FreeBody:
     def solve(self, g: Array) -> Array:
         """Solutions K^+ g (n_local, k), this rank's part, for k self-equilibrated loads g (n_local, k); collective.
 
-        The array g may be overwritten.
+        The array g may be overwritten.  Raises the errors of `static_solver`.
         """
         if self._solver is None:
             rows = [*fixed_rows(self.model), *_anchor_rows(self.model, self.Z)]

@@ -367,7 +367,7 @@ def load_powers(residual: ResidualFlexibility, carriers: sp.csr_matrix, count: i
     """The first `count` of the flexibilities R, R M R, ... between carriers (K, n), inputs and outputs; collective.
 
     R is the `residual` flexibility, in m/N; R M R is in s^2 m/N, and so on.  Each of them takes one static solve per
-    load.
+    load.  Raises the error of `check_memory`.
     """
     model = residual.model
     check_memory(model, carriers.shape[0], count)
