@@ -60,10 +60,10 @@ def test_octagonal_sections_on_slanted_pads_move_alike_as_beams_and_as_shells() 
     most, f, forces = {}, {}, {}
     for name in ("boom_octagonal", "boom_octagonal_shell"):
         scene = pmr.load_scene(name, short)
-        reduced = pmr.reduce(scene)
-        response = pmr.simulate(scene, reduced.reduced)
+        system = pmr.reduce(scene).system
+        response = pmr.simulate(scene, system)
         most[name], forces[name] = np.abs(response.displacement).max(), response.slider_force
-        f[name] = frequencies_of(scene, MPI.COMM_SELF, np.array([0.99]))
+        f[name] = frequencies_of(scene, system, np.array([0.99]))
     beams, shells = most
     assert most[beams] == pytest.approx(most[shells], rel=0.01)
     assert f[beams] == pytest.approx(f[shells], rel=0.01)
@@ -108,13 +108,13 @@ def test_walls_give_way_alike_on_all_ranks() -> None:
             assert same.standing.compliance == pytest.approx(walls.standing.compliance, rel=1e-12)
             for a, b in zip(walls.sliding, same.sliding, strict=True):
                 assert b.compliance == pytest.approx(a.compliance, rel=1e-12)
-        f = [frequencies_of(scene, comm, x) for comm in (MPI.COMM_SELF, MPI.COMM_WORLD)]
+        f = [frequencies_of(scene, pmr.reduce(scene, of).system, x) for of in (MPI.COMM_SELF, MPI.COMM_WORLD)]
         assert f[1] == pytest.approx(f[0], rel=1e-6)
 
 
-def frequencies_of(scene, comm: MPI.Comm, share: np.ndarray) -> np.ndarray:
+def frequencies_of(scene, system: pmr.System, share: np.ndarray) -> np.ndarray:
     """The lowest ones of the reduced system where its paths are so far along."""
-    system, excitation = pmr.reduce(scene, comm).system, Excitation.from_scene(scene)
+    excitation = Excitation.from_scene(scene)
     steps = (share * (len(excitation.times) // 2)).astype(int)
     return Assembly(system).frequencies(side_positions(system, excitation)[steps], 2)
 
