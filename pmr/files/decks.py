@@ -336,7 +336,8 @@ def dependent_displacements(deck: Deck) -> dict[Place, set[tuple[int, int]]]:
 def _read_deck_nodes(path: Path) -> ForeignNodes:
     """Read nodes, sets and constraint cards from an input deck of Abaqus or CalculiX.
 
-    Raises InputError if two instances have nodes with the same number.
+    Raises InputError if the deck can't be read, if two instances have nodes with the same number, or if axes are turned
+    at a set of nodes that is not there.
     """
     deck = read_deck(path)
     if deck.further.renumbered is not None:

@@ -297,9 +297,9 @@ def draw_box(box: Box, size: float, along: float, tail_layer: float = 0.0) -> Bo
 
 
 def walls_along(box: Box, mesh: NamedMesh) -> Array:
-    """Thickness (C,) in m in the middle of each of C cells of a box, for a mesh that `draw_box` has described.
+    """Thickness (C,) in m in the middle of each of C cells of a box that varies along its axis.
 
-    Cells of frames have the thickness of the frames' plates.
+    The mesh is one that `draw_box` has described.  Cells of frames have the thickness of the frames' plates.
     """
     boom = draw_box(box, box.length, 0.0)
     middle = mesh.points[mesh.cells].mean(axis=1)[:, 0]
