@@ -127,7 +127,8 @@ def reduction_error(
         figures = dict.fromkeys((*OUTPUT_KINDS, *_FIGURES)) | {"reason": failed or reason_without_estimate(models)}
         messages = estimate_warnings(models, excitation.stepping, None) + scattered
         return ReductionError(SummaryPart({"estimate": figures} if is_wanted else {}, messages))
-    held = "reaction" not in estimated.errors and any(body.reactions is not None for body in system.bodies.values())
+    stated = {"reaction"} & {*estimated.errors, *estimated.unknown}
+    held = not stated and any(body.reactions is not None for body in system.bodies.values())
     left_out = [*_effects_left_out(telling, system, excitation, estimated.enrichment), *[RIGID_REACTIONS] * held]
     left_out += [*[MACHINE_MOTION] * has_computed_motion(scene), *estimated.unknown.values()]
     messages = estimate_warnings(models, excitation.stepping, estimated) + coverage_warnings(left_out)

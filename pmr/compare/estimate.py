@@ -149,9 +149,8 @@ def estimate_error(models: Models, first: SimulatedSystem) -> Estimate:
     kinds = [kind for kind in dict.fromkeys((*OUTPUT_KINDS, *outputs.kinds)) if kind not in without]
     errors = _errors_by_name(first.response, richer.simulation.response, excitation)
     errors |= differences(outputs, better, floors, kinds)
-    if "pad_force" not in unknown:  # supports bear what pads and sliders press
-        forces = [force_histories(of.response) for of in (first, richer.simulation)]
-        errors |= {kind: size for kind, size in force_errors(*forces).items() if kind == "reaction"}
+    if "pad_force" not in unknown or "pad_force" in richer.unsettled:  # supports bear what pads and sliders press
+        errors |= _reaction_error(first, richer.simulation)
     of_probes = probe_differences(outputs, better, floors)
     errors |= {"probe": float(of_probes.max())} if len(of_probes) else {}
     probes = dict(zip(_probes(system), (MARGIN * of_probes).tolist(), strict=True))
@@ -170,6 +169,15 @@ def estimate_error(models: Models, first: SimulatedSystem) -> Estimate:
         unknown=unknown,
         scatter=richer.scatter,
     )
+
+
+def _reaction_error(run: SimulatedSystem, richer: SimulatedSystem) -> dict[str, float]:
+    """Error of all reactions of rigid supports of a `run`, a fraction without margin, as ``{"reaction": ...}``.
+
+    The reference is the run of the `richer` model.  The result is empty if one of both has no reactions.
+    """
+    errors = force_errors(*(force_histories(of.response) for of in (run, richer)))
+    return {kind: size for kind, size in errors.items() if kind == "reaction"}
 
 
 def _reason_without_forces(model: ReducedModel, excitation: Excitation, of_run: Outputs, richer: Outputs) -> str | None:
@@ -224,6 +232,9 @@ def _simulate_richer(models: Models, first: SimulatedSystem, floors: RoundOffBou
     other = richer(0)
     kinds = tuple(dict.fromkeys((*OUTPUT_KINDS, *first.outputs.kinds)))
     errors_of_first, apart = (differences(run.outputs, better.outputs, floors, kinds) for run in (first, other))
+    if reaction := _reaction_error(first, better):
+        kinds, errors_of_first = (*kinds, "reaction"), dict(errors_of_first) | reaction
+        apart = dict(apart) | _reaction_error(other, better)
     unknown = [kind for kind in kinds if not are_settled(errors_of_first[kind], apart[kind])]
     if "pad_force" not in unknown:  # pad forces balance all other forces
         unknown = [kind for kind in unknown if kind in OUTPUT_KINDS]

@@ -114,7 +114,7 @@ DAMPED = 0.05
 UNSETTLED_KINDS = {
     kind: f"{QUANTITIES[kind].label}, because pads lift off and close again and the motion depends on the exact time "
     "of impacts"
-    for kind in ("pad_force", "cylinder_force", "velocity", "probe")
+    for kind in ("pad_force", "cylinder_force", "velocity", "probe", "reaction")
 }
 #: Largest share of a load's changes, by RMS, that may lie above the frequencies of the enrichment modes.
 BEYOND = 0.05
