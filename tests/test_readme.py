@@ -30,11 +30,17 @@ def test_links_and_commands_exist() -> None:
 
 
 @pytest.mark.parametrize(
-    "page", ["README.md", *sorted(str(f.relative_to(ROOT)) for f in (ROOT / "docs").rglob("*.md"))]
+    "page",
+    [
+        "README.md",
+        *sorted(str(f.relative_to(ROOT)) for f in (ROOT / "docs").rglob("*.md")),
+        *sorted(str(f.relative_to(ROOT)) for f in (ROOT / "workflows").rglob("*.py")),
+    ],
 )
 def test_what_python_of_a_page_imports_is_there(page: str) -> None:
-    """`.ci/manual` runs the pages, which takes minutes; a name that has moved is seen here."""
-    for block in re.findall(r"^```python\n(.*?)^```$", (ROOT / page).read_text(), flags=re.M | re.S):
+    """`.ci/manual` runs the pages and slow tests the experiments; a name that has moved is seen here."""
+    text = (ROOT / page).read_text()
+    for block in [text] if page.endswith(".py") else re.findall(r"^```python\n(.*?)^```$", text, flags=re.M | re.S):
         for node in ast.walk(ast.parse(block)):
             if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "pmr":
                 module = importlib.import_module(node.module)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from experiment import Findings, Row, Settings, rows, run, save
+from experiment import Findings, Row, Settings, rows, run, save, warnings_of_response
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from published import CONVERGENCE
@@ -18,7 +18,6 @@ from published import CONVERGENCE
 import pmr
 from pmr.compare.errors import absolute_error, relative_error
 from pmr.compare.responses import march_once, simulate_cable
-from pmr.compare.summary import warnings_of_response
 from pmr.report.blocks import Block, Chapter, KeyNumber, Notices
 from pmr.report.figures import WIDE, add_legend, curve_style, drawing, log_axis, log_x, make_sheet
 from pmr.report.numbers import format_length
@@ -47,7 +46,7 @@ def row(scene: str, approach: str, elements: int) -> Row:
     system = full_system(loaded)
     response = march_once(loaded, system, whole)
     tip, size = response.of("tip", body=loaded.names[-1]), sum(body.size for body in system.bodies.values())
-    lines = list(warnings_of_response(loaded, system, response))
+    lines = warnings_of_response(loaded, system, response)
     return {"tip": tip[:, -1] if alone else tip, "coordinates": size, "warnings": lines}
 
 

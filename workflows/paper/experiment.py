@@ -24,9 +24,13 @@ from typing import Any
 import numpy as np
 
 import pmr
+from pmr.compare.summary import parts_of_forces, sampling_part, theory_part
 from pmr.report.blocks import Block, Chapter
 from pmr.report.document import render, with_date, write_page
 from pmr.report.studies import comparison
+from pmr.results.run import SummaryPart, combine_parts
+from pmr.scene.hints import hints
+from pmr.simulation import Excitation, contact_step
 from pmr.studies.study import Statement
 
 Row = dict[str, Any]  # figures and arrays by name
@@ -50,6 +54,20 @@ class Findings:
         """Return the table that compares the numbers with published ones, as a list; empty if nothing is published."""
         table = comparison(self)
         return [Block("Beside the publication", errors=table)] if table.rows else []
+
+
+def warnings_of_response(scene: pmr.scene.Scene, system: pmr.System, response: pmr.Response) -> list[str]:
+    """Return the warnings of a system's response that need no other model, the gravest first."""
+    excitation = Excitation.from_scene(scene)
+    omega = contact_step.contact_frequency(system, excitation)
+    parts = [
+        SummaryPart(grave=hints(scene)),
+        *parts_of_forces(scene, system, response),
+        SummaryPart(warnings=contact_step.warnings(omega, excitation.stepping)),
+        sampling_part(scene, excitation),
+        theory_part(scene, {"motion": response}),
+    ]
+    return list(combine_parts(parts)["warnings"])
 
 
 def run(

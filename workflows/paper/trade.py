@@ -23,7 +23,7 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from experiment import Row, Settings, rows, run, save
+from experiment import Row, Settings, rows, run, save, warnings_of_response
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -33,7 +33,6 @@ from pmr.compare.accuracy import trials_of
 from pmr.compare.errors import relative_error
 from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.outputs import divide_steps, run_from_start
-from pmr.compare.summary import warnings_of_response
 from pmr.reduction.bodies import reduce_bodies, reduce_body
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, Notices
 from pmr.report.figures import WIDE, curve_style, drawing, log_axis, log_x, make_sheet
@@ -259,7 +258,7 @@ def row(scene: str, method: str, steps: list[float], values: list[float]) -> Row
     """
     truth = reference(scene, tuple(steps))
     case = truth.case
-    warnings = list(warnings_of_response(case.scene, case.full, case.response))
+    warnings = warnings_of_response(case.scene, case.full, case.response)
     if method == "radii":
         system = _system_of_many_modes(case.scene)
         errors = {
