@@ -200,6 +200,7 @@ def test_histories_compare_the_three_models(short: str, tmp_path: Path) -> None:
     result = histories.row(short)
     scene = pmr.load_scene(short, ["reduction.basis=eigenmodes", "compare.against=['full']"])
     outcome = pmr.run(scene)
+    assert outcome.reduced.left_out == ("support x at 0 m", "support z at 0 m")
     expected = outcome.result.summary["errors"]["reduced_vs_full"]
     assert (result["dropped.tip"], result["dropped.beam"]) == pytest.approx(
         (expected["tip"], expected["beam"]), rel=1e-6
