@@ -164,8 +164,8 @@ def test_the_map_of_the_paper(tmp_path: Path) -> None:
     assert len(tiles) == 270
     known = [(5, 6), (5, 7), (5, 16), (10, 10)]
     if os.environ.get("PMR_SWEEP") != "full":  # two modes where they are best, known figures, some of the others
-        best = [(n, 2) for n in (10, 13, 16, 19, 22, *range(24, sizes[0] + 1))]
-        tiles = [tile for k, tile in enumerate(tiles) if tile in best or tile in known or k % 24 == 0]
+        best = [(n, 2) for n in (10, 16, 22, 25, 27, 29)]
+        tiles = [tile for k, tile in enumerate(tiles) if tile in best or tile in known or k % 40 == 0]
     error = {}
     for n, m in tiles:
         top = min(20, n * m)
