@@ -24,7 +24,7 @@ from pmr.scene.joint_checks import check_extension
 from pmr.scene.keys import SceneTable, key_error
 from pmr.scene.members import members, pads_on_faces, ring_name, seats
 from pmr.scene.signals import Constant
-from pmr.simulation.statics.postures import with_wind
+from pmr.simulation.statics.postures import with_winds
 from pmr.studies.study import Count
 from pmr.system.from_scene import force_names
 
@@ -125,7 +125,7 @@ def _winds(scene: Scene, frame: Frame) -> dict[str, float | None]:
     They are angles from the boom in the frame's unit.  If left and right of the boom are alike, one side counts.  If no
     section has a box or wind of its own, there is one case without wind, whose azimuth is None.
     """
-    if with_wind(scene, "wind", 0.0, 1.0) == scene:
+    if with_winds(scene, {"wind": (0.0, 1.0)}) == scene:
         return {"hoisting": None}
     quarter = 90.0 if frame.unit == "degrees" else math.pi / 2.0
     winds: dict[str, float | None] = {"wind from behind": 0.0}

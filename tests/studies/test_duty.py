@@ -180,9 +180,10 @@ def test_a_drafted_chart_has_the_factor_of_hoisting_and_wind_on_all_sections(mon
     """From behind and, as something of this boom is beside its plane, from both sides at every slewing angle."""
     monkeypatch.setattr("pmr.studies.chart_draft.is_installed", lambda _: False)  # without walls at pads
     text = chart_study_text(plain_machines.CRANE, load_any(plain_machines.CRANE), 5000.0)
+    text = text.replace("shape = 1.6", "shape = 2.0", 1)  # the shape factor of one case is not that of the others
     row = Study.model_validate(tomllib.loads(text)).plan().runs[0]
     acting = [(case["load"], case["loads"]) for case in row.arguments["cases"]]
-    assert acting == [(pytest.approx(1.202), {f"wind {azimuth} by 1.6": 122.5}) for azimuth in (0, 90, -90)]
+    assert acting == [(pytest.approx(1.202), {f"wind {wind}": 122.5}) for wind in ("0 by 2", "90 by 1.6", "-90 by 1.6")]
     scene = scene_of(row.arguments)
     at_rest = scene_at_rest(scene, {}, 0.0, np.deg2rad(70.0), dict.fromkeys(load_names(scene), 100.0))
     for number, part in enumerate(scene.sections):

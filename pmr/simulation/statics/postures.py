@@ -97,24 +97,27 @@ def with_hook(scene: Scene, point: tuple[float, float, float] | None = None) -> 
     return scene.model_copy(update={"sections": parts, "frame": frame, "recovery": None})
 
 
-def with_wind(scene: Scene, name: str, azimuth: float, shape: float) -> Scene:
-    """Scene with wind of zero pressure that turns with the boom: a load of this `name` on sections.
+def with_winds(scene: Scene, winds: Mapping[str, tuple[float, float]]) -> Scene:
+    """Scene with winds of zero pressure that turn with the boom: loads on sections, with the names of `winds`.
 
-    `azimuth` is the angle from the boom to the direction in which the wind blows, in the unit of the scene's frame.  A
-    section that already has wind keeps the shape factor, depth and profile over the height of the first one.  Other
-    sections have the shape factor `shape`, and a box that varies along its section meets the wind with its largest
-    dimension; without a box or with given matrices, they get no wind.
+    The values of `winds` are the angle from the boom to the direction in which a wind blows, in the unit of the scene's
+    frame, and its shape factor.  A section that already has wind keeps the shape factor, depth and profile over the
+    height of the first one.  A box that varies along its section meets a wind with its largest dimension; a section
+    without a box or with given matrices, and without wind of its own, gets no wind.
     """
-    blows = {"name": name, "azimuth": azimuth, "slews": True, "signal": Constant(amount=0.0)}
     parts = list[Any]()
     for member in members(scene):
-        part, box = member.part, member.part.body.box
+        part, box, loads = member.part, member.part.body.box, list[Load]()
         own = next((load for load in part.loads if load.acts == "wind"), None)
-        if own is None and box is not None and traits_of(member).kind != "matrices":
-            profiles = [box.profile_at(x) for x in box.breaks] if box.varying_keys else []
-            depth = max((max(profile.width, profile.height) for profile in profiles), default=None)
-            own = Load(acts="wind", shape=shape, depth=depth, **blows)
-        parts.append(part if own is None else part.with_keys(loads=(*part.loads, own.model_copy(update=blows))))
+        for name, (azimuth, shape) in winds.items():
+            blows = {"name": name, "azimuth": azimuth, "slews": True, "signal": Constant(amount=0.0)}
+            if own is not None:
+                loads.append(own.model_copy(update=blows))
+            elif box is not None and traits_of(member).kind != "matrices":
+                profiles = [box.profile_at(x) for x in box.breaks] if box.varying_keys else []
+                depth = max((max(profile.width, profile.height) for profile in profiles), default=None)
+                loads.append(Load(acts="wind", shape=shape, depth=depth, **blows))
+        parts.append(part.with_keys(loads=(*part.loads, *loads)) if loads else part)
     return scene.with_keys(sections=tuple(parts))
 
 

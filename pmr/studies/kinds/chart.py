@@ -23,13 +23,23 @@ from pmr.scene.hints import hints, table_hints
 from pmr.scene.keys import Usual, key_error
 from pmr.scene.members import members
 from pmr.scene.tomlfiles import Change
-from pmr.simulation.statics.postures import HOOK, load_names, with_hook, with_wind
+from pmr.simulation.statics.postures import HOOK, with_hook, with_winds
 from pmr.studies import tasks
 from pmr.studies.chart_draft import Range, check_at_rest, check_slewing, extension_rows
 from pmr.studies.chart_models import compute_postures, compute_richer_postures
 from pmr.studies.chart_points import Stop, replaced_mass_warnings
 from pmr.studies.charting import allow_row, errors_not_covered
-from pmr.studies.duty import CLASSES, NOT_LIMITED, ChartLoads, DutyTable, Hoist, LeastLoads, LoadCase, hoisting_factor
+from pmr.studies.duty import (
+    CLASSES,
+    NOT_LIMITED,
+    ChartLoads,
+    DutyTable,
+    Hoist,
+    LeastLoads,
+    LoadCase,
+    Wind,
+    hoisting_factor,
+)
 from pmr.studies.limits import STABILITY, STABILITY_WORDS, Limit
 from pmr.studies.study import StudyBase, StudyResults, csv_text
 from pmr.studies.tasks import Plan, Scalar, Task
@@ -354,22 +364,23 @@ class Study(StudyBase):
 
         Raises InputError if no section can have it, and for wind from the side on a planar boom.
         """
-        frame = scene.frame
+        frame, winds = scene.frame, dict[str, tuple[str, Wind]]()
         assert frame is not None
         for k, case in enumerate(self.cases):
-            wind, key = case.wind, f"cases[{k}].wind"
-            if wind is None or wind.on or wind.section_load in load_names(scene):
-                continue
-            frame.refuse_without_unit(f"{key}.azimuth", wind.azimuth, "study")
-            before, scene = scene, with_wind(scene, wind.section_load, wind.azimuth, wind.shape)
-            if scene == before:
+            if case.wind is not None and not case.wind.on:
+                key = f"cases[{k}].wind"
+                frame.refuse_without_unit(f"{key}.azimuth", case.wind.azimuth, "study")
+                winds.setdefault(case.wind.section_load, (key, case.wind))
+        blown = with_winds(scene, {name: (wind.azimuth, wind.shape) for name, (_, wind) in winds.items()})
+        for name, (key, wind) in winds.items():
+            blowing = next((load for part in blown.sections for load in part.loads if load.name == name), None)
+            if blowing is None:
                 allowed = "areas are needed, as no section has a box or wind of its own"
                 raise InputError("study", f"{key}.on", None, allowed)
-            blowing = next(load for part in scene.sections for load in part.loads if load.name == wind.section_load)
             if any(map(is_planar, members(scene))) and blowing.blows_sideways(frame.unit):
                 allowed = "0 or half a turn is allowed on a planar beam, which side wind does not move"
                 raise InputError("study", f"{key}.azimuth", wind.azimuth, allowed)
-        return scene
+        return blown
 
     @property
     def _replaced_masses(self) -> list[str]:
