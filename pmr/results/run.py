@@ -81,8 +81,8 @@ class Frequencies:
     system without those pads that are open at rest under the loads of the positions; it is None if no pad only pushes,
     and NaN where no equilibrium is found.  `along` are the positions in the sense of `RunResult.abscissa`, `paths` are
     the coordinates of all P paths.  `over_joints` is None unless exactly two joints move, each on its own path.  With
-    effects of second order, the system has the stresses of the run at the times `t` (S,) in s at which the run first
-    reaches the positions.
+    effects of second order, the system has the stresses of the run at the times `t` (S,) in s, when it is at the
+    positions; of several such times, that with the lowest frequency counts.
     """
 
     along: Array  # (S,) m

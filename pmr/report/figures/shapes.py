@@ -134,10 +134,9 @@ def frequency_figure(result: RunResult) -> Figure:
     for label, at, f, look in (*drawn, ("closed form", x[few], closed[few], _circle_style(INK, "none", 2.6))):
         if np.isfinite(f).any():
             ax.plot(at, f, label=label, **look)
-    if lowest.resting is not None and np.isfinite(lowest.resting).any():
-        ax.plot(
-            x, np.where(lowest.resting > 0.0, lowest.resting, np.nan), label="pads open at rest", **RESTING | single
-        )
+    if lowest.resting is not None and np.any(lowest.resting > 0.0):
+        resting = np.where(lowest.resting > 0.0, lowest.resting, np.nan)
+        ax.plot(x, resting, label="pads open at rest", **RESTING | single)
     for number, end in enumerate(drawn[0][2][int(np.argmax(x))], start=1):
         if np.isfinite(end):
             ax.annotate(str(number), (x.max(), end), (3.0, -2.5), textcoords="offset points", fontsize=7.0, color=INK)

@@ -67,7 +67,7 @@ def case_sentence(asked: Summary) -> str:
     contained = [part for part, is_in in parts.items() if is_in]
     missing = [part for part in parts if part not in contained]
     missing = [f"{part} beyond these loads" if part == "wind" and not calm else part for part in missing]
-    missing += ["wind on load and machine"] * parts["wind"]
+    missing += ["wind on load and machine"] * all(case.wind is not None and not case.wind.on for case in cases)
     missing.append("stops, but on pages of limits" if asked.get("stops") else "stops of luffing and slewing")
     contains = f"contain {' and '.join(contained)}, and do not" if contained else "do not"
     texts = [f"{' and '.join(alike)} ({words})" for words, alike in names.items()]
