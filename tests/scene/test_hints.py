@@ -82,12 +82,13 @@ def test_no_scene_that_comes_with_the_package_has_one(file: Path) -> None:
     [
         ("gravity.direction=[0.0,0.0,1.0]", "the weight lifts this boom"),
         ("gravity={rise=10.0}", "the run ends at 8 s, when it has reached 94 %"),  # 6 u^5 - 15 u^4 + 10 u^3 at u = 0.8
+        ("start='equilibrium'; gravity={rise=10.0}", "when it has reached 94 %; gravity.rise = 0 has the whole weight"),
         ("fatigue={slope=0.3,reference=71e6}", "fatigue.slope = 0.3 is unusual: 2 to 30 is usual here"),
     ],
 )
 def test_a_weight_that_is_wrong_and_a_flat_line_of_fatigue_are_hinted_at_once(change: str, said: str) -> None:
     probes = "probes=[{name='weld',at=[3.0,0.15,0.2]}]"
-    (hint,) = hints(scenes.load_any("boom_beam", [change, probes, "time.end=8.0"]))
+    (hint,) = hints(scenes.load_any("boom_beam", [*change.split("; "), probes, "time.end=8.0"]))
     assert said in hint
 
 
