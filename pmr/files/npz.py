@@ -47,7 +47,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PPoly
 
-from pmr.files import npz
 from pmr.files.whole import NotWrittenError, replacement_file, user_cache_folder
 
 T = TypeVar("T")
@@ -257,7 +256,7 @@ def record_arrays(record: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
         elif hint is PPoly:
             by_name |= {f"{key}.breaks": value.x, f"{key}.coefficients": value.c}
         elif get_origin(hint) is dict:
-            by_name[key] = np.array(npz.json_text(value))
+            by_name[key] = np.array(json_text(value))
         elif get_origin(hint) is Mapping:
             by_name |= {f"{key}.{part}": np.asarray(array) for part, array in value.items()}
         else:
