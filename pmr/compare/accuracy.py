@@ -106,7 +106,11 @@ class Search:
     """
 
     def __init__(self, scene: Scene, models: Mapping[str, ReducedModel]) -> None:
-        """Begin the search with `models`, the reductions of the bodies by name, and find the scene's best trial."""
+        """Begin the search with `models`, the reductions of the bodies by name, and find the trial that is run.
+
+        It is a trial that meets the scene's tolerance or, if there is a budget, the one with the smallest error within
+        it.  If none meets the tolerance, it is the one that comes closest.  Errors as the class says.
+        """
         begin, self.scene = time.perf_counter(), scene
         if why := reason_without_estimate(models):
             allowed = f"the search needs an estimate of the error, and there is none: {why}"

@@ -228,9 +228,10 @@ def axial_part(scene: Scene, system: System, excitation: Excitation, masses: Map
 
 
 def axial_forces(member: Member, body: SlidingBody, mass: float) -> Iterator[AxialForce]:
-    """Yield the axial force that each load along the axis of a body causes, and that of the body's weight.
+    """Yield the axial force per unit of each load along the axis of a body, and that of the weight.
 
-    In a frame, loads at the tip and the weight are left out, which second order has.  `mass` in kg is that of the body
+    The weight is that of the body with what is attached to it.  In a moving frame, a run's second-order terms include
+    loads at the tip and the weight already, so these are left out.  `mass` in kg is that of the body
     without what is attached to it.
     """
     part, tip = member.part, float(np.max(body.output_positions, initial=0.0))

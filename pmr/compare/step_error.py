@@ -188,13 +188,14 @@ def step_error(
     system, excitation
         System that is simulated, and its paths, loads and time grid.
     run : SystemTrajectory, optional
-        The run with the given step, if it is known; the run must have chosen its own parts of steps.
+        The run with the given step, if it is known; the numbers of parts of its steps must not
+        come from another run.
     kinds : sequence of str
         Kinds of outputs (`pmr.compare.outputs`), besides displacements, whose errors are wanted.
     complete : callable, optional
         Function that adds to a response the forces that follow from other forces.  Then errors of all kinds of forces
-        (`force_errors`) are returned, with the margin `MARGIN_OF_FORCES` and without steps near kinks; this takes no
-        further runs.
+        (`force_errors`) are returned too.  They are multiplied by `MARGIN_OF_FORCES`, and steps near kinks do not
+        count.  This takes no further runs.
 
     Raises
     ------

@@ -211,8 +211,8 @@ def is_name(text: str, longest: int = LONGEST_NAME) -> bool:
     """Whether all programs that read a file (table, deck, script, page, path) read the text as one name.
 
     Such a name has letters, digits and signs of any script; of ASCII's punctuation only those in `NAME_SIGNS`.  The
-    name is one line, begins with a letter, a digit or _, does not lead to a folder above, and has at most `longest`
-    characters.
+    name is one line, begins with a letter, a digit or _, has no ``..`` and no blank at its ends, and has at most
+    `longest` characters.
     """
     plain = all(sign.isalnum() or sign in NAME_SIGNS for sign in text if sign.isascii())
     begins = text[:1].isalnum() or text[:1] == "_"

@@ -313,7 +313,7 @@ def _read_csv_nodes(path: Path) -> ForeignNodes:
 
 
 def dependent_displacements(deck: Deck) -> dict[Place, set[tuple[int, int]]]:
-    """Return the displacements that each card of ties or equations makes depend on others, by the card's place.
+    """Return the dependent displacements of each card of ties or equations, by the card's place.
 
     Each displacement is a pair of node and direction, from 1.  The displacements are those of a tie's first surface,
     and the first one of each equation.  Cards that name sets of nodes, or surfaces that are not read, are left out.

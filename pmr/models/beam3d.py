@@ -199,7 +199,10 @@ class Beam3D(Beam):
         second = rho * np.einsum("eij,ejk,elk->eil", R, added.about_centroid, R)
 
         def centroid_motion(motion: Sequence[Motion]) -> Motion:
-            """Displacement of the rings' centroid, from that of the section's centroid and its derivatives."""
+            """Displacement of the rings' centroid, from a `motion` as `_motion` returns it.
+
+            A motion is the displacement of the section's centroid, and its derivatives along both principal axes.
+            """
             centre, *turns = motion
             for arm, turn in zip(arms, turns, strict=True):
                 centre = tuple(c if t is None else c + arm * t for c, t in zip(centre, turn, strict=True))

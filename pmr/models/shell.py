@@ -168,7 +168,7 @@ class Shell(MeshedModel):
         return t * ufl.inner(ufl.dot(of, sigma), by) * measure
 
     def _cellwise(self, mesh: Mesh) -> list[Function]:
-        """Young's modulus (Pa), Poisson's ratio, density (kg/m^3) and thickness (m) of each cell, in UFL."""
+        """Young's modulus (Pa), Poisson's ratio, density (kg/m^3) and thickness (m), constant in each cell."""
         names = "material.young", "material.poisson", "material.density"
         return [*(cellwise(mesh, self.plates.values(name)) for name in names), cellwise(mesh, self.thickness)]
 

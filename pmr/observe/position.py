@@ -206,7 +206,7 @@ class Positions:
 
     @property
     def mean(self) -> Array:
-        """Mean position (T,) in m."""
+        """Mean (T,) in m of the position's probability distribution at each step."""
         return np.asarray(self.probability @ self.places)
 
     @property

@@ -338,14 +338,15 @@ def full_model(
     comm : MPI communicator
         Ranks that share the model.
     distributed : bool
-        Whether the matrices stay PETSc's, spread over the ranks, or become SciPy's on rank 0.
+        If true, a `FullModel` is returned, with PETSc's matrices spread over the ranks; if false, a `FullBody`, with
+        SciPy's on rank 0, and None on the other ranks.
 
     Returns
     -------
     FullBody, FullModel, or a mapping of them by the sections' names
-        Attributes ``M``, ``D``, ``K`` (n, n) in SI units, ``B`` (n, i) with ``input_names``, ``outputs`` (o, n) with
-        ``output_names``, ``rows.at(s)`` (m, n) with ``row_names``.  None on other ranks than the first where the
-        matrices are SciPy's.
+        Attributes of both are ``M``, ``D``, ``K`` (n, n) in SI units.  A `FullBody` has ``B`` (n, i) with
+        ``input_names``, ``outputs`` O (o, n) with ``output_names``, ``rows.at(s)`` (m, n) with ``row_names``; a
+        `FullModel` has ``inputs`` B (n, i) and ``outputs`` O^T (n, o).
 
     Raises
     ------

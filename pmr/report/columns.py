@@ -183,7 +183,7 @@ def body_axes(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale:
     Deflections are enlarged by the factor `scale`.
     """
     t = result.responses["reduced"].t[np.asarray(steps)]
-    return [_axis_in_space(result, line.body, line.x, places, t) for line, places in _boom_places(result, steps, scale)]
+    return [_axis_in_views(result, line.body, line.x, places, t) for line, places in _boom_places(result, steps, scale)]
 
 
 def rope_axis(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale: float = 1.0) -> Axis | None:
@@ -195,7 +195,7 @@ def rope_axis(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale:
     if (places := rope_places(result, steps, scale)) is None:
         return None
     x = np.array([0.0, float(np.linalg.norm(places[:, 1] - places[:, 0], axis=1).max())])
-    return _axis_in_space(result, "hoist", x, places, result.responses["reduced"].t[np.asarray(steps)])
+    return _axis_in_views(result, "hoist", x, places, result.responses["reduced"].t[np.asarray(steps)])
 
 
 def rope_places(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale: float = 1.0) -> Array | None:
@@ -244,10 +244,11 @@ def _boom_places(
     return every
 
 
-def _axis_in_space(result: RunResult, name: str, x: Array, places: Array, t: Array) -> Axis:
-    """Axis called `name` through the `places` (S, n, 3) in m in the boom's axes, at the times t (S,) in s.
+def _axis_in_views(result: RunResult, name: str, x: Array, places: Array, t: Array) -> Axis:
+    """Axis called `name` in the axes of the base, as seen from the side and from above, at the times t (S,) in s.
 
-    x (n,) in m are the points' distances along the axis.
+    It is measured from the pivot and goes through the `places` (S, n, 3) in m in the boom's axes.  x (n,) in m are the
+    points' distances along the axis.
     """
     turned = frame_rotations(result, t)
     sine, cosine = turned[:, 2, 0, None], turned[:, 2, 2, None]  # of the luffing angle

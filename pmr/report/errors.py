@@ -71,9 +71,11 @@ def error_name(result: RunResult, kind: str) -> str:
 
 
 def _error_rows(result: RunResult) -> Iterator[Row]:
-    """Yield a row for each error between two models, with the published error and the norm of the difference.
+    """Yield a row for each error between two models.
 
-    Supports without a force have no row, and neither has a second quantity with the same name and error.
+    If the scene has figures from a publication, the row compares the error with them; where the norm of the difference
+    is known, it is added.  There is no row for a support without a force, nor for a quantity that repeats the name and
+    error of one before it.
     """
     published = result.scene.published
     printed: Mapping[str, Any] = published.model_dump().get("errors", {}) if published else {}

@@ -98,7 +98,11 @@ def certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
 
 
 def _play_changes(result: RunResult) -> dict[str, float]:
-    """Relative changes of a run's largest values if its pads have another play, by the names of the values in words."""
+    """Relative change of each largest value of a run if its pads have the play ``compare.play``, by the value's name.
+
+    A name is in plain words, such as ``pad forces``.  The largest change comes first; the result is empty if no second
+    run with that play was made.
+    """
     names = {"luffing_force": "luffing cylinder", "probe": "stress at probes", "pad_force": "pad forces",
              "cylinder_force": "extension cylinders", "wall_stress": "stress in walls"}  # fmt: skip
     changes = dict[str, float]()

@@ -226,7 +226,7 @@ class Support(SceneTable):
 
     @model_validator(mode="after")
     def _check_points(self) -> Support:
-        """Refuse a stiffness of a support that holds every point."""
+        """Refuse a stiffness with ``points = "all"``: a support that holds every point is rigid."""
         if self.points == "all" and self.stiffness != "rigid":
             raise ValueError("points = 'all' is rigid: leave the stiffness out")
         return self
@@ -504,7 +504,7 @@ class Gravity(ShorthandTable):
     @model_validator(mode="before")
     @classmethod
     def _resolve_inclination(cls, data: object) -> object:
-        """Return the table with the direction (-sin, 0, -cos) of its `inclination`; without one, return it unchanged.
+        """Add the direction (-sin, 0, -cos) of its `inclination` to a table; without one, return the table unchanged.
 
         An `inclination` together with a `direction` is refused.
         """

@@ -301,8 +301,8 @@ def _drivers(drivers: Drivers) -> Iterator[Variable]:
     """Yield the drivers of an FMU's system as variables without a start value: first paths, then loads, then motions.
 
     The variables have names that are not made unique yet.  Drivers are inputs; of a free luffing angle or extension,
-    the value and rate at the beginning of the simulation are parameters instead.  The loads by which the rope of a
-    hoist pulls are left out.
+    the value at the beginning of the simulation is a parameter instead.  Left out are other paths that a free motion
+    moves, and the loads by which the rope of a hoist pulls.  Rates are added by `_inputs_and_parameters`.
     """
     paths, ranges = drivers.shown_paths, drivers.data.rows.ranges
     for k, (name, path, (low, high)) in enumerate(zip(path_names(paths), paths, ranges, strict=False), 1):

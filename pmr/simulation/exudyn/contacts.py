@@ -156,7 +156,10 @@ def balance_energy(equations: Equations, contacts: Contacts, motion: Motion) -> 
 
 
 def _energy_and_work(equations: Equations, rows: ContactRows, motion: Motion) -> Balance:
-    """Stored energy in J at T times, and work in J since the first of these, with the contacts' `rows` at the times."""
+    """Energy (T,) in J of the whole system with its contacts, kinetic and elastic, and work (T,) in J done on it.
+
+    The work is that since the first of the T times of `motion`; `rows` are the contacts' rows at these times.
+    """
     q, f, forces = motion.q, motion.f, motion.forces
     load_gaps, bent = np.einsum("tmi,ti->tm", rows.H, f), np.einsum("tmn,tn->tm", rows.F, forces)
     stored = half_form(equations.M, motion.v) + half_form(equations.K, q) + row_products(forces, bent / 2.0 - load_gaps)
@@ -285,10 +288,10 @@ class Pads:
         raise SimulationError(f"friction of the pads along {', '.join(law.joints)} does not settle")
 
     def add_friction(self, motion: Motion, t: Array) -> Motion:
-        """Return `motion` at the times t (N,) in s with friction, and with the forces of contacts that give way.
+        """Return `motion` at the times t (N,) in s, completed by friction and the forces of contacts that give way.
 
-        These are computed step by step from the coordinates and loads of `motion`, with the gaps (N, m) in m of the
-        contacts and the forces w (N, n) by which friction acts on the coordinates.
+        The gaps (N, m) in m of the contacts and the forces w (N, n) by which friction acts on the coordinates are added
+        too.  All are computed step by step from the coordinates and loads of `motion`.
         """
         rows = self.rows(motion.x[:1])
         self.begin(rows, motion.q[0], motion.f[0])

@@ -264,7 +264,11 @@ class Base:
         return self.paths.extensions(t, z, z_t)
 
     def split(self, t: float, z: Array) -> Coordinates:
-        """Coordinates at t s, from z (k + n + m,) of all nodes as a marker returns them, reference values included."""
+        """Coordinates of the base (k,), the boom (n,) and the m paths at the time t in s.
+
+        z (k + n + m,) are those of the nodes of base, boom and paths as a marker returns them.  z includes reference
+        values, which are subtracted.
+        """
         k, n, x = self.count, self.boom.size, z.copy()
         x[:k] -= self.reference
         x[k + n :] -= self.paths.reference

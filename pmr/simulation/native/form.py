@@ -264,6 +264,6 @@ def failure_reason(system: System, error: StepError, x: Array) -> str:
 
 
 def path_text(paths: Sequence[str], s: Array) -> str:
-    """Text with the coordinates s (P,) of P paths, in m, and in rad for the luffing angle of a cylinder that holds."""
+    """Text to append to a message, such as ``, boom at 1.5 m``: coordinates s (P,) in m, a luffing angle in rad."""
     units = ("rad" if path == LUFFING else "m" for path in paths)
     return "".join(f", {path} at {at:g} {unit}" for path, at, unit in zip(paths, s, units, strict=False))

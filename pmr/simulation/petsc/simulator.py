@@ -386,7 +386,7 @@ def read_checkpoint(file: Path, identity: Mapping[str, object]) -> StoredCheckpo
 
 
 def _friction_arrays(system: FullSystem) -> list[NDArray[np.generic]]:
-    """List the arrays (pads,) that define the friction of a system's pads; empty without friction."""
+    """List numbers (n,), laws (n, l), stiffness (n,) and arms (n,) of n pads with friction; empty if none has any."""
     friction = Friction.from_contacts(system.contacts)
     return [] if friction is None else [friction.pads, friction.laws, friction.stiffness, friction.arms]
 
