@@ -104,14 +104,16 @@ def unnamed_loads(scene: Scene, cases: Sequence[Summary]) -> Iterator[str]:
     """Yield a line on loads that act in runs of the scene but are in ``loads`` of none of the chart's `cases`.
 
     Forces that pull the last section's tip down in space are left out, as the load that is looked for takes their
-    place.
+    place, and so is wind if wind on the sections is among the loads of a case.
     """
     named = {HOOK, *(name for case in cases for name in case["loads"])}
+    blown = any(load.acts == "wind" and load.name in named for part in scene.sections for load in part.loads)
     lacking = [
         load.name
         for part in scene.sections
         for load in part.loads
         if load.name not in named and any(load.signal.bounds(0.0, scene.time.end))
+        if load.acts != "wind" or not blown
         if part is not scene.sections[-1] or not is_hung(load, scene)
     ]
     if lacking:

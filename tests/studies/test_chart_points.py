@@ -7,6 +7,7 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
+import plain_machines
 import pytest
 from finished import finished
 from fuzz import toml
@@ -18,11 +19,11 @@ from pmr.report.studies import render_studies
 from pmr.report.studies.chart import covered_parts
 from pmr.scene import load_any
 from pmr.scene.model_ladder import model_comparison
-from pmr.simulation.statics.postures import PostureMatrices, PostureSet, with_hook
+from pmr.simulation.statics.postures import PostureMatrices, PostureSet, with_hook, with_winds
 from pmr.studies import tasks
 from pmr.studies.allowed import Place, allowed_loads
 from pmr.studies.chart_models import compute_richer_postures
-from pmr.studies.chart_points import replaced_mass_warnings
+from pmr.studies.chart_points import replaced_mass_warnings, unnamed_loads
 from pmr.studies.charting import PARTS
 from pmr.studies.kinds.chart import Study
 from pmr.studies.limits import Limit
@@ -148,6 +149,13 @@ def test_a_chart_names_loads_of_runs_that_no_case_has(folder: Path) -> None:
     ):
         (run,) = finished(folder, toml.written(quick | {"cases": cases})).runs
         assert any(f"no load case names load {name!r}, so it acts in runs" in line for line in run.warnings) is warned
+
+
+def test_wind_of_a_case_stands_for_that_of_the_scene() -> None:
+    own = ['sections.fly.loads=[{name="storm",acts="wind",signal=100.0}]']
+    blown = with_winds(load_any(plain_machines.CRANE, own), {"wind": (0.0, 1.6)})
+    assert not list(unnamed_loads(blown, [{"loads": {"wind": 122.5}}]))
+    assert list(unnamed_loads(blown, [{"loads": {}}]))
 
 
 @pytest.mark.parametrize(("at", "offset"), [([2.0, 0.4, 0.0], "(0, 0.4, 0)"), ([2.5, 0.0, 0.0], "(0.5, 0, 0)")])
