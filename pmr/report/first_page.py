@@ -81,7 +81,8 @@ def _left_out_rows(result: RunResult) -> Rows:
     rows, recovery = left_out(result.scene), result.scene.recovery
     if recovery is not None and "reduced" in result.summary.get("max_von_mises", {}):
         rows["strength"] += (
-            f", stresses between the times of recovery, {format_input(recovery.every, 's')} apart (recovery.every)"
+            f", stresses between the times at which they are computed, {format_input(recovery.every, 's')} apart "
+            "(recovery.every)"
         )
     if "loads" in rows:
         rows["loads"] += ", factors of a standard (dynamic, safety)"
@@ -271,8 +272,8 @@ def _closed_pads_clause(result: RunResult) -> str:
         return ""
     forces = [Extremes.from_summary(pad) for pad in result.summary.get("pads", ())]
     opened = sum(force.least == 0.0 for force in forces)
-    lift = f", and {opened} pads lift off at times in this run" if opened else ""
-    return f"; every pad is taken as closed, but pads that lift off lower this value{lift}"
+    lift = f": {opened} do at times in this run" if opened else ""
+    return f"; this value is with every pad closed, and pads that lift off lower it{lift}"
 
 
 def _resting_clause(result: RunResult) -> str:
@@ -283,7 +284,7 @@ def _resting_clause(result: RunResult) -> str:
     k = int(np.nanargmin(resting))
     where = position_text(result, float(result.frequencies.along[k]))
     return (
-        f"; without the pads that are open at rest {significant(float(resting[k]))}{SPACE}Hz"
+        f"; without the pads that are open at rest it is {significant(float(resting[k]))}{SPACE}Hz"
         + f", at {where}" * bool(where)
     )
 

@@ -278,9 +278,9 @@ def _force_block(result: RunResult, prefix: str, kind: str, heading: str, *more:
             caption = _caption(result, kind, unit, is_first=first == 0)
             drawn.append(drawing(name, panel_figure, caption, result, panels, unit, quantity))
     idle = [force.name for force in forces if force not in bearing]
-    text = f"No force at any time on {', '.join(idle)}. " if idle else ""
+    text = f"There is no force at any time on {', '.join(idle)}. " if idle else ""
     named = ", ".join(force.name for force in slight)
-    text += f"Below {format_percent(SLIGHT, 1)} of the largest one, so not drawn: {named}." if slight else ""
+    text += f"Forces below {format_percent(SLIGHT, 1)} of the largest one are not drawn: {named}." if slight else ""
     grids = tuple(grid for grid in (_force_grid(result, kind, bearing), *more) if grid.rows)
     if not forces and not grids:
         return None

@@ -277,8 +277,9 @@ def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestVal
             f" ± {format_quantity(limit['error'], 'N')} (error by the mesh of the walls)" if limit.get("error") else ""
         )
         text = f"{format_percent(share)} of {force}{bar}, {pad}, {extreme_clause(result, forces[pad].largest)}; "
-        text += f"at {force} on one pad alone, the walls of {limit['section']} begin to yield at the edge of that pad "
-        text += "of this joint under which they are weakest; the bending of the whole section comes on top"
+        text += f"at {force} on one pad alone, the walls of {limit['section']} begin to yield at its edge, for the pad "
+        text += "of the joint under which they are weakest; the bending of the whole section, which adds to this, is "
+        text += "left out"
         yield largest_value("pad_force", text, share, "largest share of the pad force at which walls yield")
 
 

@@ -219,7 +219,7 @@ def _mass_rows(result: RunResult) -> Rows:
             where = f"{_place_words(mass.on)}{_offset(part, mass)}"
             yield qualified_name(name, mass.name), f"{format_input(mass.mass, 'kg')} {where}"
     if masses := result.summary.get("masses"):
-        attached = ", ".join(mass.name for part in result.scene.bodies.values() for mass in part.masses)
+        attached = " and ".join(mass.name for part in result.scene.bodies.values() for mass in part.masses)
         of = f" with {attached}" if attached else ""
         yield (
             "total mass",
@@ -255,7 +255,7 @@ def _pad_rows(result: RunResult) -> Rows:
         if rings := rings_of(part):
             count = sum(sum(len(places) for places in ring.faces.values()) if ring.faces else 1 for ring in rings)
             stiffness = dict.fromkeys(describe_plain(ring.stiffness, "N/m") for ring in rings)
-            ways = dict.fromkeys("only pushing" if ring.unilateral else "holding both ways" for ring in rings)
+            ways = dict.fromkeys("they only push" if ring.unilateral else "they hold both ways" for ring in rings)
             sizes = dict.fromkeys(
                 f"{format_input(1e3 * ring.length)} × {format_input(1e3 * ring.width)}{SPACE}mm"
                 for ring in rings
@@ -274,7 +274,9 @@ def _pad_rows(result: RunResult) -> Rows:
 def _describe_support(support: Support) -> str:
     """Describe a support: its kind or the directions it holds, its position and its stiffness."""
     where = f"on the {support.on}" if isinstance(support.on, str) else f"at {format_input(support.on, 'm')}"
-    along = support.kind if support.directions is None else f"along {', '.join(support.directions)}"
+    turns = [f"about {of[1]}" for of in support.directions or () if of.startswith("r")]
+    moves = ", ".join(of for of in support.directions or () if not of.startswith("r"))
+    along = ", ".join([f"along {moves}"] * bool(moves) + turns) or support.kind
     return f"{along} {where}, {SceneWords().describe_value(support, 'stiffness', support.stiffness)}"
 
 

@@ -195,20 +195,27 @@ def _telling_values(table: BaseModel, unused: Sequence[str], defaults: bool = Tr
 
 
 CELLS = {"line": "lines", "triangle": "triangles", "tetra": "tetrahedra", "hexahedron": "hexahedra"}
-_STEPS = {
+#: Words for the stages of a run and for simulators, by the names that they have in summaries and in progress.
+STAGE_WORDS = {
     "assemble": "full model",
     "snapshots": "snapshots",
     "reduce": "reduction",
-    "pod": "basis, projection",
+    "pod": "basis and projection",
     "exudyn": "simulation, Exudyn",
     "estimate": "error estimate",
     "march": "simulation, compiled",
     "exudyn-multiplier": "simulation, Exudyn, multipliers",
     "exudyn-callback": "simulation, Exudyn, callbacks",
     "recover": "fields and stresses",
-    "reduced": "simulation, reduced",
-    "full": "simulation, full",
+    "reduced": "simulation of the reduced model",
+    "full": "simulation of the full model",
     "ancf": "simulation, ANCF",
+    "machine": "motion of the machine",
+    "frequencies": "natural frequencies",
+    "step": "error of the time step",
+    "mesh and model": "errors of mesh and model",
+    "search": "search for the accuracy that is required",
+    "write": "pages and figures",
 }
 
 
@@ -234,7 +241,7 @@ def size_rows(result: RunResult) -> Rows:
         if (fields := body.fields) is not None:
             yield qualified_name(name, "mesh"), f"{format_input(len(fields.cells))} {CELLS[fields.kind]}"
             yield qualified_name(name, "vertices"), format_input(len(fields.points))
-            yield qualified_name(name, "recovered fields"), f"{format_input(len(fields.t))} times"
+            yield qualified_name(name, "fields and stresses"), f"at {format_input(len(fields.t))} times"
     if pads := sum(len(ring.named_pads) for of in result.scene.bodies.values() for ring in of.pads):
         yield "pads", format_input(pads)
     if contact := result.summary.get("contact"):
@@ -261,12 +268,12 @@ def time_rows(seconds: Summary) -> Rows:
         if isinstance(value, Mapping):
             yield from time_rows(value)
         else:
-            yield _STEPS.get(name, name), format_quantity(float(value), "s")
+            yield STAGE_WORDS.get(name, name), format_quantity(float(value), "s")
 
 
 def run_rows(result: RunResult) -> Rows:
     """Yield rows about the run: hash of the scene, commit, date and machine."""
-    yield "scene", str(result.summary.get("scene_hash") or result.scene.hash)
+    yield "hash of the scene", str(result.summary.get("scene_hash") or result.scene.hash)
     yield from origin_rows(result.summary)
 
 

@@ -161,7 +161,7 @@ def energy_block(result: RunResult, prefix: str) -> Block:
     """Build the block with the total energy and its parts; `prefix` begins the identifiers of its figures."""
     total, caption = attrgetter("energy.total"), "Total energy: kinetic and strain energy minus the work of the loads"
     first = histories.drawn_history(f"{prefix}-energy", result, total, caption, "Total energy", "J")
-    caption = "Strain energy, kinetic energy, and external energy. External energy is minus the work of the loads"
+    caption = "Strain, kinetic and external energy; external energy is the work of the loads with the opposite sign"
     if result.scene.hoist is not None:
         caption += "; the strain energy includes the kinetic energy of the payload and the elastic energy of the rope"
     parts = {f"{part} energy": attrgetter(f"energy.{part}") for part in ("strain", "kinetic", "external")}
@@ -260,7 +260,9 @@ def _weight_sentence(result: RunResult) -> str:
     gravity = result.scene.gravity
     if gravity is None:
         return ""
-    rise = f" It grows to its full value within the first {format_input(gravity.rise, 's')}." if gravity.rise else ""
+    rise = (
+        f" It grows from zero and has its full value from {format_input(gravity.rise, 's')} on." if gravity.rise else ""
+    )
     turns = " Its direction in the boom's axes changes as the boom turns." if result.frame is not None else ""
     return f"The weight acts, too.{rise}{turns}"
 
@@ -361,7 +363,7 @@ def probe_block(result: RunResult, prefix: str) -> Block | None:
         _history_drawing(result, f"{prefix}-probe-{k}", of.name, of.unit)
         for k, of in enumerate(_drawn_measurements(measured))
     ]
-    text = "The file tables/cycles.csv has all load cycles, counted by rainflow."
+    text = "The file tables/cycles.csv has all load cycles, counted by the rainflow method."
     return Block("Probes", figures, text=text, grids=(grid, *_damage_grids(result)), grids_first=True)
 
 

@@ -249,16 +249,17 @@ def _extreme_cells(extremes: Extremes, unit: Unit, negligible: float, placed: bo
 
 
 def then_words(result: RunResult) -> str:
-    """Clause on the coordinate at which extremes occur: the path coordinate s for a body alone, else the boom length.
+    """Clause on the position at which extremes occur: that of mouth or slider on a body alone, else the boom length.
 
     Where a mass on a wheel crosses another section, it is the place of the wheel.  The clause is empty if nothing
     slides.
     """
-    if not moving_part(result):
+    part = moving_part(result)
+    if not part:
         return ""
     if mover := crossing(result):
         return f", and the place of {mover} then"
-    return f", and {'the path coordinate s' if is_alone(result) else 'the boom length'} then"
+    return f", and {'the boom length' if part == 'boom' else f'the position of the {part} along the body'} then"
 
 
 def peak_place_clause(result: RunResult, peak: PeakSummary) -> str:

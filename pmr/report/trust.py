@@ -57,7 +57,7 @@ def trust_table(result: RunResult) -> Table:
         parts["play of pads"] = {name: abs(change) for name, change in play.items()}
         name, change = next(iter(play.items()))  # the largest change comes first
         varied = play_words(play_summary(result)["gap"])
-        texts["play of pads"] = f"{varied}, largest values change by up to {format_percent(abs(change))}: {name}"
+        texts["play of pads"] = f"{varied}, largest values change by up to {format_percent(abs(change))} ({name})"
     if sums := (summed := summed_errors(summary)).by_label:
         of_largest = dict(sorted(sums.items(), key=lambda item: -item[1]))
         without = ", ".join([*(["play of pads"] if play else []), *_lacking_clauses(summed)])
@@ -109,8 +109,10 @@ def _play_changes(result: RunResult) -> dict[str, float]:
     for row in play_summary(result).get("rows", ()):
         label = names.get(row["quantity"], QUANTITIES[row["quantity"]].label)
         if row["quantity"] == "tip":
-            label = f"tip {direction_words(result, row['name'])}"
-        changes[row["name"] if row["quantity"] == "support" else label] = row["varied"] / row["value"] - 1.0
+            label = f"deflection of the tip, {direction_words(result, row['name'])}"
+        elif row["quantity"] == "support":
+            label = f"force of {row['name']}"
+        changes[label] = row["varied"] / row["value"] - 1.0
     return dict(sorted(changes.items(), key=lambda item: -abs(item[1])))
 
 
@@ -128,7 +130,7 @@ def _play_text(result: RunResult) -> str:
         if abs(of) >= SMALL_CHANGE
     ]
     small = [name for name, of in changes.items() if abs(of) < SMALL_CHANGE]
-    listed += [f"by less than {format_percent(SMALL_CHANGE)}: {', '.join(small)}"] if small else []
+    listed += [f"less than {format_percent(SMALL_CHANGE)} each: {', '.join(small)}"] if small else []
     gap = play_summary(result)["gap"]
     why = " (from face to face, set by compare.play, as the scene states no clearance)" if gap else ""
     return f"{play_words(gap)}{why}, the largest values change: {'; '.join(listed)}"
@@ -228,7 +230,7 @@ def _lacking_clauses(summed: SummedErrors) -> Iterator[str]:
     for source in dict.fromkeys(name for names in summed.lacking.values() for name in names):
         labels = [label for label, names in summed.lacking.items() if source in names]
         stated = [label for label in summed.by_label if label not in labels and source in summed.sources[label]]
-        yield (f"for {' and '.join(labels)} " if stated else "") + f"the error of the {source}"
+        yield f"the error of the {source}" + (f" in {' and '.join(labels)}" if stated else "")
 
 
 def _step_words(step: Mapping[str, object]) -> str:
@@ -256,9 +258,10 @@ def _estimate_words(result: RunResult) -> str:
     if ratio := times_the_true_error(estimate["beam"], true):
         words = f"the estimated error {scope_words(result)} is {ratio}"
     probes = estimate.get("probe")
-    return words + (
-        f"; the estimated error at probes is at most {format_percent(probes)}" if probes is not None else ""
-    )
+    if probes is None:
+        return words
+    bound = format_percent(probes)
+    return f"{words}; the estimated error at probes is {bound if bound.startswith('less') else f'at most {bound}'}"
 
 
 def _reason_without_model_error(model: Mapping[str, object]) -> str:

@@ -194,7 +194,7 @@ def _support_limits(scene: Scene) -> Iterator[SupportLimit]:
 def check_chart(file: Path, scene: Scene, up_to: float) -> None:
     """Raise InputError if the scene of a file has no luffing angle over time, or `up_to` in kg is not above 0."""
     if scene.frame is None or scene.frame.luffing is None or scene.frame.luffing == "free":
-        allowed = "a scene whose [frame] has a luffing angle over time is allowed"
+        allowed = "a load chart needs luffing angles; a scene is allowed whose [frame] has luffing over time"
         raise InputError("command line", "SCENE", str(file), allowed)
     if not up_to > 0.0:
         raise InputError("command line", "--up-to", up_to, "a load above 0 kg is allowed")

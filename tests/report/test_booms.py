@@ -95,7 +95,7 @@ def test_page_says_figures_and_inputs(page: str) -> None:
         "49.0 MPa largest von Mises stress full model 50.0 MPa",
         "pad mouth moving yes, faces bottom (−100, 100) mm, top 0 m",
         "load gust on tip, direction y, signal constant, amount 500 N",
-        "The weight acts, too. It grows to its full value within the first 1 s.",
+        "The weight acts, too. It grows from zero and has its full value from 1 s on.",
         "pads and supports that no vector of the basis moves cylinder",
     ):
         assert said in text(page)

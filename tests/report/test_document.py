@@ -237,6 +237,8 @@ def test_the_estimate_stands_beside_the_true_error(make_result) -> None:
     assert number.value == "1.05\u00a0%" and number.note.endswith("; estimated without the full model 1.26\u00a0%")
     of_probe = make_result(summary=summary | {"estimate": estimated | {"probe": 0.031}})
     assert reduction(of_probe).endswith("; the estimated error at probes is at most 3.10\u00a0%")
+    tiny = make_result(summary=summary | {"estimate": estimated | {"probe": 1e-12}})
+    assert "; the estimated error at probes is less than " in reduction(tiny)
     alone = make_result(summary={"estimate": estimated})
     assert "estimated error along the beam" in [number.label for number in sentences.key_numbers(alone)]
     none = make_result(summary={"estimate": {"beam": None, "reason": "the basis is no good"}})
@@ -305,7 +307,8 @@ def test_each_text_of_the_template_of_prose_is_used_and_stands_on_one_line() -> 
     assert calls == set(re.findall(r"{% macro (\w+)", (folder / "templates" / "prose.txt").read_text()))
     text = prose("frequencies", is_stressed=False, stays=False, part="slider", has_level_stretches=True)
     assert text == (
-        "Lowest natural frequencies while the slider rests. Level stretches belong to vibration along the axis."
+        "Lowest natural frequencies, each with the slider at rest at its position. "
+        "Level stretches belong to vibration along the axis."
     )
     slack = [{"start": 0.5, "end": 1.25, "snatch": 2e3}]
     assert prose("hoist", factor=1.5, weight=1e3, slack=slack) == (

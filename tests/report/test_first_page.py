@@ -56,7 +56,7 @@ def test_what_was_asked_is_said_in_rows(result: RunResult) -> None:
     box = f"box of width 300{SPACE}mm, height 400{SPACE}mm, wall 8{SPACE}mm, length 6{SPACE}m"
     assert asked["structure"] == box
     assert asked["modelled as"] == "a shell" and asked["held by"] == "cylinder along x on the tail, rigid"
-    assert asked["pads"] == f"7, 300 × 80{SPACE}mm, 300{SPACE}kN/mm, holding both ways"
+    assert asked["pads"] == f"7, 300 × 80{SPACE}mm, 300{SPACE}kN/mm, they hold both ways"
     assert asked["payload"] == f"250{SPACE}kg on tip" and asked["gust"] == f"up to 500{SPACE}N on tip along y"
     assert asked["tip force"] == f"−2.00{SPACE}kN to 2.00{SPACE}kN on tip along z"
     assert asked["raised by"] == "0°, it lies level" and asked["length beyond the mouth"] == f"2 to 4.5{SPACE}m"
@@ -644,8 +644,8 @@ def test_a_sum_names_the_sources_that_are_in_it_and_those_that_are_not(make_spac
     number = next(number for number in key_numbers(probed) if number.label.startswith("largest known error"))
     assert number.label.endswith("without stresses away from probes") and "in values at probes" in number.note
     added = rows(compared, "How far to trust this run")["added up"]
-    at_tip = "for displacements of the tip the error of the time step"
-    assert added.endswith(f"; not included: for {REACTIONS} the error of the reduction, {at_tip}")
+    at_tip = "the error of the time step in displacements of the tip"
+    assert added.endswith(f"; not included: the error of the reduction in {REACTIONS}, {at_tip}")
 
 
 def test_rows_follow_by_share_then_supports_pads_tip_and_frequency(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -704,8 +704,9 @@ def test_another_play_of_pads_has_a_row_a_bar_and_a_clause_beside_each_figure(
     trust = tables["How far to trust this run"]
     text = dict(tables["How sure the values are"].rows)["play of pads"]
     assert text.startswith(words) and ("compare.play" in text) is (gap > 0.0)
-    assert f"+25.0{SPACE}%; base: pin −20.0{SPACE}%; by less than 1.00{SPACE}%: pad forces" in text
-    assert dict(trust.rows)["play of pads"] == f"{words}, largest values change by up to 25.0{SPACE}%: tip vertical, z"
+    assert f"+25.0{SPACE}%; force of base: pin −20.0{SPACE}%; less than 1.00{SPACE}% each: pad forces" in text
+    most = f"{words}, largest values change by up to 25.0{SPACE}% (deflection of the tip, vertical, z)"
+    assert dict(trust.rows)["play of pads"] == most
     assert trust.bars["play of pads"] == pytest.approx(np.log10(0.25 / LEAST) / trust.marks)
     varied.summary["budget"]["play"] = {"reason": "it is stuck"}
     assert dict(certainty_rows(varied))["play of pads"] == "not known: it is stuck"

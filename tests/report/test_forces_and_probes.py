@@ -82,7 +82,7 @@ def test_axes_of_a_probe_name_the_measure_without_its_component(probed: RunResul
 
 def test_forces_have_extremes_with_time_and_place(probed: RunResult) -> None:
     (grid,) = contact_block(probed, "case-1").grids
-    assert grid.head == ("", "least", "largest") and grid.caption.endswith("the path coordinate s then.")
+    assert grid.head == ("", "least", "largest") and grid.caption.endswith("of the slider along the body then.")
     ((name, least, largest),) = grid.rows
     t = probed.responses["reduced"].t[probed.responses["reduced"].slider_force[:, 0].argmin()]
     assert (name, largest) == ("slider", f"99.0{SPACE}N at 0{SPACE}s, 1.25{SPACE}m")
@@ -116,7 +116,8 @@ def test_a_pad_that_never_touches_has_no_panel_and_no_row(probed: RunResult, mon
     assert block is not None and panels == ["lower", "other"]
     assert [row[0] for row in block.grids[0].rows] == ["lower", "other", "slight"]
     assert block.text == (
-        f"No force at any time on upper, aside. Below 1{SPACE}% of the largest one, so not drawn: slight."
+        f"There is no force at any time on upper, aside. "
+        f"Forces below 1{SPACE}% of the largest one are not drawn: slight."
     )
     panels.clear()
     block = contact_block(idle(probed, lower=0.0), "case-1")
