@@ -27,6 +27,16 @@ UNLIMITED, ABOVE_ZERO = float(np.finfo(float).max), float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True)
+class Watch:
+    """How steppers and FMUs watch a limit beside other limits."""
+
+    family: str = ""  # empty for a limit that stands by itself
+    once: bool = False  # whether limits of the same cause have one warning together
+    until: str = ""  # cause of limits with one warning, after which this limit says nothing any more
+    seldom: bool = False  # whether it is looked at in each `SELDOM`-th step alone
+
+
+@dataclass(frozen=True)
 class Limit:
     """Smallest and largest value of a sum of outputs without a warning, and the words of the warning.
 
@@ -42,10 +52,7 @@ class Limit:
     unit: str = "N"
     where: str = ""  # place to which the advice refers
     extreme: str = " with up to {}"  # clause of a run, with the size of the worst value in place of {}
-    family: str = ""  # empty for a limit that stands by itself
-    once: bool = False  # whether limits of the same cause have one warning together in a stepper or an FMU
-    until: str = ""  # cause of limits with one warning, after which this limit says nothing any more
-    seldom: bool = False  # whether steppers and FMUs look at it in each `SELDOM`-th step alone
+    watch: Watch = Watch()
 
     @property
     def message(self) -> str:
@@ -61,9 +68,11 @@ class LimitCheck:
 
         `numbers` are those of the outputs by name, as `pmr_observe` of the kernel counts them.
         """
-        groups = {limit.cause if limit.once else str(k): 0 for k, limit in enumerate(limits)}
+        groups = {limit.cause if limit.watch.once else str(k): 0 for k, limit in enumerate(limits)}
         groups = {group: k for k, group in enumerate(groups)}
-        families = {family: k for k, family in enumerate(dict.fromkeys(of.family for of in limits if of.family))}
+        families = {
+            family: k for k, family in enumerate(dict.fromkeys(of.watch.family for of in limits if of.watch.family))
+        }
         self.limits = tuple(limits)
         #: names of the outputs of all sums, one sum after the other
         self.names = [name for limit in limits for name in limit.shares]
@@ -73,11 +82,13 @@ class LimitCheck:
             "numbers": np.array([numbers[name] for name in self.names], np.int32),
             "shares": np.array([share for limit in limits for share in limit.shares.values()], float),
             "limits": np.array([(limit.low, limit.high) for limit in limits], float).ravel(),
-            "groups": np.array([groups[of.cause if of.once else str(k)] for k, of in enumerate(limits)], np.int32),
-            "until": np.array([groups.get(limit.until, -1) for limit in limits], np.int32),
-            "family": np.array([families.get(limit.family, -1) for limit in limits], np.int32),
+            "groups": np.array(
+                [groups[of.cause if of.watch.once else str(k)] for k, of in enumerate(limits)], np.int32
+            ),
+            "until": np.array([groups.get(limit.watch.until, -1) for limit in limits], np.int32),
+            "family": np.array([families.get(limit.watch.family, -1) for limit in limits], np.int32),
             "law": np.array([PULL, BESIDE]),
-            "often": np.array([sum(not limit.seldom for limit in limits)], np.int32),
+            "often": np.array([sum(not limit.watch.seldom for limit in limits)], np.int32),
         }
         self._values, self._warned = np.zeros(len(self.names)), np.zeros(len(groups), np.int32)
         room = {"values": self._values, "warned": self._warned, "largest": np.zeros(2 * len(limits))}

@@ -13,7 +13,7 @@ import numpy as np
 from pmr.errors import InputError
 from pmr.files.arrays import Array
 from pmr.kernel.further import ground_outputs
-from pmr.kernel.limits import ABOVE_ZERO, Limit, LimitCheck
+from pmr.kernel.limits import ABOVE_ZERO, Limit, LimitCheck, Watch
 from pmr.results.quantities import QUANTITIES, with_unit
 from pmr.scene import Scene
 from pmr.scene.built import force_name
@@ -117,7 +117,7 @@ def pulled_pads(scene: Scene, contacts: Sequence[Contact], no_force: float = NO_
                 "without another opposite would lift off there"
             )
         event = f"the pad {name} holds both ways and pulls"
-        yield Limit("pull", event, advice, {force_name(name): 1.0}, -no_force, family="pads", where=ring)
+        yield Limit("pull", event, advice, {force_name(name): 1.0}, -no_force, watch=Watch("pads"), where=ring)
 
 
 def pushed_ropes(scene: Scene, no_force: float = NO_FORCE) -> Iterator[Limit]:
@@ -128,7 +128,7 @@ def pushed_ropes(scene: Scene, no_force: float = NO_FORCE) -> Iterator[Limit]:
             forces = {force_name(cylinder_name(section)): share for section, share in shares.items()}
             advice = "the model holds both ways, as with a second rope that pulls the section in"
             event = f"the rope of {name} would have to push"
-            yield Limit("push", event, advice, forces, -no_force, family="ropes")
+            yield Limit("push", event, advice, forces, -no_force, watch=Watch("ropes"))
 
 
 def stroke_limits(scene: Scene) -> Iterator[Limit]:
@@ -223,11 +223,11 @@ def _ground(scene: Scene) -> Iterator[Limit]:
     for name in names:
         if name.startswith(TIPPING_MARGIN):
             event = f"the machine tips over {name.removeprefix(TIPPING_MARGIN)}"
-            yield Limit("tip", event, TIPS, {name: 1.0}, 0.0, unit="N m", once=True)
+            yield Limit("tip", event, TIPS, {name: 1.0}, 0.0, unit="N m", watch=Watch(once=True))
     for name in names:
         if name.startswith(prefix):
             event = f"the outrigger {name.removeprefix(prefix)} lifts off"
-            yield Limit("lift-off", event, "", {name: 1.0}, ABOVE_ZERO, until="tip")
+            yield Limit("lift-off", event, "", {name: 1.0}, ABOVE_ZERO, watch=Watch(until="tip"))
 
 
 def _displacements(scene: Scene, system: System) -> Iterator[Limit]:
@@ -237,7 +237,9 @@ def _displacements(scene: Scene, system: System) -> Iterator[Limit]:
     for name, unit in zip(system.output_names, system.output_units, strict=True):
         if unit == "m":
             event = f"{name} is more than {SMALL:g} times the greatest length of the boom, {length:.3g} m"
-            yield Limit("motion", event, advice, {name: 1.0}, -largest, largest, "m", once=True, seldom=True)
+            yield Limit(
+                "motion", event, advice, {name: 1.0}, -largest, largest, "m", watch=Watch(once=True, seldom=True)
+            )
 
 
 @dataclass(frozen=True)
