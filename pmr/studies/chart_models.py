@@ -32,7 +32,7 @@ from pmr.simulation.statics.postures import (
     side_positions,
 )
 from pmr.studies import tasks
-from pmr.studies.limits import STABILITY, Limit, with_fields
+from pmr.studies.limits import STABILITY_WORDS, Limit, with_fields
 from pmr.studies.tasks import Arguments, Needs, TaskResult
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import Contact
@@ -277,7 +277,7 @@ class ChartModels:
         may_have_play = any(ring.faces and ring.unilateral for part in scene.sections for ring in part.rings)
         is_left_out = may_have_play and not scene.compare.play and "play" not in self.comparisons
         play = "the play of pads: compare.play = 0" if is_left_out else ""
-        return [*filter(None, (model, mesh, play)), f"the effect of large rotations on {STABILITY}"]
+        return [*filter(None, (model, mesh, play)), f"the effect of large rotations on {STABILITY_WORDS}"]
 
 
 def _read_postures(arrays: Mapping[str, NDArray[np.generic]], model: str) -> PostureMatrices | None:

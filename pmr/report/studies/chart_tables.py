@@ -14,7 +14,7 @@ from pmr.report.figures.load_chart import NOT_PERMITTED
 from pmr.report.numbers import SPACE, format_input, format_quantity, prose
 from pmr.report.studies.tables import FinishedStudy
 from pmr.studies import charting
-from pmr.studies.duty import NOT_LIMITED, DutyTable, LoadCase
+from pmr.studies.duty import DutyTable, LoadCase
 from pmr.studies.limits import KINDS, STABILITY, STABILITY_WORDS
 from pmr.studies.study import StudyResults
 
@@ -87,8 +87,8 @@ def _wind_words(case: LoadCase) -> str:
     speed = f"wind of {case.wind.speed:g}{SPACE}m/s, {case.wind.pressure:.4g}{SPACE}Pa"
     if case.wind.on:
         return speed
-    area = f"height or width of their boxes, shape factor {case.wind.shape:g}"
-    return f"{speed}, on the sections: {area}, unless the scene states others"
+    area = f"with the height or width of their boxes and the shape factor {case.wind.shape:g}"
+    return f"{speed}, on the sections, {area} unless the scene states others"
 
 
 def slewing_clause(angles: Array) -> str:
@@ -322,7 +322,6 @@ def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Itera
         not_permitted=NOT_PERMITTED,
         is_small=(duty.lower[:, columns] < step).any(),
         beyond=f"{duty.up_to:.0f}" if (duty.load >= duty.up_to).any() else "",
-        not_limited=NOT_LIMITED,
         apart=f"{two_digits(100.0 * duty.interpolation)}{SPACE}%" if duty.interpolation > 5e-5 else "",
         shown=len(columns),
         count=len(duty.lengths),

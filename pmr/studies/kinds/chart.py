@@ -212,17 +212,16 @@ class Study(StudyBase):
         never = f"not permitted, even empty, at {empty} of {points} points"
         if not len(permitted):
             return never
-        carried = f"it carries {np.floor(min(permitted.min(), self.up_to)):.0f} to {most}"
+        carried = f"the boom carries {np.floor(min(permitted.min(), self.up_to)):.0f} to {most}"
         where = f"at the other {len(permitted)}" if empty else f"at {points} points"
         first, lowered = f"{never}; " if empty else "", np.minimum(loads.least, self.up_to) - loads.lower_bound
         less = (
-            f"; from these loads, error bars of up to {lowered.max():.3g} kg are to be subtracted"
+            f"; error bars of up to {lowered.max():.3g} kg are to be subtracted from these loads"
             if self.error_bars
             else ""
         )
-        return (
-            f"{first}{carried} {where}, by all limits{less}; not contained: {errors_not_covered(table['not_covered'])}"
-        )
+        lacking = errors_not_covered(table["not_covered"])
+        return f"{first}{carried} {where}, by all limits{less}; errors that no bar contains: {lacking}"
 
     @property
     def _in_service(self) -> list[LoadCase]:

@@ -161,7 +161,7 @@ def test_tables_of_loads_have_all_boom_lengths_and_are_not_wider_than_paper() ->
     duty = DutyTable(radii, lengths, load, load, np.zeros(load.shape, dtype=int), 2e4)
     study: Any = SimpleNamespace(study_file={"error_bars": False})
     first, second = duty_grids(study, replace(duty, interpolation=0.0071), "")
-    assert "too large, as a rule by less than the 0.71\u00a0% by which straight lines would differ." in first.caption
+    assert "too large, as a rule by less than 0.71\u00a0%, the difference to straight lines." in first.caption
     heads = [*first.head[1:], *second.head[1:]]
     assert heads == [f"{length:.4g}\u00a0m" for length in lengths] and len(first.head) == 7
     assert [len(grid.rows) for grid in (first, second)] == [1, 2]

@@ -263,12 +263,12 @@ def test_who_waits_is_told_what_it_carries(small: StudyResults, folder: Path, mo
     known = [float(load) for load in loads if load]
     permitted = [load for load in known if load]
     line = study.summary_line(small)
-    words = "; from these loads, error bars of up to | kg are to be subtracted; not contained: "
+    words = "; error bars of up to | kg are to be subtracted from these loads; errors that no bar contains: "
     carried, bars, missing = re.split(words, line)
     empty = len(known) - len(permitted)
     assert carried == (
-        f"not permitted, even empty, at {empty} of 12 points; it carries {int(min(permitted))} to {int(max(known))} kg "
-        f"at the other {12 - empty}, by all limits"
+        f"not permitted, even empty, at {empty} of 12 points; the boom carries {int(min(permitted))} to "
+        f"{int(max(known))} kg at the other {12 - empty}, by all limits"
     )
     assert float(bars) > 0.0
     assert missing.startswith("the structural model: a point slides on beam2d only")
