@@ -204,12 +204,14 @@ def _other_pairs(response: Response, reference: Response, force: float) -> dict[
 
     Further outputs are probes, reactions and the like.  A signal or reference is replaced by zeros if it does not
     exceed `RELATIVE_FLOOR` times the largest output in the same unit.  In N and N m it is also replaced if it does not
-    exceed `force`, the round-off of forces.
+    exceed `force`, the round-off of forces, or `ROUND_OFF` times the largest output in N or N m.
     """
     units = dict(zip(response.other_names, response.other_units, strict=True))
     common = [name for name in units if name in reference.other_names]
     pairs = {name: Pair(response.other(name), reference.other(name)) for name in common}
     sizes = {name: max(float(largest_absolute(values)) for values in pair) for name, pair in pairs.items()}
+    forces = [size for name, size in sizes.items() if units[name] in ("N", "N m")]
+    force = max(force, ROUND_OFF * max(forces, default=0.0))
     for name, pair in pairs.items():
         least = RELATIVE_FLOOR * max(size for other_name, size in sizes.items() if units[other_name] == units[name])
         least = max(least, force) if units[name] in ("N", "N m") else least

@@ -114,14 +114,17 @@ def test_forces_that_are_round_off_beside_others_are_nobodys_error() -> None:
 
 
 def test_a_force_beside_a_reference_of_round_off_is_wrong_by_all_of_it_and_by_no_more() -> None:
-    """A support along the axis of a straight beam bears only round-off; a reduced model that strays bears 1 N."""
-    bears = {"other_names": ("support z", "support x"), "other_units": ("N", "N")}
+    """A support along the axis of a straight beam bears only round-off; a reduced model that strays bears 1 N.
+
+    Its moment is round-off in both, beside the forces.
+    """
+    bears = {"other_names": ("support z", "support x", "support rx"), "other_units": ("N", "N", "N m")}
     full, reduced = (
-        replace(response(1.0), others=np.stack([800.0 * np.sin(8 * T), axial], axis=1), **bears)
+        replace(response(1.0), others=np.stack([800.0 * np.sin(8 * T), axial, 1e-10 * axial - 1e-10], axis=1), **bears)
         for axial in (1e-29 * np.cos(8 * T), np.cos(8 * T))
     )
     errors = errors_between({"full": full, "reduced": reduced}, relative_error)["reduced_vs_full"]
-    assert errors["support x"] == 1.0 and errors["support z"] == 0.0
+    assert errors["support x"] == 1.0 and errors["support z"] == errors["support rx"] == 0.0
 
 
 def test_values_that_are_no_numbers_are_not_taken_for_round_off() -> None:
