@@ -304,7 +304,7 @@ def _zeros(breaks: Array, shape: tuple[int, ...]) -> PPoly:
     return PPoly(np.zeros((1, len(breaks) - 1, *shape)), breaks)
 
 
-MAGIC = b"PMRSYS2\n"
+MAGIC = b"PMRSYS3\n"
 #: Alignment of arrays in bytes, and size of the block's header and of each array's header.
 LINE = 64
 _KINDS = {"i": 0, "f": 1, "u": 2}  # numbers of the kinds of arrays

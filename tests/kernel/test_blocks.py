@@ -180,6 +180,13 @@ def test_arrays_with_entries_are_needed_but_for_names() -> None:
             Kernel(block)
 
 
+def test_a_block_of_an_earlier_layout_is_refused() -> None:
+    block = resealed(lambda arrays: None)
+    block[:8] = b"PMRSYS2\n"
+    with pytest.raises(InputError, match="no system that this kernel can read"):
+        Kernel(block)
+
+
 def test_what_is_no_number_is_refused() -> None:
     def change(arrays: dict[str, np.ndarray]) -> None:
         arrays["omega2"] = np.full_like(arrays["omega2"], np.nan)

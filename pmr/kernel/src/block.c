@@ -1,6 +1,6 @@
 /* Memory on cache lines, and the block of bytes that a system is made from.
 
-   Bytes 0 to 63: "PMRSYS2\n"; int32 1, by which the order of bytes is seen; int32 number of arrays; int64 bytes in
+   Bytes 0 to 63: "PMRSYS3\n"; int32 1, by which the order of bytes is seen; int32 number of arrays; int64 bytes in
    all; uint64 checksum of what follows; zeros.  Then 64 bytes for each array: name (40), int32 kind (0: int32, 1:
    double, 2: bytes), int32 zero, int64 count, int64 offset.  Then the arrays, each on a multiple of 64. */
 #include "internal.h"
@@ -111,8 +111,8 @@ int pmr_block_check(const pmr_system *y, char *why)
     const int64_t first = (int64_t)sizeof(file_head);
     int32_t k;
     if ((uintptr_t)y->block % PMR_LINE) return pmr_say(why, "the block has to begin on a multiple of %d", PMR_LINE), 1;
-    if (y->bytes < sizeof *head || memcmp(head->magic, "PMRSYS2\n", 8))
-        return pmr_say(why, "no system that this kernel can read (PMRSYS2)"), 1;
+    if (y->bytes < sizeof *head || memcmp(head->magic, "PMRSYS3\n", 8))
+        return pmr_say(why, "no system that this kernel can read (PMRSYS3)"), 1;
     for (k = 0; k < (int32_t)sizeof head->zeros; k++)
         if (head->zeros[k]) return pmr_say(why, "damaged: its head"), 1;
     if (head->order != 1) return pmr_say(why, "written on a machine with another order of bytes"), 1;
