@@ -277,9 +277,10 @@ def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestVal
             f" ± {format_quantity(limit['error'], 'N')} (error by the mesh of the walls)" if limit.get("error") else ""
         )
         text = f"{format_percent(share)} of {force}{bar}, {pad}, {extreme_clause(result, forces[pad].largest)}; "
-        text += f"at {force} on one pad alone, the walls of {limit['section']} begin to yield at its edge, for the pad "
-        text += "of the joint under which they are weakest; the bending of the whole section, which adds to this, is "
-        text += "left out"
+        text += f"{force} is the force of one pad alone at which the walls of {limit['section']} begin to yield at the "
+        text += (
+            "edge of the pad, where walls are weakest along this joint; it leaves out the bending of the whole section"
+        )
         yield largest_value("pad_force", text, share, "largest share of the pad force at which walls yield")
 
 
