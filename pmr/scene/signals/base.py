@@ -55,11 +55,12 @@ class Strand:
         The result has the shape of t.  The `spread` has no effect.
         """
         at = np.asarray(t, float)
-        k = np.maximum(np.searchsorted(self.breaks, at, side="right") - 1, 0)
+        k = np.maximum(np.searchsorted(self.breaks, at, side="right") - 1, 0) if len(self.breaks) > 1 else 0
         x = at - self.breaks[k]
         value = _polynomial(self.polynomials[k], x, order)
         if self.amplitude:
-            q, rate, second = (_polynomial(self.angles[k % len(self.angles)], x, n) for n in range(3))
+            angles = self.angles[k % len(self.angles)]
+            q, rate, second = (_polynomial(angles, x, n) if n <= order else 0.0 for n in range(3))
             sine, cosine = np.sin(q), np.cos(q)
             value = value + self.amplitude * (sine, cosine * rate, cosine * second - sine * rate**2)[order]
         return np.asarray(value)
