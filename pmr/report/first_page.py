@@ -141,24 +141,24 @@ def largest_values(result: RunResult) -> list[LargestValue]:
 USED_UP = "Values that have a limit"
 #: Headings of the other rows in their order, with the places of the quantities below each of them.
 HEADINGS = {
+    "Tip, frequency and speeds": ("tip", "boom", ""),
     "Supports and machine": ("support", "machine", "ground"),
     "Cylinders, ropes and hoist": ("cylinder", "rope", "hoist"),
     "Pads": ("pad",),
     "Stress": ("section", "probe"),
-    "Tip, frequency and speeds": ("tip", "boom"),
 }
 #: Places of quantities in the order of their rows on the first page.
 PLACES = tuple(place for places in HEADINGS.values() for place in places)
 
 
 def _rank(row: LargestValue) -> int:
-    """Return the number in `PLACES` of the part to which a row belongs; for other parts, the number after the last."""
-    return PLACES.index(row.place) if row.place in PLACES else len(PLACES)
+    """Return the number in `PLACES` of the part to which a row belongs."""
+    return PLACES.index(row.place)
 
 
 def _heading(row: LargestValue) -> str:
-    """Heading of a row without an allowed value, by its part; the last heading if the part is not in `PLACES`."""
-    return next((heading for heading, places in HEADINGS.items() if row.place in places), list(HEADINGS)[-1])
+    """Heading of a row without an allowed value, by the part to which it belongs."""
+    return next(heading for heading, places in HEADINGS.items() if row.place in places)
 
 
 def _largest_values(result: RunResult) -> LargestValues:
@@ -243,8 +243,11 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
     return largest_value("wall_stress", f"{text}{_missing_clause(result.summary)}", share)
 
 
-#: What the stress in walls at pads contains.
-WALL_STRESS_PARTS = "this stress contains that of the whole section and the bending of walls under pads, but no welds"
+#: What the stress in walls at pads takes for granted, and what it contains.
+WALL_STRESS_PARTS = (
+    "the pressure of pads is taken to be largest in their middle, and an even one bends walls by about a third less; "
+    "this stress contains that of the whole section and the bending of walls under pads, but no welds"
+)
 
 
 def _missing_clause(summary: Summary) -> str:

@@ -121,7 +121,20 @@ def _support_use_rows(result: RunResult) -> LargestValues:
         largest, share = extremes[name].largest, extremes[name].size / allowed[name]
         of_allowed = f"{format_percent(share)} of the allowed {format_quantity(allowed[name], 'N')}"
         text = f"{of_allowed}, {_bearer_words('support', name)}, {extreme_clause(result, largest)}"
+        text += _moment_clause(result, name)
         yield largest_value("support_use", text, share)
+
+
+def _moment_clause(result: RunResult, name: str) -> str:
+    """Clause on the largest moment of the support `name` that its share of an allowed force leaves out, empty if none.
+
+    `name` is as `resultant_name` returns it.
+    """
+    reactions = [of for of in result.summary.get("reactions", ()) if of["unit"] == "N m"]
+    sizes = [Extremes.from_summary(of).size for of in reactions if str(of["name"]).startswith(f"{name} r")]
+    if not any(sizes):
+        return ""
+    return f"; this is the resultant of its forces, without its moments of up to {format_quantity(max(sizes), 'N m')}"
 
 
 def _luffing_length_row(result: RunResult, length: Summary) -> LargestValue:
@@ -279,7 +292,8 @@ def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestVal
         text = f"{format_percent(share)} of {force}{bar}, {pad}, {extreme_clause(result, forces[pad].largest)}; "
         text += f"{force} is the force of one pad alone at which the walls of {limit['section']} begin to yield at the "
         text += (
-            "edge of the pad, where walls are weakest along this joint; it leaves out the bending of the whole section"
+            "edge of the pad, where walls are weakest along this joint, with the largest pressure in the middle of the "
+            "pad; it leaves out the bending of the whole section"
         )
         yield largest_value("pad_force", text, share, "largest share of the pad force at which walls yield")
 

@@ -169,7 +169,7 @@ class LargestValue(NamedTuple):
     """Row of the table of largest values.
 
     `share` is the share of the allowed value, None if there is none; `place` is the part of the boom that the value
-    belongs to, as `pmr.results.quantities.Quantity` names it, or empty for the last rows of the table.
+    belongs to, as `pmr.results.quantities.Quantity` names it, or empty for rows below those of the whole boom.
     """
 
     name: str

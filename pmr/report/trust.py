@@ -146,7 +146,7 @@ def _stress_certainty(result: RunResult) -> str:
     if by_pads is not None:
         share = f"{format_percent(by_cells + by_pads, 2)}: {format_percent(by_cells, 2)} by the mesh of the walls, "
         share += "the rest by the error of the pad forces"
-    return f"in walls at pads ± {share}; elsewhere {unknown}"
+    return f"in walls at pads ± {share}, and without that by how pads spread their force; elsewhere {unknown}"
 
 
 def _stress_gaps(result: RunResult) -> Iterator[str]:

@@ -119,7 +119,8 @@ def unnamed_loads(scene: Scene, cases: Sequence[Summary]) -> Iterator[str]:
     if lacking:
         some, they = ("loads", "they act") if len(lacking) > 1 else ("load", "it acts")
         names = ", ".join(map(repr, dict.fromkeys(lacking)))
-        yield f"no load case names {some} {names}, so {they} in runs of this scene, but not in the chart"
+        in_chart = "but not in the chart, whose loads are those of its load cases"
+        yield f"no load case names {some} {names}, so {they} in runs of this scene, {in_chart}"
 
 
 def replaced_mass_warnings(original: Scene, scene: Scene, point: tuple[float, float, float] | None = None) -> list[str]:
