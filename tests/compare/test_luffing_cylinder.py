@@ -7,7 +7,8 @@ from turning_cylinder import Rigid, boom
 
 import pmr
 from pmr import InputError
-from pmr.compare.drives import luffing_part, turning_warnings
+from pmr.compare.drives import turning_warnings
+from pmr.compare.forces import limits_part
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
 from pmr.scene.cylinder import LuffingCylinder
@@ -119,10 +120,11 @@ def test_angles_that_the_cylinder_can_not_reach_have_a_warning_in_runs_and_chart
     plain["frame"]["cylinder"]["stroke"] = [1.0, longest + end]
     plain["frame"]["luffing"] = {"kind": "smooth_ramp", "times": [0.0, 0.02], "values": [10.0, 60.0]}
     scene = Scene.model_validate(plain)
-    response = pmr.simulate(scene, pmr.reduce(scene).system)
+    system = pmr.reduce(scene).system
+    in_run = limits_part(scene, system, pmr.simulate(scene, system))
     at = {"extensions": {name: [1.0] for name in scene.names[1:]}, "luffing": [np.deg2rad(60.0)], "slewing": [0.0]}
     task = scene_arguments(with_hook(scene)) | {"up_to": 1e3, "error": False, "at": at}
-    for warnings in (luffing_part(scene, response).warnings, compute_postures(task, {}).warnings):
+    for warnings in (in_run.grave, compute_postures(task, {}).warnings):
         assert [f"stroke is 1 to {longest + end:g} m" in line for line in warnings if "stroke" in line] == [
             True
         ] * warns

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from pmr.files.arrays import Array
+from pmr.files.arrays import Array, Indices
 from pmr.scene.keys import Usual
 
 #: A number in the unit of the signal's path or load: m, N or N m.
@@ -57,10 +57,10 @@ class Strand:
         at = np.asarray(t, float)
         k = np.maximum(np.searchsorted(self.breaks, at, side="right") - 1, 0) if len(self.breaks) > 1 else 0
         x = at - self.breaks[k]
-        value = _polynomial(self.polynomials[k], x, order)
+        value = _polynomial(self.polynomials, k, x, order)
         if self.amplitude:
-            angles = self.angles[k % len(self.angles)]
-            q, rate, second = (_polynomial(angles, x, n) if n <= order else 0.0 for n in range(3))
+            row = k % len(self.angles)
+            q, rate, second = (_polynomial(self.angles, row, x, n) if n <= order else 0.0 for n in range(3))
             sine, cosine = np.sin(q), np.cos(q)
             value = value + self.amplitude * (sine, cosine * rate, cosine * second - sine * rate**2)[order]
         return np.asarray(value)
@@ -68,19 +68,23 @@ class Strand:
     def angle(self, t: float) -> float:
         """Argument q of the sine in rad at the time t in s."""
         k = max(int(np.searchsorted(self.breaks, t, side="right")) - 1, 0)
-        return float(_polynomial(self.angles[k % len(self.angles)], np.asarray(t - self.breaks[k]), 0))
+        return float(_polynomial(self.angles, k % len(self.angles), np.asarray(t - self.breaks[k]), 0))
 
 
-def _polynomial(c: Array, x: Array, order: int) -> Array:
-    """Derivatives, of the `order` 0 or more, of polynomials with coefficients c (..., p), highest of p powers first.
+def _polynomial(c: Array, k: Indices | int, x: Array, order: int) -> Array:
+    """Derivatives, of the `order` 0 or more, of polynomials at x (any shape), in the shape of x.
 
-    They are taken at x (...): each polynomial has its own entry of x, or c (p,) is one polynomial for all entries.
+    c (n, p) are the coefficients of n polynomials, highest of p powers first.  `k` is the number of the polynomial at
+    each entry of x, or one number for all entries.
     """
     for _ in range(order):
-        c = c[..., :-1] * np.arange(c.shape[-1] - 1, 0, -1)
+        c = c[:, :-1] * np.arange(c.shape[1] - 1, 0, -1)
     value = np.zeros_like(x)
-    for of_power in np.moveaxis(c, -1, 0):
-        value = value * x + of_power
+    for (
+        of_power
+    ) in c.T:  # one power after the other: the coefficients of all entries would take p times the memory of x
+        value *= x
+        value += of_power[k]
     return value
 
 
