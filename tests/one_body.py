@@ -111,7 +111,7 @@ def motion(body: SlidingBody, found: SystemTrajectory, excitation: Excitation) -
         assert body.reactions is not None
         held = Trajectory(found.t, alone.q, alone.v, multipliers, s, found.seconds)
         of_rows = [body.reactions.names.index(body.row_names[k]) for k in body.held]
-        multipliers[:, list(body.held)] = SupportForces.of(body, True).on_one_path(held, found.loads)[:, of_rows]
+        multipliers[:, list(body.held)] = SupportForces.from_body(body, True).on_one_path(held, found.loads)[:, of_rows]
     peaks = None
     if not np.isnan(body.row_clearance).all():
         peaks = multipliers.copy()

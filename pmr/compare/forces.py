@@ -72,8 +72,8 @@ def histories(scene: Scene, response: Response) -> History:
             return np.asarray(scene.frame.angles.luffing.value(response.t))
         # the force of a rigid pad that does not move is the reaction of a support
         named = (name, reaction_name(name.removeprefix(FORCE)))
-        known = next((of for of in named if of in response.other_names), None)
-        return None if known is None else response.other(known)
+        stored_name = next((of for of in named if of in response.other_names), None)
+        return None if stored_name is None else response.other(stored_name)
 
     return history
 

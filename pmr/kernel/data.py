@@ -54,7 +54,7 @@ def system_data(
     not among the outputs.  Raises InputError if the frame has no motion for one of the system's paths.
     """
     supports = [
-        SupportForces.of(body, system.on_one_path, reduced is None and isinstance(body, ReducedModel))
+        SupportForces.from_body(body, system.on_one_path, reduced is None and isinstance(body, ReducedModel))
         for body in system.bodies.values()
     ]
     reduced = reduced or combine_rings(system_in_modes(system, forms, supports))

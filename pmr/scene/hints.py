@@ -111,10 +111,10 @@ def _weight_remark(scene: Scene, is_whole: bool) -> str:
     if gravity is None or is_whole or gravity.rise <= end:
         return ""
     reached = 100.0 * float(gravity.signal.value(end)) / gravity.acceleration
-    whole = "gravity.rise = 0" if scene.start == "equilibrium" else "a shorter rise, or start = 'equilibrium',"
+    remedy = "gravity.rise = 0" if scene.start == "equilibrium" else "a shorter rise, or start = 'equilibrium',"
     return (
         f"the weight grows for gravity.rise = {gravity.rise:g} s, but the run ends at {end:g} s, when it has reached "
-        f"{reached:.2g} %; {whole} has the whole weight"
+        f"{reached:.2g} %; {remedy} has the whole weight"
     )
 
 

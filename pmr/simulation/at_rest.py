@@ -217,8 +217,8 @@ def rest_rows(scene: Scene, assembly: Assembly, place: int, x: Array, amplitudes
         surplus=np.nan,
         amplitudes=c if system.terms else None,
     )
-    own = displacements(system, trajectory)
-    response = response_to_motion(system, trajectory.t, own, forces, None, Energy(none, none, none))
+    of_sections = displacements(system, trajectory)
+    response = response_to_motion(system, trajectory.t, of_sections, forces, None, Energy(none, none, none))
     first = len(response.other_names)
     response = with_forces_at_pivot(scene, with_support_reactions(response, system, trajectory))
     values = np.empty((0, len(states))) if response.others is None else response.others.T[first:]

@@ -84,7 +84,7 @@ def with_support_reactions(response: Response, system: System, trajectory: Syste
         if isinstance(body, FullBody) and held and not alone:
             rows = [body.rows.rows[body.row_names.index(system.contacts[k].inner.row)] for k in held]
             of_bodies[name], reactions[name] = [(row.name, row.unit) for row in rows], trajectory.forces[:, held]
-        supports = SupportForces.of(body, name == ALONE, alone or isinstance(body, ReducedModel))
+        supports = SupportForces.from_body(body, name == ALONE, alone or isinstance(body, ReducedModel))
         if not supports.names:
             continue
         if name == ALONE:
@@ -329,11 +329,11 @@ def response_to_motion(
     x = np.concatenate([body.output_positions for body in system.bodies.values()])
     lengths = [k for k, output in enumerate(outputs) if output.is_displacement]
     springs = [k for k, output in enumerate(outputs) if output.is_force]
-    others = [k for k, output in enumerate(outputs) if not (output.is_displacement or output.is_force)]
+    remaining = [k for k, output in enumerate(outputs) if not (output.is_displacement or output.is_force)]
     joined = [system.contacts[k] for k in contacts]
     shown = [outputs[k] for k in [*lengths, *springs]]
     shown += [Output(force_name(contact.name), contact.kind, contact.inner.body, unit="N") for contact in joined]
-    shown += [outputs[k] for k in others]
+    shown += [outputs[k] for k in remaining]
     names, last = tuple(output.name for output in shown), len(lengths) + len(springs) + len(contacts)
     not_known = np.full(len(t), np.nan)
     return Response(
@@ -349,7 +349,7 @@ def response_to_motion(
         output_units=("m",) * len(lengths),
         force_names=names[len(lengths) : last],
         force_peaks=None if peaks is None else np.hstack([y[:, springs], peaks[:, contacts]]),
-        others=y[:, others] if others else None,
+        others=y[:, remaining] if remaining else None,
         other_names=names[last:],
         other_units=tuple(output.unit for output in shown[last:]),
         kinds=tuple(output.text for output in shown),

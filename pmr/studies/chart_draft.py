@@ -88,16 +88,16 @@ def _is_lateral(scene: Scene) -> bool:
     Payloads do not count, as a chart leaves them out.
     """
     frame = scene.frame
-    beside = [] if frame is None else [frame.tail_position[1]]
-    beside += [mass.at[1] for mass in frame.ground.masses if mass.slews] if frame is not None and frame.ground else []
+    offsets = [] if frame is None else [frame.tail_position[1]]
+    offsets += [mass.at[1] for mass in frame.ground.masses if mass.slews] if frame is not None and frame.ground else []
     for member in members(scene):
         part, section = member.part, member.part.body.section
-        beside += [mass.at[1] for mass in part.masses if mass.at is not None and not mass.payload]
-        beside += [load.point[1] for load in part.loads if load.point is not None]
-        beside += [section.centroid[0]] if section is not None else []
+        offsets += [mass.at[1] for mass in part.masses if mass.at is not None and not mass.payload]
+        offsets += [load.point[1] for load in part.loads if load.point is not None]
+        offsets += [section.centroid[0]] if section is not None else []
         if lateral_load_reasons(member) or has_unlike_side_walls(member):
             return True
-    return any(beside)
+    return any(offsets)
 
 
 def _slewing_angles(scene: Scene, frame: Frame) -> list[float]:

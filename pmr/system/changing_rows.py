@@ -52,7 +52,7 @@ class ChangingRows:
         leads a place to where its row is not defined.
         """
         if (key := s.tobytes()) != self._key:
-            self._key, self._derivatives = key, self._along(s, np.eye(len(s)), 1)
+            self._key, self._derivatives = key, self._rows_and_rates(s, np.eye(len(s)), 1)
         return RowDerivatives(*self._derivatives)
 
     def time_derivatives(self, s: Array, rates: Array) -> RowDerivatives:
@@ -60,10 +60,10 @@ class ChangingRows:
 
         The `rates` are in m/s; errors as `evaluate`.
         """
-        of_time = self._along(s, rates[None], 2)[1:]
+        of_time = self._rows_and_rates(s, rates[None], 2)[1:]
         return RowDerivatives(*(ContactRows(*(array[0] for array in vars(rows).values())) for rows in of_time))
 
-    def _along(self, s: Array, rates: Array, highest: int) -> list[ContactRows]:
+    def _rows_and_rates(self, s: Array, rates: Array, highest: int) -> list[ContactRows]:
         """Rows with the paths at s (P,) in m, then their derivatives by time at Q `rates` (Q, P) up to an order.
 
         The `highest` order is 1 or 2.  The derivatives have an axis of Q in front.
@@ -82,8 +82,8 @@ class ChangingRows:
             carriers = system.bodies[name].carriers
             assert carriers is not None
             touched, owners, weights = a.side_weights(name, x)
-            moved = v[:, None, owners]
-            b = [weights[0], *(weights[order] * moved**order for order in range(1, highest + 1))]
+            speeds = v[:, None, owners]
+            b = [weights[0], *(weights[order] * speeds**order for order in range(1, highest + 1))]
             values = carriers.values[touched][:, a.free_coordinates[name]]
             for rows, of_order in zip(orders, b, strict=True):
                 rows.C[..., a.coordinate_slices[name]] += of_order @ values

@@ -54,16 +54,16 @@ class SupportForces:
     inputs: Array  # (h, i): by unit inputs
 
     @classmethod
-    def of(cls, body: SlidingBody, on_path: bool, known: bool = True) -> SupportForces:
-        """Forces of the supports in ``body.reactions``; none, h = 0, if that is None or `known` is false.
+    def from_body(cls, body: SlidingBody, on_path: bool, are_known: bool = True) -> SupportForces:
+        """Forces of the supports in ``body.reactions``; none, h = 0, if that is None or `are_known` is false.
 
         `on_path` says whether all contacts of the body are at one path coordinate.  If they are not, there are none
         either unless the body stores how its supports bear forces on its carriers (`Reactions.carried`).
         """
         reactions, n = body.reactions, body.size
         if reactions is not None and not on_path:
-            known = known and body.carriers is not None and reactions.carried is not None
-        if reactions is None or not known:
+            are_known = are_known and body.carriers is not None and reactions.carried is not None
+        if reactions is None or not are_known:
             none = np.zeros((0, n))
             return cls(body, (), (), none, none, none, np.zeros((0, len(body.input_names))))
         free, P = np.setdiff1d(np.arange(n), list(body.held.values())), np.zeros((len(reactions.names), n))
@@ -83,7 +83,9 @@ class SupportForces:
     def carried(self) -> Array:
         """Minus the forces (K, h) by unit forces on the K carriers of the body."""
         reactions, carriers = self.body.reactions, self.body.carriers
-        assert reactions is not None and reactions.carried is not None and carriers is not None  # `of` has checked it
+        assert (
+            reactions is not None and reactions.carried is not None and carriers is not None
+        )  # `from_body` has checked it
         return np.asarray(reactions.carried - carriers.values @ self.inertia.T)
 
     def without_contacts(self, trajectory: Trajectory, loads: Array) -> Array:

@@ -354,7 +354,7 @@ def system_file(
         Arrays of an observer (`UnitObserver.arrays`); then there is no Model Exchange.
     """
     settings = [omega, contact_step.TOLERANCE, contact_step.RESOLVED, contact_step.MOST_PARTS, BEYOND_ENDS]
-    numbers = {name: k for k, name in enumerate(drivers.observed)}
+    numbers = {name: k for k, name in enumerate(drivers.watchable_names)}
     limits = LimitCheck(watched_limits(drivers.system, numbers), numbers)
     arrays: dict[str, NDArray[Any] | str] = {
         **drivers.data.arrays,

@@ -99,12 +99,12 @@ class Drivers:
         return (*self.paths, *self.loads, *self.motions)
 
     @property
-    def observed(self) -> tuple[str, ...]:
+    def watchable_names(self) -> tuple[str, ...]:
         """Names of outputs, contact forces, further outputs and motions, as the kernel's `pmr_observe` counts them."""
         frame, system = self.frame, self.system
-        known = {name for name, _, _ in self.data.further}
+        further_names = {name for name, _, _ in self.data.further}
         computed = () if frame is None or frame.computed is None else tuple(frame.computed.outputs)
-        ground = () if frame is None else tuple(name for name in ground_outputs(frame.scene) if name in known)
+        ground = () if frame is None else tuple(name for name in ground_outputs(frame.scene) if name in further_names)
         forces = map(force_name, system.contact_names)
         behind = (*system.hoist.outputs, *computed, *ground, *(() if frame is None else frame.drivers))
         return (*system.output_names, *forces, *behind)

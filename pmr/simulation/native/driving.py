@@ -90,8 +90,8 @@ class Drivers:
             name: (k, *(turn if k in self._angles else unlimited)) for name, k in self._frame_numbers.items()
         }
 
-    def take_all(self, given: Array, names: Sequence[str], free: Collection[str]) -> None:
-        """Take motions `given` (3, n) of a frame: values, rates and second rates of all n `names`, in their order.
+    def take_all(self, motions: Array, names: Sequence[str], free: Collection[str]) -> None:
+        """Take the `motions` (3, n) of a frame: values, rates and second rates of all n `names`, in their order.
 
         Motions that are `free` are computed, and their columns have no effect.  Errors and warnings are those of
         motions that are taken by their names.
@@ -106,15 +106,15 @@ class Drivers:
             pointers = map(pointer, (room, limits, self.motions))
             self._all = room, partial(lib.pmr_take_motions, len(names), self._step, *pointers), limits
         room, take, _ = self._all
-        if given.shape != room.shape:
+        if motions.shape != room.shape:
             allowed = f"{room.shape} is allowed: values, rates and second rates of {', '.join(names)}"
-            raise InputError("stepper", "s", given.shape, allowed)
-        room[:] = given
+            raise InputError("stepper", "s", motions.shape, allowed)
+        room[:] = motions
         if take() >= 0:  # one by one, for a message about the one that is beyond a limit
-            motions = {name: tuple(of) for name, of in zip(names, room.T.tolist(), strict=True) if name not in free}
-            self.take_path({name: of for name, of in motions.items() if name in self._limits})
-            self.take_loads({name: of for name, of in motions.items() if name in self._limits_of_loads})
-            self.take_frame({name: of for name, of in motions.items() if name in self._limits_of_frame})
+            by_name = {name: tuple(of) for name, of in zip(names, room.T.tolist(), strict=True) if name not in free}
+            self.take_path({name: of for name, of in by_name.items() if name in self._limits})
+            self.take_loads({name: of for name, of in by_name.items() if name in self._limits_of_loads})
+            self.take_frame({name: of for name, of in by_name.items() if name in self._limits_of_frame})
         self.rows.fill(3)
 
     @property

@@ -151,9 +151,9 @@ class Stepper:
         settings = Settings(step, rho_inf, *self._levels(parts, scene), energy=False)
         self._state = State(kernel, settings)
         beyond = kernel.outputs - len(every)  # forces come after all outputs of the kernel
-        known = (*self.output_names, *(() if moving is None else moving.drivers))
-        numbers = {name: k if k < len(every) else k + beyond for k, name in enumerate(known)}
-        self._limits = LimitCheck(watched_limits(system, known), numbers)
+        watchable = (*self.output_names, *(() if moving is None else moving.drivers))
+        numbers = {name: k if k < len(every) else k + beyond for k, name in enumerate(watchable)}
+        self._limits = LimitCheck(watched_limits(system, watchable), numbers)
         watched = self._limits.structure if self._limits.limits else None
         numbers_of_chosen = [k if k < len(every) else k + beyond for k in chosen]
         self._bound = bound = BoundStep(self._state, numbers_of_chosen, watched)

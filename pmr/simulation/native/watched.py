@@ -265,14 +265,14 @@ def exceeded_limits(limits: Iterable[Limit], history: History) -> list[Exceeded]
 
     Limits of outputs without a history are left out.
     """
-    known = [limit for limit in limits if all(history(name) is not None for name in limit.shares)]
-    if not known:
+    recorded = [limit for limit in limits if all(history(name) is not None for name in limit.shares)]
+    if not recorded:
         return []
-    check, listed = LimitCheck(known, {name: 0 for limit in known for name in limit.shares}), list[Exceeded]()
+    check, listed = LimitCheck(recorded, {name: 0 for limit in recorded for name in limit.shares}), list[Exceeded]()
     columns = {name: np.asarray(history(name)) for name in check.names}
     values = np.stack([columns[name] for name in check.names], axis=1)
     for number, first in sorted(check.first_times(values).items()):
-        limit = known[number]
+        limit = recorded[number]
         quantity = np.sum([share * columns[name] for name, share in limit.shares.items()], axis=0)
         worst = int(np.argmax(np.maximum(limit.low - quantity, quantity - limit.high)))
         listed.append(Exceeded(limit, first, worst, float(quantity[worst])))

@@ -108,11 +108,11 @@ def with_winds(scene: Scene, winds: Mapping[str, tuple[float, float]]) -> Scene:
     parts = list[Any]()
     for member in members(scene):
         part, box, loads = member.part, member.part.body.box, list[Load]()
-        own = next((load for load in part.loads if load.acts == "wind"), None)
+        wind_of_part = next((load for load in part.loads if load.acts == "wind"), None)
         for name, (azimuth, shape) in winds.items():
             blows = {"name": name, "azimuth": azimuth, "slews": True, "signal": Constant(amount=0.0)}
-            if own is not None:
-                loads.append(own.model_copy(update=blows))
+            if wind_of_part is not None:
+                loads.append(wind_of_part.model_copy(update=blows))
             elif box is not None and traits_of(member).kind != "matrices":
                 profiles = [box.profile_at(x) for x in box.breaks] if box.varying_keys else []
                 depth = max((max(profile.width, profile.height) for profile in profiles), default=None)
