@@ -45,6 +45,9 @@ logger = logging.getLogger(__name__)
 
 #: A motion is free if singular values of what holds it are below this share of the largest; pads are exact to 1e-12.
 FREE = 1e-7
+#: Largest share of its own measure that a contact of two bodies may have of a displacement that both share: the sine of
+#: the angle between the faces that a pad joins.
+TURNED = 5e-2
 #: A row is round-off if it measures less than this share of the sum of the magnitudes of its terms.
 ROUND_OFF = 1e-9
 AXES = "xyz"
@@ -363,8 +366,8 @@ def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, 
     """Assemble the full models of all bodies of a scene, by name; equal bodies share one `AssembledBody`.  Collective.
 
     Raises an `InputError` if a body's model is still ``auto``, a mesh can't be read or drawn, or a load, mass, support,
-    pad or probe does not fit the mesh.  Raises a `NotHeldError` if a rigid motion is free and the scene does not allow
-    it.
+    pad or probe does not fit the mesh, or if a pad joins faces of two bodies that are not parallel.  Raises a
+    `NotHeldError` if a rigid motion is free and the scene does not allow it.
     """
     for member in filter(is_undecided, members(scene)):
         allowed = "a model by its name is allowed here: pmr.run and pmr.reduce measure which one will do"
@@ -380,6 +383,7 @@ def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, 
             except InputError as error:
                 raise error.with_key(scene.section_key(member.number, error.key)) from None
         bodies[name] = by_content[key]
+    _check_facing(scene, bodies)
     if scene.free_motions == "refused" and (free := _find_free_motions(scene, bodies)).sentence:
         allowed = f"{_free_motion_sentence(bodies, free)}; a support that holds it is needed, or 'allowed'"
         raise NotHeldError("scene", "free_motions", scene.free_motions, allowed, free.clause)
@@ -405,6 +409,29 @@ def _free_motion_sentence(built: Mapping[str, AssembledBody], free: FreeMotions)
     """Sentence that names the motions which the supports and pads of the bodies `built` leave free."""
     holds = "supports and pads" if ALONE in built else "supports, pads and cylinders"
     return f"{holds} leave {free.sentence}: loads along that move it without limit"
+
+
+def _check_facing(scene: Scene, built: Mapping[str, AssembledBody]) -> None:
+    """Raise an `InputError` if a contact between two of the bodies `built` resists a displacement that both share.
+
+    The faces that such a contact joins are not parallel, as where a file has another axis upwards.  The displacements
+    are those along y and z that all bodies have.  Collective.
+    """
+    models, structural = models_of(built), {name: body.structure.model for name, body in built.items()}
+    system, positions = FullSystem(models, contacts_of(scene, models)), _checked_positions(scene)
+    bodies = {name: RigidBody.from_model(model, structural[name]) for name, model in models.items()}
+    shifts = {name: _shifts(ahead) for name, ahead in positions.tails.items()}
+    measured = _contact_measures(system, bodies, positions, shifts)[0].reshape(len(system.contacts), len(bodies), 6)
+    across = [k for k in (1, 2) if all(DIRECTIONS[k] in model.directions for model in structural.values())]
+    shared, size = np.abs(measured[..., across].sum(axis=1)), np.abs(measured[..., :3]).max(axis=(1, 2))
+    for contact, is_turned in zip(system.contacts, np.any(shared > TURNED * size[:, None], axis=1), strict=True):
+        if is_turned and contact.outer is not None:
+            inner, outer = contact.inner.body, contact.outer.body
+            allowed = (
+                f"faces of {inner} and {outer} that are parallel are allowed, but those at the pad {contact.name} are "
+                "not; do both bodies have x along the boom and z upwards?"
+            )
+            raise InputError("scene", f"sections[{scene.names.index(inner)}].joint", None, allowed)
 
 
 def _find_free_motions(scene: Scene, built: Mapping[str, AssembledBody]) -> FreeMotions:

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from bricks import on_pads
+from frames3d import lattice
 
 from pmr import InputError, from_matrices, run
 from pmr import scene as scenes
@@ -282,3 +283,41 @@ def test_supports_close_to_each_other_and_short_overlaps_hold() -> None:
         check_scene(boom)
         said = refused(boom)
         assert len(said) == 3 - count and all("0 with what it carries free to turn about y" in one for one in said)
+
+
+@pytest.mark.parametrize(
+    ("axes", "parallel"),
+    [
+        (((1, 0, 0), (0, 1, 0), (0, 0, 1)), True),
+        (((1, 0, 0), (0, -1, 0), (0, 0, -1)), False),  # z down
+        (((1, 0, 0), (0, 0, -1), (0, 1, 0)), False),  # y up
+    ],
+)
+def test_sections_whose_faces_turn_elsewhere_are_refused(axes: tuple, parallel: bool, tmp_path: Path) -> None:
+    """Rows of such pads would take the base's displacement with another sign, or along another axis, than the fly's."""
+    given, R = lattice(), np.array(axes, float)
+    T = np.kron(np.eye(len(given.points)), R)
+    file = from_matrices(T @ given.M @ T.T, T @ given.K @ T.T, given.points @ R.T, given.groups).save(
+        tmp_path / "f.npz"
+    )
+    faces = {"bottom": [-0.1, 0.1], "top": [0.0], "left": [0.0], "right": [0.0]}
+    ring = {"at": 0.15, "stiffness": 1e8, "faces": faces}
+    joint = {"extension": 1.0, "tail": [ring], "mouth": [ring]}
+    box = {"length": 6.0, "width": 0.6, "height": 0.7, "wall": 0.01}
+    base = {"name": "base", "body": {"model": "beam3d", "box": box}, "mesh": {"elements": 4}}
+    fly = {"name": "fly", "body": {"model": "matrices"}, "mesh": {"file": str(file)}, "joint": joint}
+    boom = Scene.model_validate(
+        {
+            "title": "A section of another program",
+            "sections": [
+                base | {"supports": [{"name": "clamp", "kind": "clamped"}]},
+                fly | {"observe": {"start": 0.5, "end": 5.5}},
+            ],
+            "time": {"end": 1.0, "step": 1e-2},
+        }
+    )
+    if parallel:
+        build_bodies(boom, MPI.COMM_SELF)
+        return
+    with pytest.raises(InputError, match=r"sections\[1\].joint: faces .* at the pad fly tail bottom right are not"):
+        build_bodies(boom, MPI.COMM_SELF)
