@@ -185,7 +185,8 @@ class Plain:
         for i, cylinder in enumerate(known.cylinders):
             own = slice(known.first_pads[i], known.first_pads[i + 1])
             sliding, at_rest, falls_by = known.laws[own].T
-            mu = sliding + (at_rest - sliding) * np.exp(-abs(s[i] - self.travelled[i]) / self.step / falls_by)
+            speed = abs(s[i] - self.travelled[i]) / self.step
+            mu = sliding + np.maximum(at_rest - sliding, 0.0) * np.exp(-speed / falls_by)
             limits = mu * np.abs(forces[known.pads[own]])
             moved, gives, before = s[i] - self.travelled[i], known.cylinder_compliance[i], rubbed[own].sum()
             if gives > 0.0:

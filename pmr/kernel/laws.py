@@ -204,7 +204,7 @@ def slide_pads(
     stiffness : (n,) array, N/m
         Stiffness of each pad along the boom while it sticks.
     laws : (n, l) array
-        Constants of each pad's law of friction (`pmr.system.contacts.friction_law`); l is the kernel's number of them.
+        Constants of each pad's law of friction (`pmr.scene.joints.FrictionLaw`); l is the kernel's number of them.
     forces, old : (n,) arrays, N
         Forces of the pads, and their friction at the end of the last step (`pmr.system.contacts`).
     displacement, speed : float

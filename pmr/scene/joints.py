@@ -6,7 +6,7 @@ The joint has pads at both ends, a cylinder or rope, and a drive: an extension, 
 from __future__ import annotations
 
 import hashlib
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -61,6 +61,23 @@ class PadPlaces(SceneTable):
         description="Largest mean pressure of a pad, its force over length times width; the first page has the share "
         "that is used",
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrictionLaw:
+    """Constants of a friction law, in the order of src/law.h; with the defaults there is no friction.
+
+    They are fields of `pmr.system.contacts.Contact`, and keys of a ring of pads have their names (`RingFriction`).
+    """
+
+    friction: float = 0.0  # coefficient while the contact slides; of a cylinder, a force in N
+    static_friction: float = 0.0  # the same at rest; 0: that while it slides
+    stribeck_speed: float = STRIBECK_SPEED  # v_s in m/s
+
+    @property
+    def constants(self) -> tuple[float, ...]:
+        """Constants in the kernel's order."""
+        return tuple(getattr(self, constant.name) for constant in fields(FrictionLaw))
 
 
 class RingFriction(SceneTable):

@@ -45,16 +45,15 @@ it is also a moment e f on both sections.  With the pad's row c(x), the work of 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import KW_ONLY, dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array, Indices, Mask
-from pmr.scene.cylinder import SHEAR_STIFFNESS, STRIBECK_SPEED
-from pmr.scene.joints import RingFriction
+from pmr.scene.cylinder import SHEAR_STIFFNESS
+from pmr.scene.joints import FrictionLaw, RingFriction
 from pmr.scene.keys import ALONE as ALONE
 from pmr.scene.keys import SLIDER as SLIDER
 from pmr.scene.keys import cylinder_name, quantity_of
@@ -83,11 +82,11 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Contact:
+class Contact(FrictionLaw):
     """Contact, such as a pad, cylinder or support, between two places on bodies or between a place and the ground.
 
-    A positive force pushes the inner body against `direction`.  An InputError is raised for values that are not
-    allowed.
+    A positive force pushes the inner body against `direction`.  The constants of friction along the path are those of
+    `pmr.scene.joints.FrictionLaw`.  An InputError is raised for values that are not allowed.
     """
 
     name: str
@@ -98,7 +97,7 @@ class Contact:
     compliance: float = 0.0  # 1/k in m/N; 0 for a rigid contact
     # m: displacement at which a contact that only pushes closes; None for a contact that holds both ways
     clearance: float | None = None
-    friction: float = 0.0  # coefficient along the path while the contact slides
+    _: KW_ONLY
     kind: str = "pad"  # or ``cylinder``, ``support``, ``straight`` (`pmr.results.response`)
     arm: float = 0.0  # m: distance of friction from the axis, to the face that the contact presses on
     shear_stiffness: float = SHEAR_STIFFNESS  # N/m: stiffness along the path while the contact sticks
@@ -106,8 +105,6 @@ class Contact:
     lengthening: float = 0.0
     path: str | None = None
     bears: tuple[tuple[str, float], ...] = ()  # names of other contacts whose force it bears, and the shares
-    static_friction: float = 0.0  # coefficient at rest; 0: the coefficient while it slides
-    stribeck_speed: float = STRIBECK_SPEED  # v_s in m/s
 
     def __post_init__(self) -> None:
         for place in (self.inner, *filter(None, (self.outer,))):
@@ -158,26 +155,6 @@ def contact_error(contact: str, key: str, value: object, allowed: str) -> InputE
     `allowed` says what is allowed.
     """
     return InputError("system", f"contacts.{contact}.{key}", value, allowed)
-
-
-class FrictionLaw(NamedTuple):
-    """Friction coefficients of a pad, or friction forces in N of a cylinder; without arguments there is no friction.
-
-    The fields are in the order of the constants in src/law.h.
-    """
-
-    sliding: float = 0.0  # at high speed
-    at_rest: float = 0.0
-    stribeck_speed: float = STRIBECK_SPEED  # m/s
-
-
-def friction_law(contact: Contact) -> FrictionLaw:
-    """Friction law of a contact.
-
-    A contact without a coefficient at rest has its sliding coefficient at rest, too.
-    """
-    at_rest = contact.static_friction or contact.friction
-    return FrictionLaw(contact.friction, at_rest, contact.stribeck_speed)
 
 
 def pad_at_tail(pad: Contact, outer: str, path: str) -> Contact:
@@ -276,7 +253,7 @@ class Friction:
     first_pads: Indices  # (J + 1,): index in `pads` of the first pad of each joint; n at the end
     cylinders: Indices  # (J,): numbers of the cylinders' contacts; -1 for a joint without a cylinder
     cylinder_compliance: Array  # (J,) m/N: compliance 1/k of the cylinders; 0 if rigid or missing
-    laws: Array  # (n, l): constants of the friction laws, as `friction_law` returns them
+    laws: Array  # (n, l): constants of the friction laws, as `FrictionLaw.constants` returns them
     stiffness: Array  # (n,) N/m: stiffness kappa along the boom
     arms: Array  # (n,) m: distance e from the axis
     count: int  # number m of all contacts
@@ -300,7 +277,7 @@ class Friction:
             np.cumsum([0, *map(len, pads_of_joints)]),
             np.array(cylinders, np.int64),
             np.array([0.0 if k < 0 else contacts[k].compliance for k in cylinders]),
-            np.array([friction_law(contacts[k]) for k in pads]),
+            np.array([contacts[k].constants for k in pads]),
             np.array([contacts[k].shear_stiffness for k in pads]),
             np.array([contacts[k].arm for k in pads]),
             len(contacts),

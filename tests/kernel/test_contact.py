@@ -2,11 +2,13 @@
 
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields
 
 import numpy as np
 import pytest
 from plain_step import complementary
 
+from pmr.kernel._native import lib
 from pmr.kernel.laws import (
     ContactError,
     ContactSearch,
@@ -16,7 +18,7 @@ from pmr.kernel.laws import (
     slide_pads,
     solve_contact,
 )
-from pmr.system.contacts import FrictionLaw
+from pmr.scene.joints import FrictionLaw
 
 
 @pytest.mark.parametrize("seed", range(60))
@@ -156,13 +158,19 @@ def test_friction_of_a_joint_solves_its_equation(seed: int) -> None:
         x = (low + high) / 2.0
         low, high = (low, x) if x + softness * (friction(x).sum() - given) > slides else (x, high)
     cylinder = JointCylinder(gives, gives + soft, force, given, drive)
-    laws = np.array([FrictionLaw(k, s, stribeck_speed=v) for k, s, v in zip(mu_k, mu_s, falls_by, strict=True)])
+    laws = np.stack([mu_k, mu_s * (mu_s > mu_k), falls_by], axis=1)
     found, found_limits = slide_pads(kappa, laws, forces, old, moved, speed, cylinder)
     np.testing.assert_allclose(found_limits, limits, rtol=1e-14)
     np.testing.assert_allclose(found, friction(low), rtol=1e-8, atol=1e-9 * limits.max() + 1e-12 * kappa.max() * 1e-3)
 
 
+def test_constants_of_friction_have_the_kernels_names_and_order() -> None:
+    declared = [getattr(lib, constant.name.upper()) for constant in fields(FrictionLaw)]
+    assert declared == list(range(lib.LAW_CONSTANTS))
+
+
 def test_another_number_of_constants_of_friction_is_refused():
-    pads, laws = np.ones(2), np.array([[*FrictionLaw(), 2.0]] * 2)
-    with pytest.raises(ValueError, match=f"{len(FrictionLaw())} constants of each of 2 pads are allowed"):
+    pads, constants = np.ones(2), FrictionLaw().constants
+    laws = np.array([[*constants, 2.0]] * 2)
+    with pytest.raises(ValueError, match=f"{len(constants)} constants of each of 2 pads are allowed"):
         slide_pads(pads, laws, pads, pads, 0.0, 0.0, JointCylinder(0.0, 0.0, 0.0, 0.0, 0.0))

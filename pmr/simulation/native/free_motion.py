@@ -38,6 +38,7 @@ from pmr.scene import Scene
 from pmr.scene.checks import moved_sections
 from pmr.scene.cylinder import FreeExtension, LuffingCylinder, Oil
 from pmr.scene.frame import INERTIA, BaseMotion, InitialDisplacements, InitialRates, Machine
+from pmr.scene.joints import FrictionLaw
 from pmr.scene.keys import LUFFING_CYLINDER, cylinder_name
 from pmr.scene.signals import Constant, SignalBase
 from pmr.simulation.contact_step import contact_frequency_within, part_counts
@@ -48,7 +49,7 @@ from pmr.simulation.moving import DRIVE, EXTENSION_DRIVE, GRAVITY, OF_FRAME, Mov
 from pmr.simulation.native.form import SystemForm, begin, path_text, step_failure
 from pmr.simulation.native.machine import CYLINDER_COLUMNS, Fields, MachineRun
 from pmr.simulation.stepping import TimeStepping
-from pmr.system.contacts import Friction, FrictionLaw
+from pmr.system.contacts import Friction
 from pmr.system.system import System
 
 #: Units of a cylinder's columns by name; the power is that of its force and that out of the supply.
@@ -72,10 +73,13 @@ def kernel_cylinder(cylinder: LuffingCylinder | FreeExtension, t: Array) -> dict
         "stop_damping": cylinder.stop_damping,
     }
     if isinstance(cylinder, LuffingCylinder):
-        fields |= {"foot": cylinder.foot, "lug": cylinder.lug, "friction": FrictionLaw()}
+        fields |= {"foot": cylinder.foot, "lug": cylinder.lug, "friction": FrictionLaw().constants}
     else:
-        at_rest = max(cylinder.dry_friction, cylinder.dry_friction_at_rest)
-        fields["friction"] = FrictionLaw(cylinder.dry_friction, at_rest, stribeck_speed=cylinder.stribeck_speed)
+        fields["friction"] = FrictionLaw(
+            friction=cylinder.dry_friction,
+            static_friction=cylinder.dry_friction_at_rest,
+            stribeck_speed=cylinder.stribeck_speed,
+        ).constants
         fields["shear_stiffness"] = cylinder.shear_stiffness
     if oil is not None:
         fields |= {key: getattr(oil, key) for key in ("areas", "bulk_modulus", "leakage")}
