@@ -9,7 +9,7 @@ import tempfile
 import textwrap
 from collections.abc import Iterable, Sequence
 from io import TextIOWrapper
-from os.path import isdir, isfile
+from os.path import isfile
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -175,15 +175,6 @@ def scene_file(path: Path) -> Path:
     if "kind" in _tables_or_empty(file):
         raise InputError("command line", "SCENE", str(path), f"that is a study: pmr study {path} computes it")
     return file
-
-
-def scene_name(path: Path) -> str:
-    """Return the name of the scene at `path`, after which folders of results are named.
-
-    It is the name of the file without its ending, but for a folder, or for `scene.toml` in it, that of the folder.
-    """
-    folder = path if isdir(path) else path.parent
-    return (folder.resolve().name if isdir(path) or path.name == "scene.toml" else "") or path.stem
 
 
 def is_study(path: Path) -> bool:

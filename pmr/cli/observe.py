@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from rich.table import Table
 from typer import Argument, Option
 
-from pmr.cli.console import Folder, MotionScene, Overrides, out, scene_file, scene_name
+from pmr.cli.console import Folder, MotionScene, Overrides, out, scene_file
 from pmr.cli.export import Model
 from pmr.errors import InputError, escape_controls
 from pmr.files.whole import finish_swap, write_text
@@ -48,6 +48,7 @@ def observe(
     from pmr.observe.measured import Observation, ObserverFile, read_measurements
     from pmr.report.observation import write_report
     from pmr.scene import load_any
+    from pmr.scene.tomlfiles import scene_name
     from pmr.system.system import System
 
     environment.check_report()  # before the work, not after it
@@ -98,6 +99,7 @@ def identify(
     import pmr
     from pmr.observe.identify import SHARES, FrequencyTable
     from pmr.scene import load_any
+    from pmr.scene.tomlfiles import scene_name
 
     table, file, changes = FrequencyTable.read(measured), scene_file(scene), list(overrides or ())
     start = _starts(fit)

@@ -243,10 +243,11 @@ def chart(
     from pmr.scene import load_any
     from pmr.scene.choice import traits_of
     from pmr.scene.members import members
+    from pmr.scene.tomlfiles import scene_name
     from pmr.studies.chart_draft import chart_study_text, check_chart, usual_load, words_of_usual_load
 
     file = console.scene_file(scene)
-    folder = out_dir or Path("reports", f"chart_{console.scene_name(scene)}")
+    folder = out_dir or Path("reports", f"chart_{scene_name(scene)}")
     written = folder / STUDY
     loaded, largest = None if written.exists() else load_any(file), up_to
     if loaded is not None:

@@ -17,10 +17,11 @@ import pmr
 from pmr import __version__
 from pmr import scene as scenes
 from pmr.cli.app import TEMPLATES, app, scene_kinds
-from pmr.cli.console import scene_file, scene_name, study_file
+from pmr.cli.console import scene_file, study_file
 from pmr.errors import InputError
 from pmr.fullmodel.wall_stress import YieldForce
 from pmr.scene.members import member_at, members
+from pmr.scene.tomlfiles import scene_name
 from pmr.simulation.frame import load_signals
 from pmr.studies import call
 from pmr.system.from_scene import force_names

@@ -81,6 +81,16 @@ def test_a_scene_may_have_any_name(tmp_path: Path) -> None:
     assert np.isfinite(results.column("max_displacement")).all()
 
 
+def test_scenes_of_folders_have_the_folders_names(tmp_path: Path) -> None:
+    """As results of ``pmr run s1/scene.toml`` do."""
+    for name in ("s1", "s2"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "scene.toml").write_text(f'extends = "{SCENE}"\n')
+    (tmp_path / "study.toml").write_text(SHORT.format(scene='s1/scene.toml", "s2/scene.toml', rest=""))
+    (part,) = call.load(tmp_path / "study.toml").parts
+    assert [(run.key, run.parameters["scene"]) for run in part.plan.runs] == [("s1", "s1"), ("s2", "s2")]
+
+
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
     """Three sizes of basis, with the pin's rows held and dropped."""
