@@ -84,8 +84,14 @@ def study_chapter(study: FinishedStudy, anchor: str) -> Chapter:
     published = comparison(study)
     if published.rows and not any(block.errors for block in content.blocks):
         content = replace(content, blocks=[*content.blocks, Block("Beside the publication", errors=published)])
-    unfinished = [f"{run_name(run)} ({run.status}: {run.reason})" for run in study.unfinished_runs]
-    warnings = [warning.line(len(study.results.runs)) for warning in study.results.warnings]
+    count, by_reason = len(study.results.runs), dict[str, list[str]]()
+    for run in study.unfinished_runs:
+        by_reason.setdefault(f"{run.status}: {run.reason}", []).append(run_name(run))
+    unfinished = [
+        f"{names[0] if len(names) == 1 else f'{len(names)} of {count} runs'} ({reason})"
+        for reason, names in by_reason.items()
+    ]
+    warnings = [warning.line(count) for warning in study.results.warnings]
     return replace(content, notices=Notices((), [*study.summary.get("hints", ()), *warnings], unfinished))
 
 

@@ -91,6 +91,11 @@ def test_a_study_with_a_failed_run_says_so_and_shows_its_table(folder: Path, tmp
     summary = json.loads(file.read_text())
     summary["runs"][1] |= {"status": "failed", "reason": "the bearing broke", "figures": {}}
     file.write_text(json.dumps(summary | {"figures": {}, "hints": ["up_to = 1 kg is unusual"]}))
+    page, count = render_studies(tmp_path / "broken"), len(summary["runs"])
+    assert "(failed: the bearing broke)" in page and "<li>Up_to = 1 kg is unusual.</li>" in page
+    assert f"{count - 1} of {count} runs are done" in page
+    summary["runs"] = [run | {"status": "failed", "reason": "the bearing broke"} for run in summary["runs"]]
+    file.write_text(json.dumps(summary | {"figures": {}}))
     page = render_studies(tmp_path / "broken")
-    assert "the bearing broke" in page and "<li>Up_to = 1 kg is unusual.</li>" in page
-    assert f"{len(summary['runs']) - 1} of {len(summary['runs'])} runs are done" in page
+    assert f"Without a result: {count} of {count} runs (failed: the bearing broke)</p>" in page
+    assert page.count("the bearing broke") == 1
