@@ -13,6 +13,7 @@ from typer import Argument, Option
 from pmr.cli import console
 from pmr.cli.console import Folder, Model, MotionScene, Overrides, SceneFile, err, out
 from pmr.errors import InputError, TooManyModesError, escape_controls
+from pmr.errors.environment import stage_words
 from pmr.export.formats import BODY_FORMATS, FORMATS, ONE_BODY, Options, write
 from pmr.files.whole import finish_swap, replacement_folder
 
@@ -271,7 +272,8 @@ def simulate(model: Model, scene: MotionScene, out_dir: Folder = None, overrides
         add_range(name, float(force.min()), float(force.max()), "N")
     for _, support, unit, least, _, _, most, *_ in reaction_table(result).rows:
         add_range(f"reaction of {support}", float(least), float(most), str(unit))
-    table.add_row("simulated in", ", ".join(f"{name} {s:.3g} s" for name, s in summary["seconds"]["simulate"].items()))
+    for name, seconds in summary["seconds"]["simulate"].items():
+        table.add_row(stage_words(name), f"{seconds:.3g} s")
     out.print(table)
     hidden = ("model", "mesh")  # they are those of the run that wrote the model
     out.rows(row for row in trust.trust_table(result).rows if row[0] not in hidden)

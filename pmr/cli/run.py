@@ -239,11 +239,9 @@ def _print_outcome(outcome: Outcome) -> None:
     each = ", ".join(
         f"{section['name']} {section['coordinates']['reduced']}" for section in summary.get("sections", ())
     )
-    references = {"full": "full model", "ancf": "ANCF cable"}
-    seconds = ", ".join(
-        f"{references.get(name, f'reduced model ({name})')} {value:.3g} s"
-        for name, value in summary["seconds"]["simulate"].items()
-    )
+    models = {"full": "full model", "ancf": "ANCF cable"}
+    models |= {name: f"reduced model ({words})" for name, words in environment.SIMULATOR_WORDS.items()}
+    seconds = ", ".join(f"{models[name]} {value:.3g} s" for name, value in summary["seconds"]["simulate"].items())
     coordinates = f"{summary['coordinates']['full']} -> {summary['coordinates']['reduced']} coordinates"
     out.sentences(f"{coordinates}{f' ({each})' if each else ''}; simulated in: {seconds}")
     table = trust.trust_table(result)
@@ -276,13 +274,6 @@ def _print_errors(error_rows: Sequence[Row]) -> None:
     out.print(table)
 
 
-def _stage_words(stage: str) -> str:
-    """Words for a stage of a run, as the report's table of wall times has them."""
-    from pmr.report.scene_tables import STAGE_WORDS
-
-    return STAGE_WORDS.get(stage, stage)
-
-
 class _StageLines:
     """Progress of a run without a terminal: a line on standard error for each stage, once `QUIET` s have passed."""
 
@@ -306,7 +297,7 @@ class _StageLines:
         if self._stage and self._stage not in self._printed:
             self._printed.add(self._stage)
             after = duration_text(time.monotonic() - self._begin)
-            err.text(f"{self._title}: now {_stage_words(self._stage)}, after {after}")
+            err.text(f"{self._title}: now {environment.stage_words(self._stage)}, after {after}")
 
     def close(self) -> None:
         """Stop printing stages."""
@@ -330,7 +321,7 @@ def _progress(title: str, shown: bool) -> Iterator[Report]:
 
         def report(stage: str, share: float) -> None:
             if stage not in tasks:
-                tasks[stage] = bars.add_task(f"{title}: {_stage_words(stage)}", total=1.0)
+                tasks[stage] = bars.add_task(f"{title}: {environment.stage_words(stage)}", total=1.0)
             bars.update(tasks[stage], completed=share)
 
         yield report

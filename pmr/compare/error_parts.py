@@ -113,16 +113,16 @@ def reduction_error(
 
     failed, scattered = "", list[str]()
     if is_wanted and reason_without_estimate(telling) is None:
-        try:
-            with clock.stage("estimate"):
+        with clock.stage("estimate"):
+            try:
                 if other is not None:
                     estimated = estimate_by_other_model(system, other, excitation)
                 elif estimated is None:
                     estimated = estimate_error(models, simulated)
-        except (SimulationError, InputError) as error:  # other simulators may run systems that march refuses
-            # forces that differ much between nearly equal models
-            scattered = [error.warning] if isinstance(error, UnsettledError) and error.warning else []
-            estimated, failed = None, str(error).removeprefix("estimate: ")  # the prefix is the name of the stage
+            except (SimulationError, InputError) as error:  # other simulators may run systems that march refuses
+                # forces that differ much between nearly equal models
+                scattered = [error.warning] if isinstance(error, UnsettledError) and error.warning else []
+                estimated, failed = None, str(error)
     if estimated is None:
         figures = dict.fromkeys((*OUTPUT_KINDS, *_FIGURES)) | {"reason": failed or reason_without_estimate(models)}
         messages = estimate_warnings(models, excitation.stepping, None) + scattered

@@ -412,6 +412,38 @@ def _processor() -> str:
 Progress = Callable[[str, float], None]
 
 
+#: Words for the stages of a run that need them, and for simulators, by their names in progress and in summaries.
+STAGE_WORDS = {
+    "assemble": "full model",
+    "reduce": "reduction",
+    "pod": "basis and projection",
+    "estimate": "error estimate",
+    "recover": "fields and stresses",
+    "reduced": "simulation of the reduced model",
+    "full": "simulation of the full model",
+    "ancf": "simulation, ANCF",
+    "machine": "motion of the machine",
+    "frequencies": "natural frequencies",
+    "step": "error of the time step",
+    "mesh and model": "errors of mesh and model",
+    "search": "search for the accuracy that is required",
+    "write": "pages and figures",
+}
+SIMULATOR_WORDS = {
+    "march": "compiled",
+    "exudyn": "Exudyn",
+    "exudyn-multiplier": "Exudyn, multipliers",
+    "exudyn-callback": "Exudyn, callbacks",
+}
+
+
+def stage_words(name: str) -> str:
+    """Return words for a stage of a run, such as ``"reduced"`` or ``"reduced, exudyn"``, or for a simulator's part."""
+    stage, _, simulator = ("simulation", "", name) if name in SIMULATOR_WORDS else name.partition(", ")
+    by = f", {SIMULATOR_WORDS[simulator]}" if simulator else ""
+    return f"{STAGE_WORDS.get(stage, stage)}{by}"
+
+
 @dataclass
 class Clock:
     """Clock that adds up the wall time of each stage in `seconds`, by the stage's name.
@@ -427,14 +459,14 @@ class Clock:
         """Context that measures the time of a stage, which may come several times.
 
         The context yields a function that reports the share (0 to 1) of the stage that is done.  A SimulationError in
-        the block gets the name of the stage in its message.
+        the block begins with the words for the stage.
         """
         self.progress(name, 0.0)
         start = time.perf_counter()
         try:
             yield lambda share: self.progress(name, share)
         except SimulationError as error:
-            error.args = (f"{name}: {error}",)
+            error.args = (f"{stage_words(name)}: {error}",)
             raise
         self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
         self.progress(name, 1.0)

@@ -20,7 +20,7 @@ from pmr.compare.outputs import output_contacts
 from pmr.compare.responses import Simulation, cable_response, full_simulator, simulate_by
 from pmr.compare.trust import reason_for_distrust, rigid_contacts
 from pmr.errors import SimulationError, call_on_first_rank
-from pmr.errors.environment import Clock
+from pmr.errors.environment import Clock, stage_words
 from pmr.files.arrays import Array
 from pmr.fullmodel.eigensolvers import lowest_frequencies
 from pmr.fullmodel.model import FullModel, FullSystem
@@ -127,7 +127,7 @@ class FullOrder:
                 else:
                     response = self.reference(name, clock)
             except SimulationError as error:
-                missing[name] = str(error).removeprefix(f"{name}: ")  # without the name, which the clock has put first
+                missing[name] = str(error).removeprefix(f"{stage_words(name)}: ")  # which the clock has put first
             else:
                 responses |= {} if response is None else {name: response}
         return References(responses, states, missing)

@@ -12,6 +12,7 @@ from pathlib import PurePath
 import numpy as np
 from pydantic import BaseModel
 
+from pmr.errors.environment import stage_words
 from pmr.files.arrays import Summary
 from pmr.report.blocks import Table
 from pmr.report.numbers import MILLIONS, SPACE, Unit, format_input, format_quantity, unit_for
@@ -195,28 +196,6 @@ def _telling_values(table: BaseModel, unused: Sequence[str], defaults: bool = Tr
 
 
 CELLS = {"line": "lines", "triangle": "triangles", "tetra": "tetrahedra", "hexahedron": "hexahedra"}
-#: Words for the stages of a run and for simulators, by the names that they have in summaries and in progress.
-STAGE_WORDS = {
-    "assemble": "full model",
-    "snapshots": "snapshots",
-    "reduce": "reduction",
-    "pod": "basis and projection",
-    "exudyn": "simulation, Exudyn",
-    "estimate": "error estimate",
-    "march": "simulation, compiled",
-    "exudyn-multiplier": "simulation, Exudyn, multipliers",
-    "exudyn-callback": "simulation, Exudyn, callbacks",
-    "recover": "fields and stresses",
-    "reduced": "simulation of the reduced model",
-    "full": "simulation of the full model",
-    "ancf": "simulation, ANCF",
-    "machine": "motion of the machine",
-    "frequencies": "natural frequencies",
-    "step": "error of the time step",
-    "mesh and model": "errors of mesh and model",
-    "search": "search for the accuracy that is required",
-    "write": "pages and figures",
-}
 
 
 def software_versions(summary: Summary) -> list[str]:
@@ -268,7 +247,7 @@ def time_rows(seconds: Summary) -> Rows:
         if isinstance(value, Mapping):
             yield from time_rows(value)
         else:
-            yield STAGE_WORDS.get(name, name), format_quantity(float(value), "s")
+            yield stage_words(name), format_quantity(float(value), "s")
 
 
 def run_rows(result: RunResult) -> Rows:

@@ -301,13 +301,10 @@ def energy_round_off(mobility: Array, loads: Array, step: float) -> float:
     return ROUND_OFF * float(energy)
 
 
-def refuse_growth(surplus: float, simulator: str, moving: list[str]) -> None:
-    """Raise GrowthError if `surplus` exceeds `GROWN`, with the name of the simulator.
-
-    `moving` holds the names of the rigid rows that move.
-    """
+def refuse_growth(surplus: float, moving: list[str]) -> None:
+    """Raise GrowthError if `surplus` exceeds `GROWN`; `moving` holds the names of the rigid rows that move."""
     if surplus > GROWN:
-        line = f"{simulator}: the motion grows without bound, {describe_surplus(surplus)}{describe_remedy(moving)}"
+        line = f"the motion grows without bound, {describe_surplus(surplus)}{describe_remedy(moving)}"
         raise GrowthError(line, tuple(moving))
 
 

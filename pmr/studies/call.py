@@ -47,7 +47,7 @@ class Progress:
     total: int
     elapsed: float
     remaining: float | None  # estimated; None before the first task is done
-    running: tuple[str, ...] = ()  # keys of the tasks that are computed now
+    running: tuple[str, ...] = ()  # words for the tasks that are computed now
     stages: frozenset[str] = frozenset()  # names of the functions of these tasks
 
     @property
@@ -117,7 +117,7 @@ def run_tasks(tasks: Mapping[str, Task], store: Store, pool: Pool, watch: Watch)
             needs = [need for need in task.needs.values() if need in tasks]
             failed_need = next((need for need in needs if need in failures), None)
             if failed_need is not None:
-                failures[digest] = failures[failed_need].of_skipped(tasks[failed_need].key)
+                failures[digest] = failures[failed_need].of_skipped(tasks[failed_need].label or tasks[failed_need].key)
                 del waiting[digest]
             elif done.issuperset(needs) and len(running) < 2 * pool.slots:  # one waits behind each, so none is idle
                 del waiting[digest]
@@ -147,7 +147,8 @@ def _progress(
     cost_left = sum(task.cost for digest, task in tasks.items() if digest not in done and digest not in failures)
     remaining = elapsed * cost_left / cost_done if cost_done else None
     stages = frozenset(task.address for task in running)
-    return Progress(len(done), len(failures), len(tasks), elapsed, remaining, tuple(t.key for t in running), stages)
+    words = tuple(task.label or task.key for task in running)
+    return Progress(len(done), len(failures), len(tasks), elapsed, remaining, words, stages)
 
 
 def save(project: Project, outcome: Outcome, folder: Path) -> list[Path]:

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.errors.environment import stage_words
 from pmr.files import npz
 from pmr.scene import Compare, Damping, Reduction, Scene, Simulation, TimeChoice
 from pmr.scene.keys import ALONE
@@ -86,9 +87,9 @@ class Failure:
         """Return the failure of a task that raised `error`; `detail` is the traceback."""
         return cls(" ".join(f"{type(error).__name__}: {error}".split()), "".join(traceback.format_exception(error)))
 
-    def of_skipped(self, key: str) -> Failure:
-        """Return the failure of a task that is skipped because it needs the task `key`, which has this failure."""
-        reason = self.reason if self.status == "skipped" else f"needs {key}, which failed: {self.reason}"
+    def of_skipped(self, words: str) -> Failure:
+        """Return the failure of a task that is skipped because it needs the task of these words, which failed so."""
+        reason = self.reason if self.status == "skipped" else f"needs {words}, which failed: {self.reason}"
         return Failure(reason, status="skipped")
 
 
@@ -112,6 +113,7 @@ class Task:
     needs: Mapping[str, str] = field(default_factory=dict)  # name that the function uses -> key of the needed task
     parameters: Mapping[str, Scalar] = field(default_factory=dict)  # first columns of the table, also for failed runs
     cost: float = 1.0  # expected effort in any unit, from which the time left is estimated
+    label: str = ""  # words for progress and reasons; if empty, the key
 
     def __post_init__(self) -> None:
         """Raise ValueError for a key that can't name a file, and for a method or nested function as the function."""
@@ -273,12 +275,12 @@ def reference_task(scene: Scene, name: str) -> Task:
             "compare": Compare(against=(name,), ancf_elements=scene.compare.ancf_elements if is_ancf else 1),
         }
     )
-    return _scene_task(simulate_reference, name, name, alone, simulator=name)
+    return _scene_task(simulate_reference, name, alone, simulator=name)
 
 
 def frequencies_task(scene: Scene) -> Task:
     """Return the task that computes the full model's lowest frequencies over the path."""
-    return _scene_task(compute_frequencies, "frequencies", "frequencies", _without_loads(scene))
+    return _scene_task(compute_frequencies, "frequencies", _without_loads(scene))
 
 
 def simulate_reference(arguments: Arguments, needs: Needs) -> TaskResult:
@@ -320,11 +322,11 @@ def _without_loads(scene: Scene) -> Scene:
     return with_reduction(unloaded, Reduction(solver=scene.sections[0].reduction.solver))
 
 
-def _scene_task(function: TaskFunction, kind: str, name: str, scene: Scene, **more: Any) -> Task:
-    """Return a task that calls `function` on the scene; its key is `name` with a digest of its arguments.
+def _scene_task(function: TaskFunction, kind: str, scene: Scene, **more: Any) -> Task:
+    """Return a task of a kind in `COSTS` that calls `function` on the scene, with `more` arguments.
 
-    `more` are further arguments, and `kind` is the kind of task by which its cost is known.
+    Its key is `kind` with a digest of its arguments.
     """
     arguments = scene_arguments(scene) | more
     digest = hashlib.sha256(json.dumps(arguments, sort_keys=True).encode()).hexdigest()[:12]
-    return Task(f"{name}-{digest}", function, arguments, cost=COSTS[kind])
+    return Task(f"{kind}-{digest}", function, arguments, cost=COSTS[kind], label=stage_words(kind))

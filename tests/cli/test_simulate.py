@@ -57,7 +57,7 @@ def test_it_finds_what_a_run_of_that_scene_finds(name: str, tmp_path: Path) -> N
     reduced = whole.reduce(scene.load(file, ours)).reduced.save(tmp_path / "reduced.npz")
     asked = ["--scene", str(file), "--out", str(tmp_path / "out"), *sets(ours + OTHER[name])]
     done = without(ABSENT, "simulate", str(reduced), *asked)
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 0 and "simulation, compiled" in done.stdout, done.stderr
     outcome = whole.run(scene.load(file, ours + OTHER[name]))
     assert outcome is not None
     expected = outcome.result.responses["reduced"]

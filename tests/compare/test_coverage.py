@@ -161,13 +161,13 @@ def test_a_run_says_it_in_report_and_summary(load_scene, load: list[str]) -> Non
 @pytest.mark.parametrize(
     ("name", "function", "error"),
     [
-        ("evolved_residual", "estimate_error", SimulationError("march failed at step 7")),
+        ("evolved_residual", "estimate_error", SimulationError("stopped at step 7")),
         ("paper_evolved", "estimate_by_other_model", InputError("scene", "time", None, "march refuses")),
-        ("paper_evolved", "estimate_by_other_model", SimulationError("march failed at step 7")),
+        ("paper_evolved", "estimate_by_other_model", SimulationError("stopped at step 7")),
     ],
 )
 def test_an_estimate_that_fails_leaves_the_run_standing(load_scene, monkeypatch, name, function, error) -> None:
-    reason = str(error)  # to which the stage adds its name
+    reason = str(error)
 
     def fails(*_: object) -> None:
         raise error

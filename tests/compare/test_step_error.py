@@ -212,8 +212,8 @@ def test_what_the_summary_holds() -> None:
     found = StepError({"beam": 0.3, "tip": 0.2}, None, 1e-4, False, "mean", None, 5.0, 0.1)
     figures = step_summary(found)
     assert figures["beam"] == 0.3 and figures["limit"] == STEP_LIMIT and figures["reason"] is None
-    without = step_summary(None, "march failed")
-    assert without["beam"] is None and without["reason"] == "march failed" and set(without) == set(figures)
+    without = step_summary(None, "stopped")
+    assert without["beam"] is None and without["reason"] == "stopped" and set(without) == set(figures)
     with_forces = step_summary(
         replace(found, errors={**found.errors, "reaction": 0.4}, unsettled=("reaction",)), not_covered=["stresses"]
     )
@@ -255,15 +255,15 @@ def test_a_run_whose_step_is_too_coarse_by_ten_says_so(load_scene, name: str) ->
 @pytest.mark.slow
 def test_where_march_fails_the_reason_stands_in_place_of_the_figure(load_scene, monkeypatch) -> None:
     def fails(*_: object, **__: object) -> None:
-        raise SimulationError("march failed at step 3")
+        raise SimulationError("stopped at step 3")
 
     monkeypatch.setattr("pmr.compare.error_parts.step_error", fails)
     outcome = run(load_scene("evolved_residual", [*COARSE, "simulation.simulators=['march']", "compare.against=[]"]))
     assert outcome is not None
     summary_ = outcome.result.summary
-    assert summary_["step"]["beam"] is None and summary_["step"]["reason"] == "march failed at step 3"
-    assert any("march failed at step 3" in line for line in summary_["warnings"])
-    assert dict(trust.trust_table(outcome.result).rows)["time step"] == "not known: march failed at step 3"
+    assert summary_["step"]["beam"] is None and summary_["step"]["reason"] == "stopped at step 3"
+    assert any("stopped at step 3" in line for line in summary_["warnings"])
+    assert dict(trust.trust_table(outcome.result).rows)["time step"] == "not known: stopped at step 3"
 
 
 TELESCOPE = (

@@ -182,14 +182,14 @@ def test_a_failing_run_is_recorded_and_the_others_go_on(tmp_path: Path) -> None:
             Task("sum-of-sum", add, {}, {"a": "sum"}),
             Task("nan", study_tasks.not_finite),
         ),
-        shared=(Task("broken", fail, {"other": True}),),
+        shared=(Task("broken", fail, {"other": True}, label="the bearing"),),
     )
     outcome = run(tmp_path, Listed(tasks=plan), jobs=1)
     assert not outcome.is_complete
     found = {r.key: (r.status, r.reason) for r in outcome.results[""].runs}
     broke = "SimulationError: step 17: the bearing broke"
     assert found["bad"] == ("failed", broke) and found["good"] == ("done", "")
-    assert found["sum"] == found["sum-of-sum"] == ("skipped", f"needs broken, which failed: {broke}")
+    assert found["sum"] == found["sum-of-sum"] == ("skipped", f"needs the bearing, which failed: {broke}")
     assert found["nan"] == ("failed", "ValueError: error = nan is not finite")
     assert (tmp_path / "runs.csv").read_text().splitlines()[1] == f"bad,failed,{broke},1,,,"
     (bad,) = [r for r in json.loads((tmp_path / "summary.json").read_text())["runs"] if r["key"] == "bad"]

@@ -257,7 +257,7 @@ class SystemRun:
         B, inertia = self._equations.B, self._equations.assembly.M.diagonal()
         least = energy_round_off(B.T @ (B / inertia[:, None]), motion.f, float(t[1]))
         surplus = energy_surplus(balanced.stored, balanced.work, least, since_start=bool(pushes.any()))
-        refuse_growth(surplus, "Exudyn", list(self._needs.rigid_moving_rows))
+        refuse_growth(surplus, list(self._needs.rigid_moving_rows))
         within = np.maximum.reduceat(motion.forces[1:], ends[:-1], axis=0)
         of_body = self._equations.assembly.body_coordinates
         states = {name: (of_body(name, motion.q[ends]), of_body(name, motion.v[ends])) for name in system.bodies}

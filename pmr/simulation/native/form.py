@@ -245,7 +245,7 @@ def step_failure(where: str, form: SystemForm, error: StepError, x: Array) -> Si
 
     The sides of contacts are at x (sides,) in m.
     """
-    return SimulationError(f"march failed at {where}: {failure_reason(form.modal, error, x)}")
+    return SimulationError(f"stopped at {where}: {failure_reason(form.modal, error, x)}")
 
 
 def failure_reason(system: System, error: StepError, x: Array) -> str:

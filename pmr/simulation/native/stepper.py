@@ -357,7 +357,7 @@ class Stepper:
     def check_finite(self) -> None:
         """Raise SimulationError if the state is not finite: loads may have been NaN."""
         if not np.all(np.isfinite(self._state.z)):
-            raise SimulationError(f"march failed at {self._step_text(0)}: not finite")
+            raise SimulationError(f"stopped at {self._step_text(0)}: not finite")
 
     def _start(self, initial: Mapping[str, InitialState] | None, static: bool) -> None:
         """Set the state to t = 0: to `initial`, or, if `initial` is None, to equilibrium if `static`, else to rest.

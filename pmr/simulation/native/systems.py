@@ -160,7 +160,7 @@ class March:
 
         seconds = self.observe(1, record_block, progress)
         surplus = energy_surplus(self._stored, self._work, least, since_start=bool(self.pushing.any()))
-        refuse_growth(surplus, "march", self._growing)
+        refuse_growth(surplus, self._growing)
         return SimulationEnd(seconds, surplus)
 
     def rerun(self) -> float:
@@ -243,7 +243,7 @@ class March:
             finite = np.isfinite(record["z"][: rows + 1]).all(axis=1)
             if error.failure == lib.PMR_NOT_FINITE and not finite.all():
                 where = self._step_text((first // every + int(np.argmin(finite))) * every)
-                raise SimulationError(f"march failed at {where}: not finite") from None
+                raise SimulationError(f"stopped at {where}: not finite") from None
             raise self._failure(error, self.state.step_number + 1) from None
 
     def _advance_sampled(

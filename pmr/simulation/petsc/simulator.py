@@ -130,7 +130,7 @@ class _Run:
         seconds = reached.seconds + time.perf_counter() - begin
         steps.destroy()
         history = recorder.history(self._at, WallTimes(seconds, preparation))
-        refuse_growth(history.errors.surplus, "full order", list(self._needs.rigid_moving_rows))
+        refuse_growth(history.errors.surplus, list(self._needs.rigid_moving_rows))
         m, contacts = self._contacts, history.contacts
         of_contacts = replace(contacts, forces=contacts.forces[:, :m], peaks=contacts.peaks[:, :m])
         return replace(history, contacts=of_contacts, supports=contacts.forces[:, m:])
@@ -172,7 +172,7 @@ class _Run:
             travelled = zip(self._excitation.paths, self._at.s[step], strict=True)
             at = ", ".join(f"{name} at {s:g} m" for name, s in travelled)
             where = ", ".join(part for part in (f"step {step}", f"t = {self._at.t[step]:g} s", at) if part)
-            raise SimulationError(f"full-order simulation failed at {where}: {error}") from None
+            raise SimulationError(f"stopped at {where}: {error}") from None
 
 
 def sample_excitation(system: FullSystem, excitation: Excitation) -> SampledExcitation:

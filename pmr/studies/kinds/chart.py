@@ -147,9 +147,11 @@ class Study(StudyBase):
         common |= {"fields": fields} if fields else {}
         turned = {"turned": sorted({stop.of for stop in self.stops})} if self.stops else {}
         boom = tasks.scene_arguments(with_hook(scene, self.point))
-        common_tasks = {"postures": Task("postures", compute_postures, boom | common | turned | {"at": at}, cost=10.0)}
+        postures, richer = boom | common | turned | {"at": at}, boom | {"at": at}
+        common_tasks = {"postures": Task("postures", compute_postures, postures, cost=10.0, label="the reduced model")}
         if self.error_bars:
-            common_tasks["model"] = Task("model", compute_richer_postures, boom | {"at": at}, cost=20.0)
+            label = "the richer model for error bars"
+            common_tasks["model"] = Task("model", compute_richer_postures, richer, cost=20.0, label=label)
         needs = {name: task.key for name, task in common_tasks.items()}
         row_arguments: dict[str, Any] = {"up_to": self.up_to, "error": self.error_bars} | boom
         row_arguments |= {
@@ -166,7 +168,9 @@ class Study(StudyBase):
         for k, row in enumerate(rows):
             parameters: dict[str, Scalar] = {f"extension.{name}": value for name, value in row.items()}
             arguments = row_arguments | {"rows": [k * size, (k + 1) * size]}
-            runs.append(Task(f"row{k + 1}", allow_row, arguments, needs, parameters))
+            out = " + ".join(f"{value:.4g}" for value in row.values())
+            label = f"loads at extensions {out} m" if out else "loads"
+            runs.append(Task(f"row{k + 1}", allow_row, arguments, needs, parameters, label=label))
         return Plan(tuple(runs), tuple(common_tasks.values()))
 
     def figures(self, results: StudyResults) -> Mapping[str, Scalar]:

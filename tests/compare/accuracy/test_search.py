@@ -149,7 +149,7 @@ def test_its_own_step_is_not_refused_where_more_modes_grow_with_it(monkeypatch: 
         size = sum(body.size for body in system.bodies.values())
         if size > 20:
             grown.append(size)
-            raise GrowthError("march: the motion grows without bound")
+            raise GrowthError("the motion grows without bound")
         return made(system, excitation)
 
     monkeypatch.setattr(estimates, "run_from_start", grows)

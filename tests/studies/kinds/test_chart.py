@@ -435,7 +435,9 @@ def test_sections_that_follow_are_where_they_follow(folder: Path) -> None:
     study, evenly = STUDY.replace("scene.toml", "follows.toml"), "{ least = 1.0, most = 4.0, count = 3 }"
     for extensions in (evenly, "[1.0, 2.5, 4.0]", "[{ fly = 0.7, middle = 1.0 }, { middle = 2.5 }, 4.0]"):
         (folder / "following.toml").write_text(study.replace(evenly, extensions))
-        runs = call.load(folder / "following.toml").parts[0].plan.runs
+        plan = call.load(folder / "following.toml").parts[0].plan
+        runs, shown = plan.runs, call._progress({task.key: task for task in plan}, set(), {}, 1.0, [*plan][1:3])
+        assert shown.text.endswith("; now the richer model for error bars, loads at extensions 1 + 0.7 m")
         rows = [(run.parameters["extension.middle"], run.parameters["extension.fly"]) for run in runs]
         assert rows == [(1.0, 0.7), (2.5, 1.45), (4.0, 2.2)]
     (folder / "following.toml").write_text(study.replace(evenly, "[{ middle = 1.0, fly = 1.0 }]"))

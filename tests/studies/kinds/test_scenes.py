@@ -88,6 +88,7 @@ def test_scenes_of_folders_have_the_folders_names(tmp_path: Path) -> None:
         (tmp_path / name / "scene.toml").write_text(f'extends = "{SCENE}"\n')
     (tmp_path / "study.toml").write_text(SHORT.format(scene='s1/scene.toml", "s2/scene.toml', rest=""))
     (part,) = call.load(tmp_path / "study.toml").parts
+    assert [task.label for task in part.plan.shared] == ["simulation of the full model", "natural frequencies"]
     assert [(run.key, run.parameters["scene"]) for run in part.plan.runs] == [("s1", "s1"), ("s2", "s2")]
 
 
