@@ -187,13 +187,18 @@ def test_the_plain_loop_makes_the_same_table(
 
 @pytest.mark.slow
 def test_snakemake_makes_the_same_table(small: Path, done: Path, tmp_path: Path, environment: dict[str, str]) -> None:
+    """Also after a change of the scene, which the study's file names."""
     own = ROOT / ".venv-snakemake" / "bin" / "snakemake"
     snakemake = str(own) if own.exists() else shutil.which("snakemake")
     if snakemake is None:
         pytest.skip("Snakemake is not installed: make test does it")
-    options = ["--cores", "2", "--config", f"study={small}", "out=out"]
-    script(snakemake, "--snakefile", str(ROOT / "workflows" / "Snakefile"), *options, cwd=tmp_path, env=environment)
-    assert tables(tmp_path / "out") == tables(done)
+    (tmp_path / "study.toml").write_text(SMALL.replace("[change]", 'scenes = ["scene.toml"]\n[change]'))
+    original = f'extends = "{ROOT / "workflows" / "paper_evolved.toml"}"\n'
+    for change in ("body.profile.mass_per_length = 80.0\n", ""):
+        (tmp_path / "scene.toml").write_text(original + change)
+        options = ["--cores", "2", "--config", "study=study.toml", "out=out"]
+        script(snakemake, "--snakefile", str(ROOT / "workflows" / "Snakefile"), *options, cwd=tmp_path, env=environment)
+        assert (tables(tmp_path / "out") == tables(done)) is (not change)
 
 
 @pytest.mark.slow
@@ -207,6 +212,16 @@ def test_the_slurm_script_makes_the_same_table_under_mpiexec(
     with_mpi = environment | {"PMR_LAUNCH": "mpiexec -n 2"}
     script("bash", str(ROOT / "workflows" / "study.slurm"), str(small), "out", cwd=tmp_path, env=with_mpi)
     assert tables(tmp_path / "out") == tables(done)
+
+
+def test_the_slurm_script_queues_a_job_again_before_its_time_limit(tmp_path: Path, environment: dict[str, str]) -> None:
+    for name, content in {"scontrol": 'echo "$@" > queued', "launch": "kill -USR1 $PPID\nsleep 3"}.items():
+        (tmp_path / "bin" / name).write_text(f"#!/bin/sh\n{content}\n")
+        (tmp_path / "bin" / name).chmod(0o755)
+    job = environment | {"PMR_LAUNCH": "launch", "SLURM_JOB_ID": "17"}
+    script = ["bash", str(ROOT / "workflows" / "study.slurm"), "study.toml", "out"]
+    subprocess.run(script, check=False, timeout=PATIENCE, cwd=tmp_path, env=job)
+    assert (tmp_path / "queued").read_text() == "requeue 17\n"
 
 
 @pytest.mark.parametrize("name", ["tasks", "tasks/0123456789abcdef01234567.npz", "runs.csv", "summary.json"])
