@@ -204,9 +204,11 @@ def linearize(
     Raises
     ------
     InputError
-        If the scene does not fit the system, if the system has no output or load of a name, and for accelerations and
-        velocities in a frame that moves.
+        If the scene does not fit the system, if the system has no output or load of a name, for a hoist, and for
+        accelerations and velocities in a frame that moves.
     """
+    if system.hoist:
+        raise InputError("observe", "hoist", None, "none is allowed: a rope that may be slack is not linear")
     chosen = select_outputs(scene, system, outputs)
     excitation = excitation_of_scene(scene, system)
     grid = TimeStepping(excitation.stepping.end, step or excitation.stepping.step, excitation.stepping.rho_inf, parts=1)

@@ -1,5 +1,6 @@
 """Linear models along paths beside marches of the same system under other loads."""
 
+import hoists
 import numpy as np
 import pytest
 
@@ -89,3 +90,9 @@ def test_wrong_names_are_refused(system: System) -> None:
     first, other = (linearize(scene, system, [name]) for name in (TIP, FORCE))
     with pytest.raises(InputError, match="parameters"):
         output_sensitivity(first, other)
+
+
+def test_a_hoist_is_refused() -> None:
+    scene = hoists.cantilever()
+    with pytest.raises(InputError, match="^observe: hoist: none is allowed"):
+        linearize(scene, hoists.reduced(scene), ["tip"])
