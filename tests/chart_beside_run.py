@@ -90,6 +90,7 @@ def chart(
     lacking = {
         "stress": not any("stress" in name for name in own.output_names),
         "rope": not own.columns.ropes,
+        "lug": not own.columns.lugs,
         **dict.fromkeys(("tipping", "outrigger", "lift-off"), own.ground is None),
     }
     for kind in KINDS:
@@ -183,6 +184,18 @@ class Run:
         rigid = [name for name, unit in units.items() if unit == "N" and name.startswith("reaction of s0: ")]
         return float(max([*springs, np.linalg.norm([self.response.other(name)[0] for name in rigid])]))
 
+    def _lug(self) -> float:
+        """Largest force of a lug of the pin across the boom: all of the force along y, and half of the other forces.
+
+        The moments about x and z press opposite forces along z and x on the lugs.
+        """
+        x, y, z, rx, rz = (
+            self.response.other(f"reaction of s0: pin {axis}")[0] for axis in ("x", "y", "z", "rx", "rz")
+        )
+        spacing = float(self.scene.sections[0].supports[0].lug_spacing or np.nan)
+        lugs = ([x / 2.0 - way * rz / spacing, y, z / 2.0 + way * rx / spacing] for way in (-1.0, 1.0))
+        return float(max(map(np.linalg.norm, lugs)))
+
     def tipping(self, limit: Limit) -> float:
         """Use of a limit of overturning, from the moments of the run's forces about each edge."""
         angle = np.deg2rad(float(self.scene.frame.luffing.value(0.0)))
@@ -230,6 +243,7 @@ VALUES: dict[str, Callable[[Run, Limit], float]] = {
     "rope": lambda run, limit: max(run._ropes().values()),
     "cylinder": lambda run, limit: max((run._cylinders() | run._ropes()).values()),
     "support": lambda run, limit: run._support(),
+    "lug": lambda run, limit: run._lug(),
     "tipping": lambda run, limit: run.response.of("tipping")[0].max(),
     "outrigger": lambda run, limit: run.response.of("outrigger")[0].max(),
     "lift-off": lambda run, limit: run.response.of("outrigger")[0].min(),

@@ -95,5 +95,6 @@ def _supports(rng: np.random.Generator, planar: bool, length: float) -> list[dic
     if rng.random() < 0.25:
         return [{"name": "clamp", "kind": "clamped"}]
     pin = {"name": "pin", "on": "tail", "directions": ["x", "z"] if planar else ["x", "y", "z", "rx", "rz"]}
+    pin |= {} if planar else {"lug_spacing": 0.3}
     stiffness = float(10.0 ** rng.uniform(7.2, 8.5))
     return [pin, {"name": "luffing", "on": 0.3 * length, "directions": ["z"], "stiffness": stiffness}]

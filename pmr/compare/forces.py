@@ -14,7 +14,7 @@ from pmr.results import Response
 from pmr.results.quantities import FORCE
 from pmr.results.response import Extremes
 from pmr.results.run import SummaryPart
-from pmr.results.tables import reaction_extremes, support_forces
+from pmr.results.tables import lug_forces, reaction_extremes, support_forces
 from pmr.scene import Scene
 from pmr.scene.built import PadRing, force_name, friction_name, reaction_name
 from pmr.scene.choice import has_axial_motion
@@ -91,11 +91,18 @@ def _pad_rows(scene: Scene, loads: Mapping[str, Extremes]) -> Iterator[dict[str,
 
 
 def support_rows(scene: Scene, response: Response) -> list[dict[str, Any]]:
-    """Rows of ``supports`` of summary.json: a row with extremes in N of each support's force."""
+    """Rows of ``supports`` of summary.json: a row with extremes in N of each support's force.
+
+    The row of a pin with lugs has the extremes of the larger force of its lugs, too, in ``lug``.
+    """
     along = scene.path_positions(response.t)
+    forces, of_lugs = (
+        {name: Extremes.from_history(force, response.t, along).summary() for name, force in forces.items()}
+        for forces in (support_forces(scene, response), lug_forces(scene, response))
+    )
     return [
-        {"name": name, **Extremes.from_history(force, response.t, along).summary()}
-        for name, force in support_forces(scene, response).items()
+        {"name": name, **extremes} | ({"lug": of_lugs[name]} if name in of_lugs else {})
+        for name, extremes in forces.items()
     ]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from pmr.files.arrays import Summary
 from pmr.report import trust
-from pmr.report.numbers import SPACE, format_length, format_percent, format_quantity, significant
+from pmr.report.numbers import SPACE, format_input, format_length, format_percent, format_quantity, significant
 from pmr.report.overview import format_range
 from pmr.report.sentences import LargestValue, LargestValues, extreme_clause, largest_value, value_at
 from pmr.report.subject import (
@@ -43,6 +43,11 @@ OF_KINDS = {"pad_force": "pad", "cylinder_force": "cylinder", "support": "suppor
 OIL_SIDES = {"bore": "in the bore", "rod": "on the rod side"}
 #: End of the name of a cylinder that moves sections by ropes.
 ROPES = "which pulls the ropes"
+#: What the force of a lug takes for granted; the distance between both lugs is to be filled in.
+LUGS = (
+    "; the two lugs of this pin, {} apart, share the force across the pin half and half, and bear the moment as two "
+    "opposite forces; each is taken to bear all of the force along the pin"
+)
 #: Labels of the quantities whose errors are those of the boom's moment on its machine.
 MARGIN_ERRORS = (QUANTITIES["reaction"].label, QUANTITIES["support_force"].label)
 
@@ -107,21 +112,24 @@ def _allowed_forces_words(result: RunResult) -> str:
 def _support_use_rows(result: RunResult) -> LargestValues:
     """Yield a row on the support that uses the largest share of its allowed force: the share, the force, the time.
 
-    Nothing is yielded if no support with an allowed force has a force in the summary.
+    The force of a pin with lugs is that of the lug which bears more.  Nothing is yielded if no support with an allowed
+    force has a force in the summary.
     """
-    extremes = {of["name"]: Extremes.from_summary(of) for of in result.summary.get("supports", ())}
-    allowed = {
-        name: support.allowed_force
+    extremes = {of["name"]: Extremes.from_summary(of.get("lug", of)) for of in result.summary.get("supports", ())}
+    limited = {
+        name: (support.allowed_force, support.lug_spacing)
         for body, part in result.scene.bodies.items()
         for support in part.supports
         if support.allowed_force is not None and (name := resultant_name(body, support)) in extremes
     }
-    if allowed:
-        name = max(allowed, key=lambda name: extremes[name].size / allowed[name])
-        largest, share = extremes[name].largest, extremes[name].size / allowed[name]
-        of_allowed = f"{format_percent(share)} of the allowed {format_quantity(allowed[name], 'N')}"
-        text = f"{of_allowed}, {_bearer_words('support', name)}, {extreme_clause(result, largest)}"
-        text += _moment_clause(result, name)
+    if limited:
+        name = max(limited, key=lambda name: extremes[name].size / limited[name][0])
+        allowed, spacing = limited[name]
+        share = extremes[name].size / allowed
+        text = f"{format_percent(share)} of the allowed {format_quantity(allowed, 'N')}"
+        text += f"{'' if spacing is None else ' of a lug'}, {_bearer_words('support', name)}, "
+        text += extreme_clause(result, extremes[name].largest)
+        text += _moment_clause(result, name) if spacing is None else LUGS.format(format_input(spacing, "m"))
         yield largest_value("support_use", text, share)
 
 
@@ -134,7 +142,10 @@ def _moment_clause(result: RunResult, name: str) -> str:
     sizes = [Extremes.from_summary(of).size for of in reactions if str(of["name"]).startswith(f"{name} r")]
     if not any(sizes):
         return ""
-    return f"; this is the resultant of its forces, without its moments of up to {format_quantity(max(sizes), 'N m')}"
+    return (
+        f"; this is the resultant of its forces, without its moments of up to {format_quantity(max(sizes), 'N m')}, "
+        "which the force of a lug contains (lug_spacing of the support)"
+    )
 
 
 def _luffing_length_row(result: RunResult, length: Summary) -> LargestValue:
@@ -264,7 +275,7 @@ def _bearer_words(key: str, name: str) -> str:
     if key == "outrigger_force":
         return name.removeprefix("outrigger ")
     body, _, support = name.rpartition(": ")
-    if key not in ("support", "support_moment") or not body:
+    if key not in ("support", "support_moment", "lug_force") or not body:
         return name
     support, _, turn = support.rpartition(" ") if support.endswith((" rx", " ry", " rz")) else (support, "", "")
     return f"{support} of {body}" + (f", about {turn[1]}" if turn else "")
@@ -310,6 +321,8 @@ def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
     for support in resultants:
         if support["name"] not in luffing_support_names(result):
             by_key["support"][_full_name(result, support["name"])] = Extremes.from_summary(support)
+            if "lug" in support:
+                by_key["lug_force"][support["name"]] = Extremes.from_summary(support["lug"])
     for reaction in summary.get("reactions", ()):
         name, place = str(reaction["name"]), "support"
         if name in luffing_support_names(result):

@@ -61,6 +61,9 @@ class Columns:
         Names of the sections that hang on ropes, and of sections that others follow on ropes.
     pad_forces : array (c,), N
         Force of each pad at which its mean pressure is the allowed one; infinite for other columns and pads without it.
+    lugs : mapping
+        For each pin with lugs, by body and support such as ``base pin``, the shares (2, 3, c) with which the columns
+        are summed to the forces of both lugs along x, y and z (`pmr.scene.built.Support.lug_shares`).
     """
 
     names: tuple[str, ...]
@@ -70,6 +73,7 @@ class Columns:
     drives: Mapping[str, Array] = field(default_factory=dict)
     ropes: tuple[str, ...] = ()
     pad_forces: Array = field(default_factory=lambda: np.zeros(0))
+    lugs: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
     def from_scene(cls, scene: Scene, response: Response) -> Columns:
@@ -88,7 +92,7 @@ class Columns:
             for row, unit in part.spring_units.items()
             for name in (qualified_name(body, FORCE + row), f"{body} {row}".strip())
         }
-        return cls(
+        columns = cls(
             names,
             tuple(output.kind for output in outputs),
             tuple(springs.get(output.name, output.unit) for output in outputs),
@@ -97,6 +101,7 @@ class Columns:
             tuple(rope_shares(scene)),
             np.array([pads[output.name].allowed_force if output.name in pads else np.inf for output in outputs]),
         )
+        return replace(columns, lugs=_lug_shares(scene, columns))
 
     def numbers_of_kind(self, *kinds: str) -> list[int]:
         """Return the numbers of the columns whose kind is one of `kinds`."""
@@ -273,6 +278,41 @@ def columns_by_support(columns: Columns, looks_at: Callable[[str], bool]) -> dic
     for k in [k for k in chosen if columns.units[k] == "N"] or chosen:
         groups.setdefault(DIRECTION.sub("", support_names(columns, k)[1]), []).append(k)
     return groups
+
+
+def supports_with_lugs(scene: Scene) -> dict[str, tuple[str, Support]]:
+    """Return body and `Support` of each pin with lugs, by body and name of the support such as ``base pin``."""
+    return {
+        resultant_name(body, support, " "): (body, support)
+        for body, part in scene.bodies.items()
+        for support in part.supports
+        if support.lug_spacing is not None
+    }
+
+
+def _lug_shares(scene: Scene, columns: Columns) -> dict[str, Array]:
+    """Return the field `Columns.lugs` of the columns of a scene; pins without a column are left out."""
+    contacts, shares = {support_names(columns, k)[1]: k for k in columns.support_columns()}, dict[str, Array]()
+    for name, (body, support) in supports_with_lugs(scene).items():
+        of_lugs = np.zeros((2, 3, len(columns.names)))
+        for direction in support.held_directions:
+            if (k := contacts.get(f"{body} {support.row_name(direction)}".strip())) is not None:
+                of_lugs[:, :, k] = support.lug_shares(direction)
+        if of_lugs.any():
+            shares[name] = of_lugs
+    return shares
+
+
+def lug_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
+    """Return a function from the values (T, c) of all c columns to the largest force (T,) in N of a lug.
+
+    `looks_at` says whether a limit depends on the pin of a name; None is returned if it depends on no pin with lugs.
+    """
+    rows = [shares for name, shares in columns.lugs.items() if looks_at(name)]
+    if not rows:
+        return None
+    of_lugs = np.concatenate(rows)
+    return lambda values: np.linalg.norm(np.tensordot(values, of_lugs, (1, 2)), axis=2).max(axis=1)
 
 
 def resultant_name(body: str, support: Support, separator: str = ": ") -> str:
@@ -498,6 +538,10 @@ QUANTITIES: Mapping[str, Quantity] = {
         Quantity(
             "support", "forces of supports", "N", "support", ("support", "reaction"), "largest force of a support",
             limit=ChartLimit("support", _support_measure, "forces of supports", True),
+        ),
+        Quantity(
+            "lug_force", "forces of lugs", "N", "support", (), "largest force of a lug", "most",
+            limit=ChartLimit("lug", lug_measure, "", True),
         ),
         Quantity("support_use", "use of supports", "1", "support", (), "largest use of a support", "most"),
         Quantity("support_moment", "moments of supports", "N m", "support", (), "largest moment of a support"),

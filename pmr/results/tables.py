@@ -10,6 +10,8 @@ import csv
 import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
+from operator import eq
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,7 +22,13 @@ from pmr.errors.environment import import_package
 from pmr.files.arrays import Array, Summary
 from pmr.files.whole import finish_swap
 from pmr.results.fatigue import rainflow_cycles
-from pmr.results.quantities import Columns, columns_by_support
+from pmr.results.quantities import (
+    Columns,
+    columns_by_support,
+    lug_measure,
+    resultant_name,
+    supports_with_lugs,
+)
 from pmr.results.response import ROUND_OFF, Extremes, Response
 from pmr.results.run import RunResult
 from pmr.scene import Scene
@@ -143,6 +151,16 @@ def support_forces(scene: Scene, response: Response, directions: int = 1) -> dic
             force = parts[:, 0] if len(numbers) == 1 else np.linalg.norm(parts, axis=1)
             forces[qualified_name(body, name.removeprefix(f"{body} "))] = force
     return forces
+
+
+def lug_forces(scene: Scene, response: Response) -> dict[str, Array]:
+    """Return the larger force (T,) in N of the two lugs of each pin over time, by the name of the pin's support."""
+    columns, pins = Columns.from_scene(scene, response), supports_with_lugs(scene)
+    if not columns.lugs:
+        return {}
+    values = np.column_stack([response.clear_round_off(response.column(k)) for k in range(len(columns.names))])
+    measures = {name: lug_measure(columns, partial(eq, name)) for name in columns.lugs}
+    return {resultant_name(*pins[name]): of_lug(values) for name, of_lug in measures.items() if of_lug is not None}
 
 
 def reaction_table(result: RunResult) -> Table:

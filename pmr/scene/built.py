@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, ModelWrapValidatorHandler, model_validator
 
+from pmr.files.arrays import Array
 from pmr.scene.box import Box
 from pmr.scene.keys import (
     AS_WORD,
@@ -221,8 +222,22 @@ class Support(SceneTable):
         default="mean", description="Whether the mean motion of the group is held, or every point of it"
     )
     allowed_force: AllowedForce | None = Field(
-        default=None, description="Largest force of the support; the first page has the share that is used"
+        default=None,
+        description="Largest force of the support or, with `lug_spacing`, of one lug; the first page has the share "
+        "that is used",
     )
+    lug_spacing: Annotated[Length, Usual(0.02, 3.0)] | None = Field(
+        default=None,
+        description="Distance between the two lugs of a pin, which lies along the axis about which the support turns",
+    )
+
+    @model_validator(mode="after")
+    def _check_lugs(self) -> Support:
+        """Refuse lugs of a support that does not turn freely about a single axis, that of its pin."""
+        if self.lug_spacing is not None and len(self._free_axes) != 1:
+            allowed = "a pin is allowed with it, a support that holds two of rx, ry and rz"
+            raise key_error("lug_spacing", self.lug_spacing, allowed)
+        return self
 
     @model_validator(mode="after")
     def _check_points(self) -> Support:
@@ -251,6 +266,27 @@ class Support(SceneTable):
         if {"ry", "rz"} & set(self.held_directions):
             return "clamped"
         return "pinned" if "x" in self.held_directions else "roller"
+
+    @property
+    def _free_axes(self) -> str:
+        """Axes, of x, y and z, about which the support lets the body turn."""
+        return "".join(axis for axis in "xyz" if f"r{axis}" not in self.held_directions)
+
+    def lug_shares(self, direction: Direction) -> Array:
+        r"""Return the forces (2, 3) along x, y, z of both lugs of a pin, by 1 N or 1 N m of the support.
+
+        .. math:: F_{1,2} = \tfrac12\, (F - F_a) + F_a \pm \frac{M \times a}{d}
+
+        Here F and M are force and moment of the support, a is the unit vector along the pin and d the `lug_spacing`.
+        The lugs share the force across the pin half and half.  They bear the moment as two opposite forces.  Each lug
+        is taken to bear all of the force along the pin, :math:`F_a = a\, (a \cdot F)`, as one of them may have to.
+        The support has 1 N along the `direction`, or 1 N m about it.
+        """
+        pin, unit = (np.eye(3)["xyz".index(axis)] for axis in (self._free_axes, direction[-1]))
+        if direction.startswith("r"):
+            couple = np.cross(unit, pin) / (self.lug_spacing or np.inf)
+            return np.array([couple, -couple])
+        return np.array([unit, unit]) * (1.0 if unit @ pin else 0.5)
 
     def row_name(self, direction: str) -> str:
         """Return the name of the support's row along or about one direction.

@@ -171,10 +171,11 @@ def _wall_limits(scene: Scene) -> Iterator[WallLimit]:
 
 
 class SupportLimit(NamedTuple):
-    """Limit on the resultant force of a support."""
+    """Limit on the resultant force of a support, or on the force of each lug of a pin."""
 
     name: str
-    columns: list[str]  # names of its forces, in quotes
+    of: str  # quantity that is limited, ``support`` or ``lug``
+    which: list[str]  # names of the support's forces, or of the pin, in quotes
     force: float  # N
 
 
@@ -187,8 +188,10 @@ def _support_limits(scene: Scene) -> Iterator[SupportLimit]:
                 name = resultant_name(body, support, " ")
                 of_support = [column for column in names if DIRECTION.sub("", column) == name]
                 forces = [json.dumps(column) for column in of_support if not re.search(" r[xyz]( |$)", column)]
-                if forces:  # a support of angles alone has moments
-                    yield SupportLimit(name, forces, support.allowed_force)
+                if forces and support.lug_spacing is not None:
+                    yield SupportLimit(name, "lug", [json.dumps(name)], support.allowed_force)
+                elif forces:  # a support of angles alone has moments
+                    yield SupportLimit(name, "support", forces, support.allowed_force)
 
 
 def check_chart(file: Path, scene: Scene, up_to: float) -> None:

@@ -27,7 +27,15 @@ from pydantic import Field, model_validator
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array
-from pmr.results.quantities import LIMITED, LIMITS, Columns, Measure, matches_pattern, pad_pressure_measure
+from pmr.results.quantities import (
+    LIMITED,
+    LIMITS,
+    Columns,
+    Measure,
+    matches_pattern,
+    pad_pressure_measure,
+    supports_with_lugs,
+)
 from pmr.scene import Scene
 from pmr.scene.choice import traits_of
 from pmr.scene.ground import MachineMass, edge_rows, polygon_area
@@ -201,6 +209,7 @@ USUAL_PRESSURE = Usual(1e4, 1e10, unit="Pa")
 NAMES: Mapping[str, Callable[[Scene], Sequence[str]]] = {
     "stress": _stress_probes,
     "rope": lambda scene: list(rope_shares(scene)),
+    "lug": lambda scene: list(supports_with_lugs(scene)),
     **{kind: _force_names_of(kind) for kind in ("pad", "cylinder", "support")},
 }
 #: All kinds of limits by name: quantities that runs have too, and others.

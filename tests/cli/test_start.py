@@ -284,23 +284,25 @@ def test_forces_that_luffing_cylinder_and_pin_bear_are_limits(
     bare, table = re.sub(allowed, "", template), "[frame.cylinder]\n"
     keyed = {f"{table}{keys}\n": force for keys, force in (("allowed_push = 3e5", 3e5), ("rod = 0.06", euler))}
     pull = f"{table}allowed_pull = 2e5\n"
-    texts = [(bare, {}), (template, {"luffing": 385e3, "luffing-pull": 225e3, "support": 390e3})]
+    cylinder, without_lugs = {"luffing": 385e3, "luffing-pull": 225e3}, re.sub(r"(?m)^lug_spacing.*\n", "", template)
+    texts = [(bare, {}), (template, cylinder | {"lug": 280e3}), (without_lugs, cylinder | {"support": 280e3})]
     texts += [(bare.replace(table, keys), {"luffing": force}) for keys, force in keyed.items()]
     texts += [(bare.replace(table, pull), {"luffing-pull": 2e5})]
     unnamed = template.replace('name = "pin"\n', "", 1)
     assert unnamed != template
-    texts += [(unnamed, {"luffing": 385e3, "luffing-pull": 225e3, "support": 390e3})]
+    texts += [(unnamed, cylinder | {"lug": 280e3})]
     for number, (text, limited) in enumerate(texts):
         (tmp_path / "crane.toml").write_text(text)
         run_command("chart", "crane.toml", "--up-to", "20000", "--out", str(tmp_path / f"out{number}"))
         limits = call.load(tmp_path / f"out{number}" / "chart.toml").parts[0].study.limits
-        by_kind = {limit.of: limit for limit in limits if limit.of in ("luffing", "luffing-pull", "support")}
+        by_kind = {limit.of: limit for limit in limits if limit.of in (*cylinder, "support", "lug")}
         assert {of: limit.most for of, limit in by_kind.items()} == pytest.approx(limited, rel=1e-5)
         if "support" in by_kind:
-            pin = by_kind["support"]
-            names = ("base support {} on tail" if text == unnamed else "base pin {}").format
+            pin, names = by_kind["support"], "base pin {}".format
             assert pin.concerns(names("x")) and pin.concerns(names("z")) and not pin.concerns("base luffing cylinder")
             assert not pin.concerns(names("rx"))  # a moment
+        if "lug" in by_kind:
+            assert by_kind["lug"].which == ("base support on tail" if text == unnamed else "base pin",)
 
 
 def test_without_fenicsx_walls_are_not_limited_and_what_needs_it_is_refused_before_a_folder_is_made(
@@ -352,7 +354,7 @@ def test_a_chart_of_a_folder_has_its_name(tmp_path: Path, monkeypatch: pytest.Mo
     study = call.load(tmp_path / "reports" / "chart_mine" / "chart.toml").parts[0].study
     limits = [(limit.of, limit.most, limit.factor) for limit in study.limits]
     # the scene has outriggers, a probe of stress, allowed forces of cylinder and pin, and pads with an allowed pressure
-    borne = [("luffing", 385e3, 1.0), ("luffing-pull", 225e3, 1.0), ("support", 390e3, 1.0), ("pad", None, 1.0)]
+    borne = [("luffing", 385e3, 1.0), ("luffing-pull", 225e3, 1.0), ("lug", 280e3, 1.0), ("pad", None, 1.0)]
     assert limits == [("tipping", 1.0, 1.33), ("stress", 690e6, 1.5), *borne, ("pad", 35.5e3, 1.5)]
     assert study.limits[-1].which == ("middle tail *", "middle mouth *")
     assert study.slewing == (0.0, 45.0, 90.0, 135.0, 180.0)

@@ -114,6 +114,8 @@ REFUSED = {
         ("simulaton.repeats=3", "did you mean 'simulation'? allowed: simulation, title, … and 10 more"),
     ],
     "boom_two": [
+        ("sections.base.supports=[{kind='pinned',lug_spacing=0.3}]",
+         "supports[0].lug_spacing = 0.3: a pin is allowed with it, a support that holds two of rx, ry and rz"),
         ("sections.base.body.box.sizes=around", "sizes = 'around': one of middle, outer, inner is allowed"),
         ("sections.base.body.box={width=0.36,height=0.46,chamfer=0.1,sizes='outer',"
          "wall={bottom=0.01,top=0.008,left=0.009,right=0.006}}",
