@@ -8,8 +8,7 @@ and C' their derivative by the path.  A velocity that violates the second equati
 least kinetic energy, with the mass matrix M and the impulses :math:`\mu` of the sliders:
 
 .. math::
-    \begin{bmatrix} M & C^T \\ C & 0 \end{bmatrix} \begin{bmatrix} \Delta v \\ \mu \end{bmatrix}
-    = \begin{bmatrix} 0 \\ -C v_0 - \dot s_0 C' q_0 \end{bmatrix}
+    C M^{-1} C^T \mu = C v_0 + \dot s_0 C' q_0, \qquad \Delta v = -M^{-1} C^T \mu
 
 Eich: Convergence results for a coordinate projection method applied to mechanical systems with algebraic constraints,
 SIAM Journal on Numerical Analysis 30, 1993.
@@ -19,7 +18,6 @@ Also the friction of pads (`pmr.system.contacts`) from step to step, by the law 
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -78,10 +76,7 @@ def consistent_start(
         If a size is wrong, a position violates a rigid contact or support, or rigid contacts depend on each other.
     """
     system, bodies = assembly.system, assembly.system.bodies
-    starts = {
-        name: check_state(initial[name], body.size) if name in initial else InitialState.at_rest(body.size)
-        for name, body in bodies.items()
-    }
+    starts = complete_states({name: body.size for name, body in bodies.items()}, initial)
     if not initial:
         return starts
     for name, body in bodies.items():
@@ -96,12 +91,11 @@ def consistent_start(
         np.concatenate([getattr(starts[name], part)[assembly.free_coordinates[name]] for name in bodies])
         for part in "qv"
     )
-    check_position(C, q, names)
-    drift = velocity_violation(C, assembly.row_rates(x, x_rate)[rigid], InitialState(q, v))
+    drift = start_drift(C, assembly.row_rates(x, x_rate)[rigid], InitialState(q, v), names)
     if drift is None:
         return starts
-    sparse = any(sp.issparse(body.M) for body in bodies.values())
-    v = v - _velocity_change(assembly.M if sparse else assembly.M.toarray(), C, drift, names)
+    answers = spla.splu(assembly.M.tocsc()).solve(C.T)  # M^-1 C^T
+    v = v - answers @ start_impulses(C @ answers, drift, names)
     for name, start in starts.items():
         start.v[assembly.free_coordinates[name]] = v[assembly.coordinate_slices[name]]
     return starts
@@ -118,13 +112,26 @@ def _stop_at_supports(body: SlidingBody, v: Array) -> Array:
     return v
 
 
-def check_state(initial: InitialState, size: int) -> InitialState:
-    """Return the state `initial` as float arrays; raise an InputError if q or v are not `size` finite values."""
-    return InitialState(*(_vector(name, getattr(initial, name), size) for name in ("q", "v")))
+def complete_states(sizes: Mapping[str, int], initial: Mapping[str, InitialState]) -> dict[str, InitialState]:
+    """State of each body, by its name, as float arrays; bodies that `initial` does not name are at rest, undeformed.
+
+    `sizes` are the numbers of coordinates by the bodies' names.  Raises InputError if coordinates or velocities in
+    `initial` are not so many finite values.
+    """
+    return {
+        name: InitialState(*(_vector(part, getattr(initial[name], part), size) for part in ("q", "v")))
+        if name in initial
+        else InitialState.at_rest(size)
+        for name, size in sizes.items()
+    }
 
 
-def velocity_violation(C: Array, C_t: Array, start: InitialState) -> Array | None:
-    """Violation C v + C_t q (m,) in m/s by `start` of rows C (m, n) with rates C_t (m, n); None for round-off."""
+def start_drift(C: Array, C_t: Array, start: InitialState, names: tuple[str, ...]) -> Array | None:
+    """Violation C v + C_t q (m,) in m/s by `start` of rows C (m, n) with rates C_t (m, n); None for round-off.
+
+    Raises InputError if the position violates one of the rows, which have the `names`.
+    """
+    check_position(C, start.q, names)
     drift = C @ start.v + C_t @ start.q
     scale = _magnitude(C, start.v) + _magnitude(C_t, start.q)
     return None if np.all(np.abs(drift) <= ROW_TOLERANCE * scale) else np.asarray(drift)
@@ -142,32 +149,15 @@ def check_position(C: Array, q: Array, names: tuple[str, ...], largest: float = 
             raise InputError("initial state", "q", None, allowed)
 
 
-def _velocity_change(M: Array | sp.csr_matrix, C: Array, drift: Array, names: tuple[str, ...]) -> Array:
-    """Change of velocity dv (n,) of least kinetic energy with C dv = `drift` (m,), for the mass matrix M (n, n).
+def start_impulses(G: Array, drift: Array, names: tuple[str, ...]) -> Array:
+    """Impulses mu (m,) in N s that change the velocities of rows by `drift` (m,): G mu = drift, G = C M^-1 C^T (m, m).
 
-    Raises InputError with the `names` of the rows if they depend on each other.
+    Raises InputError if the rows, which have the `names`, depend on each other.
     """
-    right = np.concatenate([np.zeros(M.shape[0]), drift])
-    if sp.issparse(M):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", spla.MatrixRankWarning)
-            kkt = sp.bmat([[M, sp.csr_matrix(C.T)], [sp.csr_matrix(C), None]], "csc")
-            solution = spla.spsolve(kkt, right)
-    else:
-        kkt = np.block([[M, C.T], [C, np.zeros((len(C), len(C)))]])
-        solution = np.linalg.lstsq(kkt, right, rcond=None)[0]
-    dv = solution[: M.shape[0]]
-    check_impulse(C @ dv, drift, names)
-    return np.asarray(dv)
-
-
-def check_impulse(achieved: Array, drift: Array, names: tuple[str, ...]) -> None:
-    """Raise InputError if a correction changes m rows by `achieved` (m,) instead of by `drift` (m,), as it has to.
-
-    The rows, whose names are `names`, then depend on each other.
-    """
-    if not np.allclose(achieved, drift, rtol=0.0, atol=1e-6 * np.abs(drift).max()):
+    impulses, _, rank, _ = np.linalg.lstsq(G, drift, rcond=None)
+    if rank < len(G) or not np.allclose(G @ impulses, drift, rtol=0.0, atol=1e-6 * np.abs(drift).max()):
         raise InputError("initial state", "v", None, f"the rows {', '.join(names)} depend on each other")
+    return np.asarray(impulses)
 
 
 def _magnitude(C: Array, q: Array, largest: float = 0.0) -> Array:

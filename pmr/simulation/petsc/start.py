@@ -41,12 +41,11 @@ from pmr.simulation.petsc.rows import BlockFactor, PathRows, contact_rows
 from pmr.simulation.start import (
     Grip,
     InitialState,
-    check_impulse,
-    check_position,
-    check_state,
+    complete_states,
     describe_divergence,
     slide,
-    velocity_violation,
+    start_drift,
+    start_impulses,
 )
 from pmr.system.contacts import Friction
 
@@ -316,11 +315,8 @@ def stacked_start(system: FullSystem, initial: Mapping[str, InitialState]) -> In
     InputError
         If a size is wrong.
     """
-    parts = [
-        check_state(initial[name], model.size) if name in initial else InitialState.at_rest(model.size)
-        for name, model in system.bodies.items()
-    ]
-    return InitialState(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("q", "v")))
+    states = complete_states({name: model.size for name, model in system.bodies.items()}, initial).values()
+    return InitialState(*(np.concatenate([getattr(state, part) for state in states]) for part in ("q", "v")))
 
 
 def _forces(system: FullSystem, f: Array, q: Array, v: Array) -> Array:
@@ -366,13 +362,10 @@ class _HeldMass:
         The consistent velocity taken is the one nearest to that in `start` in kinetic energy.  Raises InputError if the
         position violates a rigid contact, or if rigid contacts depend on each other.
         """
-        check_position(self._C, start.q, self._names)
-        drift = velocity_violation(self._C, self._turning, start)
+        drift = start_drift(self._C, self._turning, start, self._names)
         if drift is None:
             return np.zeros(len(self._answers))
-        impulse = np.linalg.lstsq(self._G, drift, rcond=None)[0]
-        check_impulse(self._G @ impulse, drift, self._names)
-        return np.asarray(self._answers @ impulse)
+        return np.asarray(self._answers @ start_impulses(self._G, drift, self._names))
 
     def acceleration(self, force: Array) -> HeldAcceleration:
         """Acceleration of the held bodies by a force, of which this rank has the part `force` (n_local,); collective.
