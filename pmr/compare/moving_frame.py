@@ -94,14 +94,13 @@ def _plane_buckling_warnings(scene: Scene, system: System) -> list[str]:
     No load acts on these bodies across the plane, so their reduced models do not move in that direction.  The list is
     empty if all bodies can buckle in all directions, and without second order.
     """
-    assert scene.frame is not None  # only called for a scene with a frame
     held = []
     for name, body in system.bodies.items():
         along = ([k for k, output in enumerate(body.output_names) if output.endswith(f" {axis}")] for axis in "yz")
         across, up = (np.abs(np.asarray(body.outputs)[rows]) for rows in along)
         if across.size and up.size and across.max() <= ACROSS * up.max():
             held.append(name or "the body")
-    if not held or not scene.frame.second_order:
+    if not held or not scene.present_frame.second_order:
         return []
     return [
         f"buckling across the plane of luffing is not looked for in {', '.join(held)}: nothing acts across it, so the "
@@ -281,10 +280,9 @@ class _EnergyBalance:
 
     def __init__(self, scene: Scene, run: SystemTrajectory) -> None:
         """Begin the balance of a scene's `run`, at T times, with the energy and work in the moving frame."""
-        assert scene.frame is not None  # `energy_in_space` is for scenes with a frame
         self._scene, self._run = scene, run
-        self._turning = FrameRotation.from_signals(*scene.frame.angles, run.t, scene.frame.base_angles)
-        self._base = np.einsum("tji,tj->ti", self._turning.rotation, _pivot_velocity(scene.frame, run.t))
+        self._turning = FrameRotation.from_signals(*scene.present_frame.angles, run.t, scene.present_frame.base_angles)
+        self._base = np.einsum("tji,tj->ti", self._turning.rotation, _pivot_velocity(scene.present_frame, run.t))
         none = np.zeros((len(run.t), len(OVER), 3))
         self.moments = {name: _Moments(none.copy(), none.copy()) for name in scene.names}
         self.energy, self.drives, self.others = run.energy.copy(), np.zeros(len(run.t) - 1), np.diff(run.work)
@@ -365,8 +363,7 @@ def _speeds(scene: Scene, omega: Array, number: int, t: Array) -> Array:
     First comes the velocity at the tail of the section with this `number` in m/s, then its slopes over x, y and z in
     1/s.  `omega` (T, 3) in rad/s is the angular velocity of the frame.
     """
-    assert scene.frame is not None
-    place, out = np.zeros((len(t), 3)) + scene.frame.tail_position, np.zeros((len(t), 3))
+    place, out = np.zeros((len(t), 3)) + scene.present_frame.tail_position, np.zeros((len(t), 3))
     for k in range(1, number + 1):
         place[:, 0] += scene.extension(k).value(t)
         out[:, 0] += scene.extension(k).rate(t)

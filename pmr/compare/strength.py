@@ -97,7 +97,6 @@ def _response_at_rest(posture: Scene, form: SystemForm) -> Response | None:
 
 def _still(scene: Scene, t: float) -> Scene:
     """Scene at rest for two steps, in its posture at the time `t` in s and under the loads of this time."""
-    assert scene.frame is not None  # as the caller says
     extensions = {
         part.name: np.array([scene.extension(number).value(t)])
         for number, part in enumerate(scene.sections)
@@ -105,7 +104,7 @@ def _still(scene: Scene, t: float) -> Scene:
     }
     if len(scene.sections) == 1 and scene.sections[0].slider is not None:
         extensions[SLIDER] = np.array([scene.sections[0].slider.path.value(t)])
-    luffing, slewing = (float(signal.value(t)) for signal in scene.frame.angles)
+    luffing, slewing = (float(signal.value(t)) for signal in scene.present_frame.angles)
     names = {load.name for part in scene.sections for load in part.loads}
     still = scene_at_rest(scene, extensions, luffing, slewing, dict.fromkeys(names, 0.0))
     sections = tuple(

@@ -97,9 +97,8 @@ def _driven_rows(result: RunResult) -> LargestValues:
 
 def _allowed_forces_words(result: RunResult) -> str:
     """Words for the forces that the luffing cylinder bears: push, pull, and the least force that buckles its rod."""
-    frame = result.scene.frame
-    assert frame is not None and frame.cylinder is not None  # as its force is known
-    cylinder, greatest = frame.cylinder, result.summary["luffing_cylinder"]["length"]["max"]
+    cylinder, greatest = result.scene.present_frame.cylinder, result.summary["luffing_cylinder"]["length"]["max"]
+    assert cylinder is not None  # as its force is known
     forces = {"push": cylinder.allowed_push, "pull": cylinder.allowed_pull}
     words = [f"{format_quantity(force, 'N')} of {way}" for way, force in forces.items() if force is not None]
     if cylinder.rod is not None:
@@ -377,10 +376,8 @@ def _machine_rows(result: RunResult) -> LargestValues:
     frame = result.frame
     if frame is None or frame.machine is None:
         return
-    motions, degrees = (
-        result.summary.get("frame", {}).get("base", {}),
-        1.0 if frame.unit == "degrees" else np.rad2deg(1.0),
-    )
+    motions = result.summary.get("frame", {}).get("base", {})
+    degrees = 1.0 if frame.unit == "degrees" else np.rad2deg(1.0)
     parts = []
     for key, motion in motions.items():
         if key not in frame.machine.free:

@@ -272,8 +272,8 @@ def _field_matrices(scene: Scene) -> dict[str, str]:
 
 def _section_terms(scene: Scene, member: Member) -> Iterator[FrameTerm]:
     """Yield the terms of one section: rotation, inertia, acceleration along the boom and loads at the tip."""
-    assert scene.frame is not None  # of a scene that has terms
-    body, slews, turns = scene.names[member.number], scene.frame.out_of_plane_key is not None, scene.frame.has_angles
+    body, frame = scene.names[member.number], scene.present_frame
+    slews, turns = frame.out_of_plane_key is not None, frame.has_angles
     turning = "xyz" if slews else "y"
     for axis in turning if has_axial_motion(member) and turns else ():
         matrix = f"rotating {axis}"

@@ -376,6 +376,12 @@ class Scene(SectionTables):
             return self.paths
         return self.paths | {LUFFING: self.frame.angles.luffing}
 
+    @property
+    def present_frame(self) -> Frame:
+        """The frame of a scene that has one; for others, not to be called."""
+        assert self.frame is not None
+        return self.frame
+
     def joint(self, number: int) -> Joint:
         """Return the joint in which section `number` (1 or more) slides."""
         joint = self.sections[number].joint

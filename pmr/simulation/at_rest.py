@@ -61,8 +61,7 @@ def critical_luffing(scene: Scene) -> float:
 
     Not to be called for a scene without luffing angles.
     """
-    assert scene.frame is not None  # of a scene that has angles
-    angles = np.linspace(*scene.frame.angles.luffing.bounds(0.0, scene.time.end), ANGLES)
+    angles = np.linspace(*scene.present_frame.angles.luffing.bounds(0.0, scene.time.end), ANGLES)
     return float(angles[np.argmax(np.sin(angles))])
 
 
@@ -90,23 +89,20 @@ def scene_at_rest(
     loads : mapping of str to float
         Constant value of each load, by its name.
     """
-    assert scene.frame is not None  # of a scene that has angles
-    changed = []
+    changed, frame = [], scene.present_frame
     for part in scene.sections:
         steady = tuple(load.model_copy(update={"signal": Constant(amount=loads[load.name])}) for load in part.loads)
         joint = part.joint
         if joint is not None and part.name in extensions:
             stays = _signal_of(extensions[part.name])
-            joint = joint.model_copy(update={"extension": stays, "overlap": None, "follows": None})
+            joint = joint.with_keys(extension=stays, overlap=None, follows=None)
         slider = part.slider
         if slider is not None and SLIDER in extensions:
-            slider = slider.model_copy(update={"path": _signal_of(extensions[SLIDER])})
-        changed.append(part.model_copy(update={"loads": steady, "joint": joint, "slider": slider}))
-    still = {"luffing": _signal_of(luffing * scene.frame.radian), "base": constant_inclination(scene.frame.base)}
-    still |= {"slewing": _signal_of(slewing * scene.frame.radian)} if scene.frame.slewing is not None else {}
-    frame = scene.frame.model_copy(update=still)
-    gravity = scene.gravity.model_copy(update={"rise": 0.0}) if scene.gravity else None
-    return scene.model_copy(update={"sections": tuple(changed), "frame": frame, "gravity": gravity})
+            slider = slider.with_keys(path=_signal_of(extensions[SLIDER]))
+        changed.append(part.with_keys(loads=steady, joint=joint, slider=slider))
+    still = {"luffing": _signal_of(luffing * frame.radian), "base": constant_inclination(frame.base)}
+    still |= {"slewing": _signal_of(slewing * frame.radian)} if frame.slewing is not None else {}
+    return scene.with_keys(sections=tuple(changed), frame=still, gravity={"rise": 0.0} if scene.gravity else None)
 
 
 def constant_inclination(base: BaseMotion | None) -> BaseMotion | None:
@@ -121,9 +117,8 @@ def accelerate_angle(still: Scene, angle: str) -> Scene:
 
     `angle` is ``luffing`` or ``slewing``.
     """
-    assert still.frame is not None
-    turned = {angle: getattr(still.frame, angle).model_copy(update={"acceleration": still.frame.radian})}
-    return still.model_copy(update={"frame": still.frame.model_copy(update=turned)})
+    turned = getattr(still.frame, angle).model_copy(update={"acceleration": still.present_frame.radian})
+    return still.with_keys(frame={angle: turned})
 
 
 def amplitudes_at_rest(scene: Scene, extensions: Mapping[str, Array], luffing: float) -> Array:

@@ -231,8 +231,7 @@ def frame_amplitude(scene: Scene, products: Products, **signals: Any) -> FrameAm
 
     `signals` are the fields of `FrameAmplitude`, other than angles, from which these quantities follow.
     """
-    assert scene.frame is not None  # as the checks say
-    (luffing, slewing), rocking = scene.frame.angles, scene.frame.base_angles
+    (luffing, slewing), rocking = scene.present_frame.angles, scene.present_frame.base_angles
     about = {"luffing": luffing, "slewing": slewing, "rocking": rocking, "step": scene.time.step}
     return FrameAmplitude(products=products, **about, **signals)
 
@@ -277,9 +276,8 @@ def section_acceleration(scene: Scene, number: int, field: str, factor: float = 
 
     Names of components are those of `pmr.simulation.frame_motion.field_products`, such as ``x`` or ``xz``.
     """
-    assert scene.frame is not None  # of a scene that has one
     about = accelerating_signals(scene, number)
-    products = field_products(field, number, scene.frame.tail_position, bool(about["base"]), factor)
+    products = field_products(field, number, scene.present_frame.tail_position, bool(about["base"]), factor)
     return frame_amplitude(scene, products, **about)
 
 
@@ -334,8 +332,7 @@ class WindOnSection(FrameSignal):
         The pivot is as high above the ground as the scene says, unless the load states its own height; a displacement
         of the base upwards comes on top.
         """
-        frame, part, box = scene.frame, member.part, member.part.body.box
-        assert frame is not None  # as the checks say
+        frame, part, box = scene.present_frame, member.part, member.part.body.box
         depths = [load.depth or getattr(box, key) for key in ("height", "width")]
         axis, degree = name.split(" ")[-2:]
         return cls(
@@ -346,7 +343,7 @@ class WindOnSection(FrameSignal):
                 length=part.length,
                 around=scene.sections[member.number - 1].length if member.number else 0.0,
             ),
-            azimuth=load.azimuth * (1.0 if frame.unit == "rad" else np.pi / 180.0),
+            azimuth=load.azimuth / frame.radian,
             factors=(load.shape * depths[0], load.shape * depths[1]),
             load=load,
             above=load.above or scene.pivot_height,

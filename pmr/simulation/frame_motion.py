@@ -311,9 +311,7 @@ class MachineMotion:
 
 def with_computed_motion(scene: Scene, track: MachineMotion) -> Scene:
     """Scene whose frame has a base with the computed motion `track` in place of its former base, and no machine."""
-    frame = scene.frame
-    assert frame is not None  # of a scene with a machine
-    angle, times = frame.radian, track.step * np.arange(track.values.shape[1])
+    angle, times = scene.present_frame.radian, track.step * np.arange(track.values.shape[1])
     signals: dict[str, Any] = {
         direction: ComputedMotion(
             samples=MotionSamples(times, np.ascontiguousarray(track.values[:, :, k]), track.forces[:, k], track.inputs),
@@ -322,4 +320,4 @@ def with_computed_motion(scene: Scene, track: MachineMotion) -> Scene:
         for k, direction in enumerate(DIRECTIONS)
     }
     base = BaseMotion.model_construct(**signals)
-    return scene.model_copy(update={"frame": frame.model_copy(update={"base": base, "machine": None})})
+    return scene.with_keys(frame={"base": base, "machine": None})

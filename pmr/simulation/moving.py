@@ -135,16 +135,14 @@ def _read_boom_scene(scene: Any, system: System, free: bool) -> StoredScene:
 
 def held_at_start(scene: Scene) -> Scene:
     """Scene with a prescribed luffing angle or extension, constant at its start, in place of the free one."""
-    frame = scene.frame
-    assert frame is not None  # of a scene with a free luffing angle or extension
+    frame = scene.present_frame
     if scene.free_extensions:
         sections = list(scene.sections)
         for k, extension in scene.free_extensions.items():
-            joint = scene.joint(k).model_copy(update={"extension": extension.first})
-            sections[k] = sections[k].model_copy(update={"joint": joint})
-        return scene.model_copy(update={"sections": tuple(sections)})
-    angles = {"luffing": Constant(amount=frame.luffing_start), "slewing": frame.slewing or Constant(amount=0.0)}
-    return scene.model_copy(update={"frame": frame.model_copy(update=angles)})
+            sections[k] = sections[k].with_keys(joint={"extension": extension.first})
+        return scene.with_keys(sections=tuple(sections))
+    still = {"luffing": Constant(amount=frame.luffing_start), "slewing": frame.slewing or Constant(amount=0.0)}
+    return scene.with_keys(frame=still)
 
 
 def _check_steps(stepping: TimeStepping) -> TimeStepping:
@@ -157,8 +155,7 @@ def _check_steps(stepping: TimeStepping) -> TimeStepping:
 def store_boom_scene(boom: Scene, system: System) -> StoredScene:
     """Scene `boom` as a stored scene, with its loads at t = 0 under the full weight."""
     excitation = Excitation.from_scene(boom)
-    gravity = boom.gravity and boom.gravity.model_copy(update={"rise": 0.0})
-    in_full = Excitation.from_scene(boom.model_copy(update={"gravity": gravity}))
+    in_full = Excitation.from_scene(boom.with_keys(gravity=boom.gravity and {"rise": 0.0}))
     return StoredScene(boom.title, excitation, in_full.first_loads(system), boom)
 
 
@@ -233,8 +230,7 @@ class MovingFrame:
 
         Raises InputError if the scene does not drive one of these inputs or terms.
         """
-        frame = scene.frame
-        assert frame is not None  # of a scene with a frame
+        frame = scene.present_frame
         excitation = Excitation.from_scene(scene)
         of_terms = {term.name: input_name(scene.names[term.number], term.component) for term in frame_terms(scene)}
         angles = {"luffing": frame.luffing, "slewing": frame.slewing}
@@ -296,7 +292,7 @@ class MovingFrame:
         """
         motions, frame = self.motions(self.excitation, 0.0), self.scene.frame
         if self.computed is not None and frame is not None and frame.luffing_rate:
-            motions[1, self.drivers.index(LUFFING)] = frame.luffing_rate * (1.0 if frame.unit == "rad" else np.pi / 180)
+            motions[1, self.drivers.index(LUFFING)] = frame.luffing_rate / frame.radian
         if self.scene.gravity is not None:
             motions[0, self.drivers.index(GRAVITY)] = self.scene.gravity.acceleration
         return motions
@@ -304,8 +300,7 @@ class MovingFrame:
     @property
     def signals(self) -> tuple[SignalBase, ...]:
         """Signals of the n drivers in the scene, in the order of `drivers`."""
-        frame = self.scene.frame
-        assert frame is not None
+        frame = self.scene.present_frame
         angles = dict(zip(ANGLES, (*frame.angles, *frame.base_angles), strict=False))
         shaken = dict(zip(AXES, base_accelerations(self.scene), strict=False))
         signals = dict(self.scene.paths) | _scene_loads(self.scene) | angles | shaken

@@ -385,9 +385,8 @@ def check_slewing(scene: Scene, slewing: Sequence[float]) -> None:
 
     The angle matters if the ground has a slope, the frame has a base, or wind or a load acts along axes of the ground.
     """
-    assert scene.frame is not None
     key = next(_keys_of_ground(scene), "")
-    if scene.frame.slewing is None and key and any(slewing):
+    if scene.present_frame.slewing is None and key and any(slewing):
         angle = next(filter(None, slewing))
         allowed = f"0 is allowed, or a scene with frame.slewing, such as 0: {key} acts on the boom as it is slewed"
         raise InputError("study", "slewing", angle, allowed)
@@ -395,10 +394,9 @@ def check_slewing(scene: Scene, slewing: Sequence[float]) -> None:
 
 def _keys_of_ground(scene: Scene) -> Iterator[str]:
     """Yield the keys of the scene for what acts on the boom along axes of the ground, not of the slewed boom."""
-    assert scene.frame is not None
-    if scene.frame.ground is not None and any(scene.frame.ground.slope):
+    if scene.present_frame.ground is not None and any(scene.present_frame.ground.slope):
         yield "frame.ground.slope"
-    if scene.frame.base is not None:
+    if scene.present_frame.base is not None:
         yield "frame.base"
     for number, part in enumerate(scene.sections):
         for k, load in enumerate(part.loads):
@@ -411,16 +409,15 @@ def check_at_rest(scene: Scene) -> None:
 
     Such parts are a machine, an extension and a luffing angle that are computed with the boom.
     """
-    assert scene.frame is not None
-    if scene.frame.machine is not None:
+    if scene.present_frame.machine is not None:
         raise InputError("scene", "frame.machine", None, "a machine that stands still is allowed in a load chart")
     if scene.hoist is not None:
         raise InputError("scene", "hoist", None, "leave it out, as a load chart hangs its own loads at the tip")
     if scene.extension_keys:
         raise InputError("scene", scene.extension_keys[0], "free", "an extension over time is allowed in a load chart")
-    if scene.frame.luffing == "free":
+    if scene.present_frame.luffing == "free":
         raise InputError("scene", "frame.luffing", "free", "an angle over time is allowed in a load chart")
-    base = scene.frame.base
+    base = scene.present_frame.base
     moving = [key for key, signal in (base.motions if base else {}).items() if not isinstance(signal, Constant)]
     moving += [f"acceleration.{axis}" for axis in (base.accelerations if base else {})]
     if moving:

@@ -202,12 +202,9 @@ class ExtensionRun:
         own = cylinder_record(columns[:, :-1], oil) | {ACCELERATION: columns[:, -1]}
         own[STOP] = own["length"] - np.clip(own["length"], *self._extension.stroke)
         samples = MotionSamples(np.concatenate(times), values, none, of_inputs, own, divided, oil)
-        sections = list(self._scene.sections)
-        section = sections[self._number]
-        computed: dict[str, Any] = {"extension": ComputedMotion(samples=samples, unit=1.0)}
-        assert section.joint is not None  # of a section that slides
-        sections[self._number] = section.model_copy(update={"joint": section.joint.model_copy(update=computed)})
-        return self._scene.model_copy(update={"sections": tuple(sections)})
+        sections, extension = list(self._scene.sections), ComputedMotion(samples=samples, unit=1.0)
+        sections[self._number] = sections[self._number].with_keys(joint={"extension": extension})
+        return self._scene.with_keys(sections=tuple(sections))
 
 
 def cylinder_record(columns: Array, oil: Oil | None) -> dict[str, Array]:
@@ -257,8 +254,7 @@ class LuffingRun(MachineRun):
 
     def __init__(self, scene: Scene, system: System) -> None:
         """Prepare the kernel for the `system` of a `scene` with a free luffing angle, at its start."""
-        frame = scene.frame
-        assert frame is not None  # of a scene with a free luffing angle
+        frame = scene.present_frame
         begun = float(frame.angles.luffing.value(np.zeros(1))[0])
         hangs = begun if np.cos(begun - HANGING) < 0.0 else HANGING  # above the pivot it falls to one side
         #: luffing angle in rad at which the machine does not pitch
@@ -279,7 +275,7 @@ class LuffingRun(MachineRun):
             "base": BaseMotion.model_construct(**base, rz=frame.slewing or Constant(amount=0.0)),
             "machine": machine,
         }
-        of_machine = scene.model_copy(update={"frame": frame.model_copy(update=as_machine)})
+        of_machine = scene.with_keys(frame=as_machine)
         t = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf).times
         cylinder = None if frame.cylinder is None else kernel_cylinder(frame.cylinder, t)
         super().__init__(of_machine, system, held_at_start(scene), self.level, cylinder, LUFFING_REASONS)
@@ -289,17 +285,14 @@ class LuffingRun(MachineRun):
 
         Raises SimulationError as `with_free_motion`.
         """
-        track, frame = self.run(), self._scene.frame
-        assert frame is not None
+        track, frame = self.run(), self._scene.present_frame
         angle = -track.values[:, :, PITCH]
         angle[0] += self.level
         record = {} if frame.cylinder is None else cylinder_record(self.simulation.cylinder, frame.cylinder.oil)
         times, still = track.step * np.arange(angle.shape[1]), np.zeros(angle.shape[1])
         samples = MotionSamples(times, np.ascontiguousarray(angle), still, track.inputs, record)
-        unit = frame.radian
-        luffing = ComputedMotion(samples=samples, unit=unit)
-        computed = {"luffing": luffing, "slewing": frame.slewing or Constant(amount=0.0)}
-        return self._scene.model_copy(update={"frame": frame.model_copy(update=computed)})
+        luffing = ComputedMotion(samples=samples, unit=frame.radian)
+        return self._scene.with_keys(frame={"luffing": luffing, "slewing": frame.slewing or Constant(amount=0.0)})
 
     def _motions_at(self, place: Array) -> Array:
         """Motions (3, n) of the frame at t = 0 with the boom at rest at the angles of a machine at `place` (6,)."""
@@ -319,15 +312,13 @@ def stepped_frame(system: System, source: str) -> MovingFrame | None:
     stored = read_scene(system, source, free=True) if "scene" in system.provenance else None
     if stored is None or stored.free_scene is None or stored.scene is None:
         return MovingFrame.from_system(system)
-    scene, frame = stored.free_scene, stored.free_scene.frame
-    assert frame is not None
+    scene, frame = stored.free_scene, stored.free_scene.present_frame
     if stored.extends_freely:
         return with_extension_data(MovingFrame.in_scene(stored.scene, system), scene, system, SystemForm.of(system))
     if frame.base is not None and {"x", "y", "z"} & set(frame.base.motions):
         allowed = "rx, ry and rz alone are allowed where a free luffing angle is stepped, as its pivot has to rest"
         raise InputError(source, "provenance.scene.frame.base", None, allowed)
-    once = scene.time.model_copy(update={"end": scene.time.step})
-    run = LuffingRun(scene.model_copy(update={"time": once}), system)
+    run = LuffingRun(scene.with_keys(time={"end": scene.time.step}), system)
     outputs = {LUFFING_ANGLE: "rad", f"rate of {LUFFING_ANGLE}": "rad/s"}
     if frame.cylinder is not None:
         shown = list(CYLINDER_COLUMNS.items())[: None if frame.cylinder.oil else 3]

@@ -171,8 +171,8 @@ def machine_of(
     paths = dict.fromkeys((*scene.names, *system.paths))
     ChangingRows(assembly, tuple(paths))  # refuses rows that are not on carriers
     boom, t = free_base.boom, excitation.times
-    assert scene.frame is not None and scene.frame.machine is not None  # of a scene with a machine
-    machine, count = scene.frame.machine, len(boom.masses)
+    machine, count = scene.present_frame.machine, len(boom.masses)
+    assert machine is not None  # of a scene with a machine
     columns = np.full((count, 4, 3), -1, np.int32)
     for at, column in free_base.fields.items():
         columns[at] = column
@@ -246,16 +246,15 @@ def base_motions(scene: Scene, t: Array) -> Array:
 
     In a held direction this is the motion of the machine, in another the motion of the ground below its springs.
     """
-    assert scene.frame is not None  # of a scene with a machine
-    still, motions = Constant(amount=0.0), {} if scene.frame.base is None else scene.frame.base.motions
+    still, base = Constant(amount=0.0), scene.present_frame.base
+    motions = {} if base is None else base.motions
     values = np.array([motion_of(motions.get(direction, still), t) for direction in DIRECTIONS])
     return np.ascontiguousarray(values.transpose(2, 1, 0)) * direction_units(scene)
 
 
 def direction_units(scene: Scene) -> Array:
     """Units (6,) of the six directions in m and rad: 1, or pi / 180 for angles in degrees."""
-    assert scene.frame is not None  # of a scene with a machine
-    return np.repeat([1.0, 1.0 if scene.frame.unit == "rad" else np.pi / 180.0], 3)
+    return np.repeat([1.0, 1.0 / scene.present_frame.radian], 3)
 
 
 #: For the equilibrium of a machine on its springs: most steps of Newton's method, increment in m and rad of numerical
@@ -288,11 +287,10 @@ class MachineRun:
         does not pitch; and `cylinder`, the fields of the kernel's machine about a luffing cylinder.  `reasons` are the
         messages for the kernel's error codes.  Raises InputError if the kernel does not support the system.
         """
-        frame = scene.frame
-        assert frame is not None and frame.machine is not None  # of a scene with a machine
+        machine = scene.present_frame.machine
+        assert machine is not None  # of a scene with a machine
         still = BaseMotion(**dict.fromkeys(DIRECTIONS, Constant(amount=0.0)))
-        resting = scene.model_copy(update={"frame": frame.model_copy(update={"base": still, "machine": None})})
-        resting = resting if luffing is None else luffing
+        resting = luffing or scene.with_keys(frame={"base": still, "machine": None})
         if system.hoist:
             system = replace(system, hoist=system.hoist.in_frame(resting))
         self.form = SystemForm.of(system)
@@ -306,14 +304,12 @@ class MachineRun:
         #: fields of the kernel's machine
         self.machine = machine_of(scene, system, moving, self._excitation, modes, level) | dict(cylinder or {})
         self._given, self._first = base_motions(scene, np.zeros(1))[0], self.machine["motions"][0].copy()
-        self._free, self._sprung = np.isin(DIRECTIONS, frame.machine.free), self.machine["stiffness"] > 0.0
-        begun = [[getattr(of, axis) for axis in DIRECTIONS] for of in (frame.machine.start, frame.machine.rate)]
+        self._free, self._sprung = np.isin(DIRECTIONS, machine.free), self.machine["stiffness"] > 0.0
+        begun = [[getattr(of, axis) for axis in DIRECTIONS] for of in (machine.start, machine.rate)]
         self._stated_start = np.array(begun) * direction_units(scene)  # (2, 6): motions in free directions, then rates
         self._inertial = [system.input_names[k] for k in self.machine["inertial"]] if self._free.any() else []
-        self.simulation, self._in_balance = (
-            MachineSimulation(state, self.machine, reasons),
-            scene.start == "equilibrium",
-        )
+        self.simulation = MachineSimulation(state, self.machine, reasons)
+        self._in_balance = scene.start == "equilibrium"
 
     def run(self) -> MachineMotion:
         """Take all steps and return the motion; a SimulationError names the time at which a step or the start fails."""

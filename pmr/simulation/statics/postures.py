@@ -74,8 +74,7 @@ class PostureSet:
 
         `distances` (P,) in m is the distance of each posture's point from the tail of the base section.
         """
-        assert scene.frame is not None
-        place = np.array(scene.frame.tail_position) + distances[:, None] * np.eye(3)[0]
+        place = np.array(scene.present_frame.tail_position) + distances[:, None] * np.eye(3)[0]
         return np.einsum("pij,pj->pi", boom_rotation(self.luffing, self.slewing), place)
 
 
@@ -86,15 +85,15 @@ def with_hook(scene: Scene, point: tuple[float, float, float] | None = None) -> 
     itself.  If the last section can bend sideways, `SIDEWAYS`, a load that is always zero, is added too.  The base
     keeps only its constant inclination, and the scene's `recovery` is removed.
     """
-    assert scene.frame is not None and scene.gravity is not None  # the caller has checked both
+    assert scene.gravity is not None  # the caller has checked it
     pull = Constant(amount=-scene.gravity.acceleration)
     hook = Load(name=HOOK, on="tip", point=point, direction="z", axes="ground", signal=pull)
     last, loads = scene.sections[-1], [hook]
     if "y" in motion_directions(members(scene)[-1]):
         loads.append(Load(name=SIDEWAYS, on="tip", point=point, direction="y", signal=Constant(amount=0.0)))
-    parts = (*scene.sections[:-1], last.model_copy(update={"loads": (*last.loads, *loads)}))
-    frame = scene.frame.model_copy(update={"base": constant_inclination(scene.frame.base)})
-    return scene.model_copy(update={"sections": parts, "frame": frame, "recovery": None})
+    parts = (*scene.sections[:-1], last.with_keys(loads=(*last.loads, *loads)))
+    base = constant_inclination(scene.present_frame.base)
+    return scene.with_keys(sections=parts, frame={"base": base}, recovery=None)
 
 
 def with_winds(scene: Scene, winds: Mapping[str, tuple[float, float]]) -> Scene:
@@ -392,9 +391,8 @@ def acceleration_loads(scene: Scene, system: System, postures: PostureSet, angle
 
 def _vertical_directions(still: Scene, postures: PostureSet) -> Array:
     """Vertical unit vectors (P, 3) in the axes of the boom in P postures, for a scene `still` of `scene_at_rest`."""
-    assert still.frame is not None
     numbers = np.arange(postures.count, dtype=float)
-    return FrameRotation.from_signals(*still.frame.angles, numbers, still.frame.base_angles).up
+    return FrameRotation.from_signals(*still.present_frame.angles, numbers, still.present_frame.base_angles).up
 
 
 #: Most points along each section with outputs of the deflection.

@@ -131,11 +131,10 @@ class Study(StudyBase):
             limit.check(scene)
         if len(rows) * size > MOST_POINTS:
             raise InputError("study", "extensions", len(rows), f"at most {MOST_POINTS} points are allowed in all")
-        assert scene.frame is not None  # as `_scene` says
         for key, angles in (("luffing", self._luffing_angles), ("slewing", self.slewing)):
-            scene.frame.refuse_without_unit(key, angles, "study")
-        unit = np.pi / 180.0 if scene.frame.unit == "degrees" else 1.0
-        points = [(row, a * unit, b * unit) for row, a, b in self._chart_points]
+            scene.present_frame.refuse_without_unit(key, angles, "study")
+        unit = scene.present_frame.radian
+        points = [(row, a / unit, b / unit) for row, a, b in self._chart_points]
         held = {name: float(path.value(0.0)) for name, path in scene.paths.items() if name not in scene.names}
         at = {
             "extensions": {name: [(held | row)[name] for row, *_ in points] for name in scene.paths},
@@ -367,8 +366,7 @@ class Study(StudyBase):
 
         Raises InputError if no section can have it, and for wind from the side on a planar boom.
         """
-        frame, winds = scene.frame, dict[str, tuple[str, Wind]]()
-        assert frame is not None
+        frame, winds = scene.present_frame, dict[str, tuple[str, Wind]]()
         for k, case in enumerate(self.cases):
             if case.wind is not None and not case.wind.on:
                 key = f"cases[{k}].wind"
