@@ -16,7 +16,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import exudyn as exu
 import numpy as np
@@ -236,8 +236,12 @@ def driving_value(driving: Driving, mbs: exu.MainSystem, t: float) -> float:
     return float(driving.value(t) if hasattr(driving, "value") else driving(mbs, t))
 
 
-#: Index of the side positions, the same as long as the positions are, loads in N (or N m), and amplitudes of terms.
-State = tuple[int, tuple[float, ...], tuple[float, ...]]
+class InputValues(NamedTuple):
+    """Values of all inputs at a time."""
+
+    number: int  # index of the side positions, the same as long as the positions are
+    loads: Array  # (i,) N or N m: one for each input
+    amplitudes: Array  # (k,): one for each term
 
 
 class Inputs(ABC):
@@ -247,8 +251,8 @@ class Inputs(ABC):
     """
 
     @abstractmethod
-    def state(self, t: float) -> State:
-        """Return three things at t s: index of the side positions, loads, and amplitudes of terms."""
+    def at(self, t: float) -> InputValues:
+        """Return the index of the side positions, the loads and the amplitudes of terms at t s."""
 
     @abstractmethod
     def begin(self, t: float) -> None:
@@ -257,18 +261,6 @@ class Inputs(ABC):
     @abstractmethod
     def positions(self, t: float) -> Array:
         """Side positions x (1, sides) in m at t s."""
-
-    def number(self, t: float) -> int:
-        """Index of the side positions at t s."""
-        return self.state(t)[0]
-
-    def loads(self, t: float) -> tuple[float, ...]:
-        """Loads at t s in N (or N m), one for each input."""
-        return self.state(t)[1]
-
-    def amplitudes(self, t: float) -> tuple[float, ...]:
-        """Amplitudes at t s, one for each term."""
-        return self.state(t)[2]
 
     def function_of_time(self, evaluate: PositionFunction) -> Callable[[float], Array]:
         """Function of t in s that returns the first entry of ``evaluate(x)``, with the side positions x at t.
@@ -280,7 +272,7 @@ class Inputs(ABC):
         def value(t: float) -> Array:
             """First entry of the result of `evaluate` at t s, computed anew only if the sides have moved."""
             nonlocal number, stored
-            if (k := self.number(t)) != number:
+            if (k := self.at(t).number) != number:
                 number, stored = k, evaluate(self.positions(t))[0]
             return stored
 
@@ -323,7 +315,7 @@ class SignalInputs(Inputs):
 
         Raises InputError if a path leaves a row.
         """
-        self.number(t)
+        self.at(t)
         if not self._moving:
             return self._x
         return self._equations.side_positions_on(
@@ -338,18 +330,19 @@ class SignalInputs(Inputs):
         self.s = {name: driving_value(path, self._mbs, t) for name, path in self._paths.items()}  # m
         before, self._t, self._x = self._x, t, self._equations.side_positions_on(self.s)
         self._k += int(not np.array_equal(before, self._x))
-        self._f = tuple(driving_value(load, self._mbs, t) for load in self._loads)
-        self._c = tuple(driving_value(term, self._mbs, t) for term in self._terms)
+        self._f, self._c = (
+            np.array([driving_value(driving, self._mbs, t) for driving in each]) for each in (self._loads, self._terms)
+        )
 
-    def state(self, t: float) -> State:
+    def at(self, t: float) -> InputValues:
         """Return index of the side positions, loads, and amplitudes at t s; evaluate them if t is not the last time."""
         if t != self._t:
             self.begin(t)
-        return self._k, self._f, self._c
+        return InputValues(self._k, self._f, self._c)
 
     def paths(self, t: float) -> dict[str, float]:
         """Coordinate in m of each path at the time t in s, by the path's name."""
-        self.number(t)
+        self.at(t)
         return self.s
 
 
@@ -370,17 +363,16 @@ class TabulatedInputs(Inputs):
         self.c = fine.amplitudes(equations.system.term_names)[numbers]
         changes = np.append(True, np.any(self.x[1:] != self.x[:-1], axis=1))
         at = (np.cumsum(changes) - 1).tolist()
-        loads, terms = map(tuple, self.f.tolist()), map(tuple, self.c.tolist())
         self._places, self._step = self.x[changes], stepping.step
-        self._states = dict(zip(numbers.tolist(), zip(at, loads, terms, strict=True), strict=True))
+        self._values = dict(zip(numbers.tolist(), map(InputValues, at, self.f, self.c), strict=True))
 
     def begin(self, t: float) -> None:
         """Do nothing, as all values are known."""
 
-    def state(self, t: float) -> State:
+    def at(self, t: float) -> InputValues:
         """Return index of the side positions, loads, and amplitudes at t s, the end of a part of a step."""
-        return self._states[round(t / self._step)]
+        return self._values[round(t / self._step)]
 
     def positions(self, t: float) -> Array:
         """Side positions x (1, sides) in m at t s, the end of a part of a step."""
-        return np.asarray(self._places[[self.number(t)]])
+        return np.asarray(self._places[[self.at(t).number]])

@@ -36,16 +36,10 @@ from functools import partial
 from typing import NamedTuple
 
 import exudyn as exu
+import exudyn.itemInterface as eii
+import exudyn.rigidBodyUtilities as erb
 import numpy as np
 import scipy.linalg
-from exudyn.itemInterface import MarkerObjectODE2Coordinates, ObjectGenericODE2
-from exudyn.rigidBodyUtilities import (
-    EulerParameters2GLocal,
-    EulerParameters2RotationMatrix,
-    RotXYZ2GLocal,
-    RotXYZ2GLocal_t,
-    RotXYZ2RotationMatrix,
-)
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array
@@ -67,13 +61,13 @@ from pmr.system.system import System
 def add_extended(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
     """Add nodes and items of the bodies in the states `start`, without contacts; these are added with the base."""
     steps = Steps(held=bool(Contacts(equations, inputs).rigid.any()))
-    jacobian, force = zero_jacobian(equations, steps), equations.B @ np.array(inputs.loads(0.0))
+    jacobian, force = zero_jacobian(equations, steps), equations.B @ inputs.at(0.0).loads
     items = add_bodies(mbs, equations, inputs, start, forceVector=force, jacobianUserFunction=jacobian)
 
     def update(mbs: exu.MainSystem, t: float) -> bool:
         """Pre-step function: set the force vector to the loads at t."""
         inputs.begin(t)
-        mbs.SetObjectParameter(items.oSystem, "forceVector", equations.B @ np.array(inputs.loads(t)))
+        mbs.SetObjectParameter(items.oSystem, "forceVector", equations.B @ inputs.at(t).loads)
         return True
 
     return steps.attach_update(mbs, items, update)
@@ -185,9 +179,11 @@ class Rotations:
 
 
 ROTATIONS = {
-    "RigidBodyEP": Rotations(EulerParameters2RotationMatrix, EulerParameters2GLocal, lambda angles, rates: np.zeros(3)),
+    "RigidBodyEP": Rotations(
+        erb.EulerParameters2RotationMatrix, erb.EulerParameters2GLocal, lambda angles, rates: np.zeros(3)
+    ),
     "RigidBodyRxyz": Rotations(
-        RotXYZ2RotationMatrix, RotXYZ2GLocal, lambda angles, rates: RotXYZ2GLocal_t(angles, rates) @ rates
+        erb.RotXYZ2RotationMatrix, erb.RotXYZ2GLocal, lambda angles, rates: erb.RotXYZ2GLocal_t(angles, rates) @ rates
     ),
 }
 
@@ -384,12 +380,12 @@ def with_base(mbs: exu.MainSystem, items: SystemItems, base: Base, inputs: Input
         x, rate = np.array(q), np.array(q_t)
         arguments = (t, x.tobytes(), rate.tobytes())
         if arguments != evaluated_at:  # Exudyn calls for mass and forces one after the other
-            evaluated_at, evaluated = arguments, base.added_equations(t, x, rate, np.array(inputs.loads(t)))
+            evaluated_at, evaluated = arguments, base.added_equations(t, x, rate, inputs.at(t).loads)
         return evaluated
 
     name = items.component_name(mbs, "Base")
     oBase = mbs.AddObject(
-        ObjectGenericODE2(
+        eii.ObjectGenericODE2(
             name=name,
             nodeNumbers=nodes,
             massMatrix=np.zeros((count, count)),
@@ -426,7 +422,7 @@ def _with_rows(mbs: exu.MainSystem, items: SystemItems, base: Base, extending: E
         return np.hstack([np.zeros((len(derivative), k)), derivative[:, :n], derivative[:, n:] @ base.paths.along])
 
     name = items.component_name(mbs, "Extended")
-    marker = mbs.AddMarker(MarkerObjectODE2Coordinates(name=name, objectNumber=items.oBase))
+    marker = mbs.AddMarker(eii.MarkerObjectODE2Coordinates(name=name, objectNumber=items.oBase))
     connected = with_contacts(
         mbs,
         replace(items, mSystem=marker),

@@ -15,24 +15,14 @@ too, at the position of the hook, so that momentum is conserved.  Coordinates w 
 energy, the derivative of the constraint by s results in the force :math:`f^T E_h' f / 2` along the path.
 """
 
-# ruff: noqa: N815 - items are numbered as Exudyn users do
-
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import exudyn as exu
+import exudyn.itemInterface as eii
 import numpy as np
-from exudyn.itemInterface import (
-    LoadForceVector,
-    MarkerNodePosition,
-    MarkerObjectODE2Coordinates,
-    NodePoint,
-    ObjectConnectorCoordinateVector,
-    ObjectGenericODE2,
-    ObjectMassPoint,
-)
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array
@@ -92,10 +82,10 @@ def add_hook(mbs: exu.MainSystem, items: SystemItems, loads: tuple[str, str, str
     joint = _Joint(base, items, loads, start)
     place, velocity = joint.start(start, rates)
     name = items.component_name(mbs, f" {loads[2]}")
-    node = mbs.AddNode(NodePoint(name=name, referenceCoordinates=place, initialVelocities=velocity))
+    node = mbs.AddNode(eii.NodePoint(name=name, referenceCoordinates=place, initialVelocities=velocity))
     nForce = add_coordinates(mbs, f"{name} force", InitialState.at_rest(3))
     oGiven = mbs.AddObject(
-        ObjectGenericODE2(
+        eii.ObjectGenericODE2(
             name=f"{name} gives",
             nodeNumbers=[nForce, node, *nodes],
             massMatrix=joint.mass,
@@ -106,18 +96,18 @@ def add_hook(mbs: exu.MainSystem, items: SystemItems, loads: tuple[str, str, str
         )
     )
     oJoint = mbs.AddObject(
-        ObjectConnectorCoordinateVector(
+        eii.ObjectConnectorCoordinateVector(
             name=name,
-            markerNumbers=[items.mGround, mbs.AddMarker(MarkerObjectODE2Coordinates(objectNumber=oGiven))],
+            markerNumbers=[items.mGround, mbs.AddMarker(eii.MarkerObjectODE2Coordinates(objectNumber=oGiven))],
             scalingMarker0=np.zeros((3, 1)),  # its number of rows is that of the constraint
             constraintUserFunction=lambda mbs, t, item, q, q_t, velocity: joint.gap(t, np.array(q)),
             jacobianUserFunction=lambda mbs, t, item, q, q_t, velocity: joint.gap_derivative(t, np.array(q)),
         )
     )
-    oHook = mbs.AddObject(ObjectMassPoint(name=f"{name} mass", mass=mass, nodeNumber=node))
-    mHook = mbs.AddMarker(MarkerNodePosition(name=name, nodeNumber=node))
+    oHook = mbs.AddObject(eii.ObjectMassPoint(name=f"{name} mass", mass=mass, nodeNumber=node))
+    mHook = mbs.AddMarker(eii.MarkerNodePosition(name=name, nodeNumber=node))
     mbs.AddLoad(
-        LoadForceVector(
+        eii.LoadForceVector(
             name=f"{name} weight",
             markerNumber=mHook,
             loadVector=[0.0, 0.0, -mass * base.weight(0.0)],
@@ -202,7 +192,7 @@ class _Joint:
             bent += Gq / l
             if k is not None:
                 by[k] -= q @ Gq / l**2 / 2.0
-        loads = self._base.boom.weight(self._base.weight(t) * R[2], len(answers.E)) + np.array(self._inputs.loads(t))
+        loads = self._base.boom.weight(self._base.weight(t) * R[2], len(answers.E)) + self._inputs.at(t).loads
         carried = np.arange(len(s)) <= self._section
         at = self._base.boom.boom.place + e * (s @ carried - bent @ q / 2.0) + self._r + rows @ q
         sliding = (answers.B_slope[:, :, self._on].transpose(0, 2, 1) @ q + answers.E_slope[:, self._on] @ loads).T

@@ -22,25 +22,14 @@ for these coordinates, so that Exudyn can solve for the initial accelerations of
 
 from __future__ import annotations
 
-# ruff: noqa: N815 - items are numbered as Exudyn users do: nodes n..., objects o..., markers m...
-# ruff: noqa: N815 - items are numbered as Exudyn users do: nodes n..., objects o..., markers m...
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import exudyn as exu
+import exudyn.itemInterface as eii
 import numpy as np
 import scipy.sparse as sp
-from exudyn.itemInterface import (
-    MarkerNodeCoordinates,
-    MarkerObjectODE2Coordinates,
-    NodeGenericODE2,
-    NodePointGround,
-    ObjectConnectorCoordinateVector,
-    ObjectGenericODE2,
-    SensorNode,
-    SensorObject,
-)
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array, Indices
@@ -108,7 +97,7 @@ class SystemItems:
         nothing = {"massMatrix": empty, "jacobianUserFunction": lambda *arguments: empty}
         nodes = list(self.nBodies.values())
         return mbs.AddObject(
-            ObjectGenericODE2(name=self.component_name(mbs, part), nodeNumbers=nodes, **(nothing | parameters))
+            eii.ObjectGenericODE2(name=self.component_name(mbs, part), nodeNumbers=nodes, **(nothing | parameters))
         )
 
     def updated_by(self, mbs: exu.MainSystem, function: PreStep) -> SystemItems:
@@ -179,18 +168,20 @@ def add_bodies(
     of_bodies = {"massMatrix": equations.M, "stiffnessMatrix": equations.K if K is None else K}
     of_bodies |= {"dampingMatrix": equations.D} if equations.assembly.D.count_nonzero() else {}
     matrices = {key: equations.matrix(A) for key, A in of_bodies.items()}
-    oSystem = mbs.AddObject(ObjectGenericODE2(name=name, nodeNumbers=list(nodes.values()), **matrices, **parameters))
-    ground = mbs.AddNode(NodePointGround(name=f"{name}Ground"))
+    oSystem = mbs.AddObject(
+        eii.ObjectGenericODE2(name=name, nodeNumbers=list(nodes.values()), **matrices, **parameters)
+    )
+    ground = mbs.AddNode(eii.NodePointGround(name=f"{name}Ground"))
     return SystemItems(
         nBodies=nodes,
         mBodies={
-            body: mbs.AddMarker(MarkerNodeCoordinates(name=called[body], nodeNumber=node))
+            body: mbs.AddMarker(eii.MarkerNodeCoordinates(name=called[body], nodeNumber=node))
             for body, node in nodes.items()
         },
         oSystem=oSystem,
-        mSystem=mbs.AddMarker(MarkerObjectODE2Coordinates(name=f"{name}All", objectNumber=oSystem)),
+        mSystem=mbs.AddMarker(eii.MarkerObjectODE2Coordinates(name=f"{name}All", objectNumber=oSystem)),
         parts=SystemParts(equations, inputs),
-        mGround=mbs.AddMarker(MarkerNodeCoordinates(name=f"{name}Ground", nodeNumber=ground)),
+        mGround=mbs.AddMarker(eii.MarkerNodeCoordinates(name=f"{name}Ground", nodeNumber=ground)),
     )
 
 
@@ -198,7 +189,7 @@ def add_coordinates(mbs: exu.MainSystem, name: str, start: InitialState) -> exu.
     """Add a NodeGenericODE2 called `name` with the initial coordinates and rates of `start`, and return its number."""
     size = len(start.q)
     return mbs.AddNode(
-        NodeGenericODE2(
+        eii.NodeGenericODE2(
             name=name,
             referenceCoordinates=np.zeros(size),
             initialCoordinates=start.q,
@@ -220,7 +211,7 @@ def with_contacts(
         return items
     name = items.component_name(mbs, "Contacts")
     markers = [items.mGround if mOther is None else mOther, items.mSystem]
-    connector = ObjectConnectorCoordinateVector(name=name, markerNumbers=markers, **parameters)
+    connector = eii.ObjectConnectorCoordinateVector(name=name, markerNumbers=markers, **parameters)
     return replace(items, oContacts=mbs.AddObject(connector), contacts=tuple(contacts.tolist()))
 
 
@@ -274,9 +265,9 @@ def with_terms(mbs: exu.MainSystem, items: SystemItems, equations: Equations, in
     """Add the object of the system's terms and return the items with it, or the items unchanged without terms."""
     if not equations.system.terms:
         return items
-    assembly, amplitudes_set = equations.assembly, inputs.amplitudes(0.0)
+    assembly, amplitudes_set = equations.assembly, inputs.at(0.0).amplitudes
 
-    def matrices(c: tuple[float, ...]) -> dict[str, Any]:
+    def matrices(c: Array) -> dict[str, Any]:
         """Stiffness and damping that terms of amplitudes c (k,) add, as parameters of ObjectGenericODE2.
 
         The keys are ``stiffnessMatrix`` and ``dampingMatrix``.
@@ -292,8 +283,8 @@ def with_terms(mbs: exu.MainSystem, items: SystemItems, equations: Equations, in
     def vary(mbs: exu.MainSystem, t: float) -> bool:
         """Pre-step function: set the matrices to the amplitudes at the time t, if these have changed."""
         nonlocal amplitudes_set
-        amplitudes = inputs.amplitudes(t)
-        if amplitudes != amplitudes_set:
+        amplitudes = inputs.at(t).amplitudes
+        if not np.array_equal(amplitudes, amplitudes_set):
             amplitudes_set = amplitudes
             for key, value in matrices(amplitudes).items():
                 mbs.SetObjectParameter(oTerms, key, value)
@@ -359,10 +350,12 @@ def add_node_sensors(
     mbs: exu.MainSystem, nodes: Iterable[exu.NodeIndex], kind: exu.OutputVariableType
 ) -> list[exu.SensorIndex]:
     """Add sensors that store an output variable `kind` of nodes at every step; return their numbers."""
-    return [mbs.AddSensor(SensorNode(nodeNumber=node, outputVariableType=kind, storeInternal=True)) for node in nodes]
+    return [
+        mbs.AddSensor(eii.SensorNode(nodeNumber=node, outputVariableType=kind, storeInternal=True)) for node in nodes
+    ]
 
 
 def add_force_sensor(mbs: exu.MainSystem, connector: exu.ObjectIndex) -> exu.SensorIndex:
     """Add a sensor that stores a connector's force at every step; return its number."""
     kind = exu.OutputVariableType.Force
-    return mbs.AddSensor(SensorObject(objectNumber=connector, outputVariableType=kind, storeInternal=True))
+    return mbs.AddSensor(eii.SensorObject(objectNumber=connector, outputVariableType=kind, storeInternal=True))

@@ -5,8 +5,6 @@ contacts.  In Exudyn's renderer a boom that bends is drawn as a tube for each se
 boom, with the section's profile at each point where the scene observes it; between two of these it changes linearly.
 """
 
-# ruff: noqa: N815 - items are numbered as Exudyn users do: nodes n..., objects o..., markers m...
-
 from __future__ import annotations
 
 import logging
@@ -19,9 +17,9 @@ from io import StringIO
 from typing import NamedTuple
 
 import exudyn as exu
+import exudyn.itemInterface as eii
 import numpy as np
 from exudyn import graphics
-from exudyn.itemInterface import ObjectGround, SensorUserFunction, VObjectGround
 
 from pmr.errors import InputError, SimulationError
 from pmr.files.arrays import Array, Indices
@@ -244,7 +242,7 @@ class SystemObserver:
 
     def _acting_loads(self, t: float) -> Array:
         """Loads (i,) at t s, with the inertia of the boom by the motion of its base."""
-        loads, base = np.array(self._items.parts.inputs.loads(t)), self._items.parts.base
+        loads, base = self._items.parts.inputs.at(t).loads, self._items.parts.base
         return loads if base is None else loads + base.inertia(self._mbs, t)
 
     def _contact_state(self, t: float, q: Array) -> ContactState:
@@ -273,7 +271,9 @@ def add_sensors(mbs: exu.MainSystem, items: SystemItems) -> SystemSensors:
         lambda mbs, t, sensors, factors, configuration: watched.forces(t, configuration),
     )
     added = [
-        mbs.AddSensor(SensorUserFunction(sensorNumbers=[], factors=[], sensorUserFunction=function, storeInternal=True))
+        mbs.AddSensor(
+            eii.SensorUserFunction(sensorNumbers=[], factors=[], sensorUserFunction=function, storeInternal=True)
+        )
         for function in functions
     ]
     return SystemSensors(added[0], equations.system.output_names, added[1], equations.system.contact_names)
@@ -303,9 +303,9 @@ def add_drawing(mbs: exu.MainSystem, items: SystemItems, scene: Scene, scale: fl
     Raises InputError if a section is observed at less than two points along it.
     """
     drawn = BoomDrawing(mbs, items, scene, scale)
-    looks = VObjectGround(graphicsDataUserFunction=lambda mbs, item: drawn.graphics())
+    looks = eii.VObjectGround(graphicsDataUserFunction=lambda mbs, item: drawn.graphics())
     name = items.component_name(mbs, "Drawing")
-    return mbs.AddObject(ObjectGround(name=name, visualization=looks))
+    return mbs.AddObject(eii.ObjectGround(name=name, visualization=looks))
 
 
 class Posture(NamedTuple):
