@@ -101,12 +101,10 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
     that fit the nodes are taken.  Raises InputError if a file is missing, of another kind or incomplete, or if the
     files do not fit each other.
     """
-    K, M = (
-        read_by_suffix(
-            files.stiffness, _MATRICES | _nastran_readers("K", files.stiffness_name, files.damping is not None)
-        ),
-        read_by_suffix(files.mass, _MATRICES | _nastran_readers("M", files.mass_name)),
+    K = read_by_suffix(
+        files.stiffness, _MATRICES | _nastran_readers("K", files.stiffness_name, files.damping is not None)
     )
+    M = read_by_suffix(files.mass, _MATRICES | _nastran_readers("M", files.mass_name))
     pairs, nodes = read_by_suffix(files.dofs, _DOFS), read_by_suffix(files.nodes, NODE_READERS)
     for file in (files.stiffness, files.mass):  # files whose entries name their nodes and directions
         if _is_labelled(file) and not np.array_equal(read_by_suffix(file, _DOFS), pairs):

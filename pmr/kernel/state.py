@@ -250,11 +250,9 @@ class State:
             allowed = f"(steps {per} + 1, {self.kernel.drivers}) is allowed"
             raise InputError("state", "u", u.shape, allowed)
         _check_room(record, first, steps // every, self.settings.parts[-1])
-        taken, needed, schedule = (
-            ffi.new("int64_t *"),
-            ffi.new("int *"),
-            pointer(_ensure_integers("parts", parts, steps)),
-        )
+        taken = ffi.new("int64_t *")
+        needed = ffi.new("int *")
+        schedule = pointer(_ensure_integers("parts", parts, steps))
         failed = lib.pmr_advance_sampled(
             self._state, pointer(u), per, steps, every, schedule, record.at(first), taken, needed
         )

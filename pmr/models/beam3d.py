@@ -224,10 +224,8 @@ class Beam3D(Beam):
         Each of the three has components along x and the principal axes; a component without inertia is None.
         """
         v, w = self._deflections(mesh, field)
-        phi, (turn_v, turn_w) = (
-            field[1],
-            (None if deflection.shear is None else -deflection.rotation for deflection in (v, w)),
-        )
+        phi = field[1]
+        (turn_v, turn_w) = (None if deflection.shear is None else -deflection.rotation for deflection in (v, w))
         return (
             (field[0], *self._centroid_deflections(mesh, v.value, w.value, phi)),
             (turn_v, None, phi),

@@ -110,10 +110,8 @@ def frame_shots(shots: Sequence[Shot], width: int, margin: float = 0.12) -> list
     """
     axes = shots[0].view
     projected = [np.concatenate([piece.points for piece in shot.pieces]) @ axes.T for shot in shots]
-    low, high = (
-        np.min([s.min(axis=0) for s in projected], axis=0) - margin,
-        np.max([s.max(axis=0) for s in projected], axis=0) + margin,
-    )
+    low = np.min([s.min(axis=0) for s in projected], axis=0) - margin
+    high = np.max([s.max(axis=0) for s in projected], axis=0) + margin
     metre = width / float(high[0] - low[0])  # px per m
     framed_shots = []
     for shot, points in zip(shots, projected, strict=True):

@@ -208,11 +208,9 @@ def accelerations(boom: Boom, motion: FrameMotion, extended: Extensions, driven:
     and the second rates of the paths.
     """
     y, spin, S = np.empty((len(boom.masses), 4, 3)), skew(motion.omega), len(boom.masses)
-    gradient, rates, seconds = (
-        spin @ spin + skew(driven[3:6]),
-        np.cumsum(extended.rate[:S]),
-        np.cumsum(driven[6 : 6 + S]),
-    )
+    gradient = spin @ spin + skew(driven[3:6])
+    rates = np.cumsum(extended.rate[:S])
+    seconds = np.cumsum(driven[6 : 6 + S])
     y[:, 0] = motion.weight + driven[:3] + boom.tails(extended) @ gradient.T
     y[:, 0] += 2.0 * np.outer(rates, spin[:, 0]) + np.outer(seconds, np.eye(3)[0])
     y[:, 1:] = gradient.T

@@ -147,10 +147,8 @@ def read(path: Path) -> StoredSystem | ReducedModel:
         raise InputError(str(path), "", None, f"not a system written by pmr ({error})") from None
     if wrong:
         raise InputError(str(path), "", None, f"not a sound system: {wrong}")
-    bodies, modal = (
-        dict(zip(file_header.bodies, models, strict=True)),
-        dict(zip(file_header.on_modes, on_modes, strict=True)),
-    )
+    bodies = dict(zip(file_header.bodies, models, strict=True))
+    modal = dict(zip(file_header.on_modes, on_modes, strict=True))
     return StoredSystem(bodies, file_header.contacts, terms, file_header.provenance, modal)
 
 

@@ -327,10 +327,8 @@ def deformation(
         points = [side.place for side in system.sides if side.place.body == name]
         if body.flexibility is None:
             return None
-        rows, moving = (
-            [body.row_names.index(place.row) for place in points],
-            [place.path is not None for place in points],
-        )
+        rows = [body.row_names.index(place.row) for place in points]
+        moving = [place.path is not None for place in points]
         X = select_rows(select_columns(body.flexibility.outputs, rows), chosen)
         s = x[:, moving.index(True)] if any(moving) else np.full(len(x), body.domain[0])
         return np.asarray(loads @ body.flexibility.direct[chosen].T - apply_table(X, s, multipliers))

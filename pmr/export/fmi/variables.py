@@ -337,10 +337,8 @@ def _inputs_and_parameters(drivers: Drivers, names: Identifiers, start: Array) -
         suffixes = ("", "_rate", "_rate_2", "_rate_3")[: 2 if driver.role is PARAMETER else ORDERS]
         orders += [(k, replace(driver, name=names(driver.name + suffix))) for k, suffix in enumerate(suffixes)]
     for order, driver in sorted(orders, key=lambda each: (each[0], each[1].reference)):
-        at, what = (
-            order * drivers.count + driver.reference,
-            ("", "rate of ", "second rate of ", "third rate of ")[order],
-        )
+        at = order * drivers.count + driver.reference
+        what = ("", "rate of ", "second rate of ", "third rate of ")[order]
         unit, within = rate_unit(driver.unit, order), None if order else driver.within
         what += driver.description
         yield replace(driver, reference=at, description=what, unit=unit, start=float(start[at]), within=within)

@@ -67,10 +67,8 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     if not np.isfinite(least).any():  # the picture and the table of loads would be empty
         return chapter
     error = np.where(which >= 0, np.take_along_axis(table.error, np.maximum(which, 0)[..., None], 2)[..., 0], np.nan)
-    shown_names, not_covered = (
-        [*names[:-1], STABILITY_WORDS],
-        errors_not_covered(np.concatenate([part["not_covered"] for part in parts])),
-    )
+    shown_names = [*names[:-1], STABILITY_WORDS]
+    not_covered = errors_not_covered(np.concatenate([part["not_covered"] for part in parts]))
     rows = [run.parameters for run in study.results.runs]
     extensions = [" + ".join(f"{float(out or 0.0):.4g}" for out in rows[row].values()) for row in table.order]
     chart = LoadChart(table.place, least, which, shown_names, up_to, extensions)

@@ -236,10 +236,8 @@ class Drivers:
         If the rate of a driver is given at both ends, both are taken as they are; otherwise both are the mean rate of
         the step.
         """
-        smooth, mean = (
-            np.minimum(self.rows, self._begun_rows) >= 2,
-            (self.motions[0] - self._begun_motions[0]) / self._step,
-        )
+        smooth = np.minimum(self.rows, self._begun_rows) >= 2
+        mean = (self.motions[0] - self._begun_motions[0]) / self._step
         rates[0], rates[1] = np.where(smooth, self._begun_motions[1], mean), np.where(smooth, self.motions[1], mean)
 
     def end_step(self) -> None:

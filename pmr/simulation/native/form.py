@@ -161,10 +161,8 @@ def driver_signals(form: SystemForm, excitation: Excitation) -> list[SignalBase]
         paths = [next(iter(excitation.paths.values()), standing)][: kernel.paths]
     else:
         paths = [excitation.paths[name] for name in kernel.names("drivers")[: kernel.paths]]
-    loads, terms = (
-        signals_in_order(excitation.loads, system.input_names),
-        signals_in_order(excitation.terms, system.term_names, "term"),
-    )
+    loads = signals_in_order(excitation.loads, system.input_names)
+    terms = signals_in_order(excitation.terms, system.term_names, "term")
     hoist = signals_in_order(excitation.hoist, system.hoist.drivers, "hoist")
     return [*paths, *loads, *terms, *hoist]
 
