@@ -134,20 +134,23 @@ def _share_of_ground(limit: Limit, at: PostureMatrices, k: int, amounts: Sequenc
     """Return the function from p states to the used shares (p,) of a limit on forces of outriggers or on tipping.
 
     Forces on the ground are those of runs (`pmr.simulation.reactions`), at the k-th posture of `at`, where the
-    components ``at.loads`` act by `amounts` (w,), one for each.
+    components ``at.loads`` act by `amounts` (w,), one for each.  Where the machine tips, outriggers do not hold it,
+    and shares of limits on these are infinite.
     """
     at_rest = limit.stand_in(at)
-    measure = limit.measure(at_rest.columns)
+    measure, use = limit.measure(at_rest.columns), at_rest.columns.numbers_of_kind("tipping")
     turned = boom_rotation(at.place.luffing[k : k + 1], at.place.slewing[k : k + 1])[0]
     rows = np.kron(np.eye(2), turned) @ pivot_rows(at)
     resting = amounts[at.loads.names.index(MACHINE_WEIGHT)] * at_rest.weight[k]
 
     def share(states: LoadedStates) -> Array:
         """Used shares (p,) in p states."""
-        value, allowed = measure(at_rest.stand.columns(states.outputs @ rows.T + resting)), limit.allowed_amount
-        if limit.least is None:
+        on_ground, allowed = at_rest.stand.columns(states.outputs @ rows.T + resting), limit.allowed_amount
+        value = measure(on_ground)
+        if limit.of == "tipping":
             return np.asarray(limit.factor / allowed * value)
-        return np.array([_ratio(allowed, smallest) for smallest in value.tolist()])
+        used = limit.factor / allowed * value if limit.least is None else [_ratio(allowed, least) for least in value]
+        return np.where(np.any(on_ground[:, use] > 1.0, axis=1), np.inf, used)
 
     return share
 

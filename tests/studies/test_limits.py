@@ -335,19 +335,30 @@ def test_a_machine_tips_about_its_edge(raised: PostureMatrices, level: PostureMa
         assert np.isnan(loads(limits, raised, 2)[0])
 
 
+def on_legs() -> PostureMatrices:
+    """The level cantilever on a machine with four legs."""
+    scene, legs = cantilever(7850.0, 20), [{"name": f"leg {k}", "at": at} for k, at in enumerate(POLYGON)]
+    ground = Ground.model_validate({"masses": [mass.model_dump() for mass in MACHINE], "outriggers": legs})
+    return at_rest(scene.with_keys(frame=scene.frame.with_keys(ground=ground)), [0.0])
+
+
+def test_forces_of_outriggers_allow_no_load_under_which_the_machine_tips() -> None:
+    """Moments about x = 2 m; the force of a leg is not reached before."""
+    limits = [Limit(name="strong", of="outrigger", most=1e6), Limit(name="tips", of="tipping", most=1.0)]
+    held = 3000.0 * 2.5 + 500.0 * 4.0 - 7850.0 * A * L * (L / 2.0 - 2.0)
+    assert loads(limits, on_legs())[:2] == pytest.approx([held / (L - 2.0)] * 2, rel=1e-6)
+
+
 @pytest.mark.parametrize(("boom", "machine"), [(1.3, 1.0), (1.0, 0.9), (1.1, 0.8)])
 def test_weights_of_boom_and_machine_have_factors_of_their_own(boom: float, machine: float) -> None:
     """Moments about the edges in front and behind give the forces on four legs; the machine's weight holds it down."""
-    scene, legs = cantilever(7850.0, 20), [{"name": f"leg {k}", "at": at} for k, at in enumerate(POLYGON)]
-    ground = Ground.model_validate({"masses": [mass.model_dump() for mass in MACHINE], "outriggers": legs})
-    at = at_rest(scene.with_keys(frame=scene.frame.with_keys(ground=ground)), [0.0])
     limits = [
         Limit(name="own", of="overturning", factor=1.25, polygon=POLYGON, machine=MACHINE),
         Limit(name="over", of="overturning", factor=1.25),
         Limit(name="front", of="outrigger", most=16e3),
         Limit(name="behind", of="lift-off", least=4e3),
     ]
-    own, over, front, behind, _ = loads(limits, at, **{WEIGHT: boom, MACHINE_WEIGHT: machine})
+    own, over, front, behind, _ = loads(limits, on_legs(), **{WEIGHT: boom, MACHINE_WEIGHT: machine})
     beam, masses = boom * 7850.0 * A * L, machine * np.array([part.mass for part in MACHINE])
     held = masses @ [2.5, 4.0] - beam * (L / 2.0 - 2.0)  # in kg m about x = 2 m
     assert [own, over] == pytest.approx([held / (L - 2.0) / 1.25] * 2, rel=1e-6)
