@@ -216,7 +216,7 @@ def stress_history(
 
 
 def peaks_by_region(rows: StressRows, grid: Grid, most: Array, when: Array) -> dict[str, StressPeak]:
-    """Return the stress peak in each region of a grid, by the region's name.
+    """Return the stress peak in each region of a grid that has points of `rows`, by the region's name.
 
     `most` (P,) in Pa is the largest stress over time at each of P points of `rows`, and `when` (P,) in s the time at
     which it occurs.
@@ -224,6 +224,8 @@ def peaks_by_region(rows: StressRows, grid: Grid, most: Array, when: Array) -> d
     peaks = {}
     for name, cells in sorted(grid.regions.items()):
         points = np.flatnonzero(np.isin(rows.cell, cells))
+        if not len(points):
+            continue
         p = int(points[most[points].argmax()])
         place, face = _point_tuple(rows.points[p]), rows.faces[rows.face[p]]
         peaks[name] = StressPeak(float(most[p]), float(when[p]), place, face, int(rows.cell[p]), name)

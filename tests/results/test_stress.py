@@ -75,7 +75,8 @@ def test_a_peak_that_places_share_names_them_all(round_off: float) -> None:
 
 
 def test_each_region_has_the_largest_stress_of_its_points() -> None:
-    grid = Grid("triangle", np.zeros((3, 3)), np.zeros((2, 3), int), {"a": np.array([0]), "b": np.array([0, 1])})
+    cells = {"a": [0], "b": [0, 1], "without points": [2]}
+    grid = Grid("triangle", np.zeros((3, 3)), np.zeros((3, 3), int), {name: np.array(of) for name, of in cells.items()})
     found = peaks_by_region(rows(PLANE), grid, np.array([5.0, 7.0, 9.0]), np.array([0.1, 0.2, 0.3]))
     assert {name: (peak.value, peak.t, peak.cell, peak.face) for name, peak in found.items()} == {
         "a": (5.0, 0.1, 0, "outer"), "b": (9.0, 0.3, 1, "inner"),
