@@ -5,9 +5,11 @@ Text of unknown origin is made safe for terminals, pages and drawings.  Public n
 
 from __future__ import annotations
 
+import copyreg
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from copy import copy
 from difflib import get_close_matches
 from importlib import import_module
 from importlib.util import find_spec
@@ -35,23 +37,30 @@ class InputError(ValueError):
         self.source, self.key, self.value, self.allowed = source, key, value, allowed
         super().__init__(self._line())
 
-    def __reduce__(self) -> tuple[type[InputError], tuple[Any, ...]]:
+    def __reduce__(self) -> tuple[Any, ...]:
         # Errors are sent between ranks and workers; without this method only the message would be sent.
-        return InputError, (self.source, self.key, self.value, self.allowed)
+        return copyreg.__newobj__, (type(self),), vars(self) | {"args": self.args}  # type: ignore[attr-defined]
 
     def with_source(self, source: str) -> InputError:
         """Return an InputError like this one whose source is `source`, the file or option with the value.
 
         If the source is not ``"scene"``, this error itself is returned.
         """
-        return InputError(source, self.key, self.value, self.allowed) if self.source == "scene" else self
+        return self._changed(source=source) if self.source == "scene" else self
 
     def with_key(self, key: str) -> InputError:
         """Return an InputError like this one with another key: `key`, as the scene's file spells it.
 
         If the source is not ``"scene"``, this error itself is returned.
         """
-        return InputError(self.source, key, self.value, self.allowed) if self.source == "scene" else self
+        return self._changed(key=key) if self.source == "scene" else self
+
+    def _changed(self, **parts: str) -> InputError:
+        """Return an error like this one, of the same class, with another ``source`` or ``key`` from `parts`."""
+        changed = copy(self)
+        vars(changed).update(parts)
+        changed.args = (changed._line(),)
+        return changed
 
     def _line(self) -> str:
         """Return the message in one line: source, key, value and what is allowed."""
@@ -67,9 +76,6 @@ class NotHeldError(InputError):
     def __init__(self, source: str, key: str, value: object, allowed: str, short: str) -> None:
         super().__init__(source, key, value, allowed)
         self.short = short
-
-    def __reduce__(self) -> tuple[type[InputError], tuple[Any, ...]]:
-        return NotHeldError, (self.source, self.key, self.value, self.allowed, self.short)
 
 
 class SimulationError(RuntimeError):

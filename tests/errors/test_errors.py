@@ -7,7 +7,7 @@ import pytest
 
 from pmr import InputError, reduce, run
 from pmr import scene as scenes
-from pmr.errors import GrowthError, call_on_first_rank
+from pmr.errors import GrowthError, NotHeldError, call_on_first_rank
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fullmodel.from_scene import structure_of
@@ -21,6 +21,11 @@ def test_an_error_travels_whole() -> None:
     error = InputError("scene.toml", "body.length", -1.0, "more than 0 is allowed")
     again = pickle.loads(pickle.dumps(error))
     assert isinstance(again, InputError) and str(again) == str(error) and vars(again) == vars(error)
+    free = NotHeldError("scene", "free_motions", "refused", "it is free", "it can turn")
+    for other in (pickle.loads(pickle.dumps(free)), free.with_key("sections[1].joint"), free.with_source("a.toml")):
+        assert type(other) is NotHeldError and other.short == "it can turn"
+    named = free.with_key("sections[1].joint").with_source("a.toml")
+    assert str(named) == "a.toml: sections[1].joint = 'refused': it is free"
     everywhere = MPI.COMM_WORLD.bcast(error)
     assert str(everywhere) == "scene.toml: body.length = -1.0: more than 0 is allowed"
 
