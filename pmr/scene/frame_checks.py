@@ -149,10 +149,15 @@ def check_frame(scene: Scene) -> None:
 
 
 def _check_smooth(scene: Scene, key: str, what: str, motion: SignalBase) -> None:
-    """Refuse a motion of the frame whose value or rate jumps in the simulated time.
+    """Refuse a motion of the frame without a second rate, or whose value or rate jumps in the simulated time.
 
     `key` is the motion's key in the frame's table, and `what` names it in messages.
     """
+    try:
+        motion.second_rate(0.0)
+    except NotImplementedError as error:  # of a signal of another package
+        allowed = f"{what} whose signal has a second_rate is allowed, as accelerations follow from it; {error}"
+        raise scene_error(f"frame.{key}", None, allowed) from None
     kinks = motion.kinks(scene.time.end)
     jumps = [t for t in motion.breaks if 0.0 < t <= scene.time.end and _has_jump(motion, t)]
     if jumps or kinks:

@@ -83,6 +83,10 @@ from pmr.export.formats import Options, write
 scene = pmr.load_scene("boom_beam", ["loads.0.signal={kind='decay', amount=3.0}"])
 print(float(scene.loads[0].signal.value(0.0)), plugin_versions())
 print(write("size", Path("fading.py"), None, Options()).read_text() == str(Path("fading.py").stat().st_size))
+try:
+    pmr.load_scene("crane", ["frame.luffing={kind='decay', amount=1.0}"])
+except pmr.InputError as error:
+    print(error)
 """
 REFUSED = """
 import pmr
@@ -107,7 +111,10 @@ def distribution(folder: Path, signal: str) -> None:
 def test_a_signal_and_a_format_of_another_package(tmp_path: Path) -> None:
     distribution(tmp_path, "decay = fading:Decay")
     done = python("-c", SCENE, cwd=tmp_path)
-    assert done.stdout.split("\n")[:2] == ["3.0 ['fading-loads 1.2']", "True"], done.stderr
+    *taken, refused, _ = done.stdout.split("\n")
+    assert taken == ["3.0 ['fading-loads 1.2']", "True"], done.stderr
+    assert "frame.luffing: an angle whose signal has a second_rate is allowed" in refused
+    assert refused.endswith("; Decay has neither second_rate nor strands")
 
 
 @pytest.mark.slow

@@ -116,7 +116,12 @@ class SignalBase(BaseModel):
 
     def _derivative(self, t: ArrayLike, order: int) -> Array:
         """Derivative of an order from 0 to 2, by `strands`, at the times t (any shape) in s, in the shape of t."""
-        return np.asarray(sum((strand.derivative(t, order) for strand in self.strands), np.zeros(np.shape(t))))
+        try:
+            strands = self.strands
+        except NotImplementedError:
+            name = ("value", "rate", "second_rate")[order]
+            raise NotImplementedError(f"{type(self).__name__} has neither {name} nor strands") from None
+        return np.asarray(sum((strand.derivative(t, order) for strand in strands), np.zeros(np.shape(t))))
 
     @property
     def breaks(self) -> Floats:
