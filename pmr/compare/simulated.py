@@ -37,7 +37,8 @@ def simulate(scene: Scene, reduced: System | ReducedModel | Mapping[str, Reduced
     """Response of a reduced model or system to the paths and loads of a `pmr.scene.Scene`.
 
     The first simulator of the scene computes it.  `reduced` is a system, the model of a single body, or the models of
-    all sections by their names, which are then joined as the scene says.
+    all sections by their names, which are then joined as the scene says.  There are no warnings, such as those on
+    ``time.step`` and ``time.rho_inf``: `pmr.run` and the command ``pmr simulate`` judge a motion.
 
     Raises
     ------

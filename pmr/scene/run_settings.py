@@ -42,7 +42,8 @@ class TimeChoice(SceneTable):
     step: Annotated[Time, Usual(1e-9, 0.5)] = Field(description="Time step")
     rho_inf: Annotated[float, Field(ge=0.0, le=1.0), Quantity("1", 0.0, 1.0)] = Field(
         default=0.9,
-        description="Spectral radius of generalized-alpha at infinite frequency: 1 has no numerical damping",
+        description="Spectral radius of generalized-alpha at infinite frequency: 1 has no numerical damping, so that "
+        "errors in forces on parts with little mass do not decay. `pmr run` warns of them, `pmr.simulate` does not",
     )
 
     @property
