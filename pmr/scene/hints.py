@@ -219,7 +219,8 @@ def _unusual_in_value(
     """Yield the unusual numbers of a field's `value` and of all lists and tables nested in it.
 
     `key` is the field's key.  Numbers and signals of the field have the `usual` ranges and the `unit`.  Inner tables
-    have ranges of their own.  `scales` are those of `_unusual_in_table`.
+    have ranges of their own.  A signal that goes on beyond the end of the run is unusual only if it is so in the end,
+    too.  `scales` are those of `_unusual_in_table`.
     """
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         yield from _unusual_number(float(value), key, usual, unit, scales)
@@ -231,8 +232,10 @@ def _unusual_in_value(
             yield from _unusual_in_value(entry, f"{key}.{name}", usual, unit, scales)
     elif isinstance(value, BaseModel):
         if isinstance(value, SignalBase) and usual:
-            largest = max(value.bounds(0.0, scales["time"]), key=abs)
-            yield from _unusual_number(largest, key, usual, unit, scales)
+            ends = (scales["time"], max(scales["time"], *value.breaks, 0.0))  # of the run, and of the signal
+            largest = (max(value.bounds(0.0, end), key=abs) for end in ends)
+            in_run, in_all = ([*_unusual_number(of, key, usual, unit, scales)] for of in largest)
+            yield from in_run if in_all else ()
         yield from _unusual_in_table(value, f"{key}.", scales)
 
 

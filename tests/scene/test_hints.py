@@ -99,6 +99,13 @@ def test_a_number_in_another_unit_is_hinted_at_once(scene: str | Path, changes: 
     assert key in named and " is usual here; is " in rest and f" {unit} (" in rest and " meant?" in rest
 
 
+@pytest.mark.parametrize(("last", "said"), [(90.0, 0), (1.57, 1)])
+def test_a_motion_that_the_run_cuts_off_is_judged_by_its_whole(last: float, said: int) -> None:
+    """After 0.2 s it has not slewed by a degree; 1.57 is rad for degrees in a long run and in a short one."""
+    motion = f"frame.slewing={{kind='smooth_ramp',times=[0.0,7.0],values=[0.0,{last}]}}"
+    assert len(hints(scenes.load_any(CRANE, [motion, "time.end=0.2"]))) == said
+
+
 def test_what_is_alike_has_one_hint_that_counts_it() -> None:
     soft = [
         f"section.joint.{end}=[{{at=0.15,stiffness=1e5,faces={{bottom=[0.0],top=[0.0]}}}}]" for end in ("tail", "mouth")
