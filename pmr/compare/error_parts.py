@@ -17,7 +17,6 @@ from pmr.compare.motion import reason_without_estimate
 from pmr.compare.outputs import OUTPUT_KINDS, fits_in_memory, has_impulsive_force, tip_columns
 from pmr.compare.step_error import STEP_LIMIT, StepError, step_error
 from pmr.compare.trust import (
-    AWAY_FROM_PROBES,
     FAR,
     MACHINE_MOTION,
     RIGID_REACTIONS,
@@ -26,6 +25,7 @@ from pmr.compare.trust import (
     coverage_warnings,
     effects_not_covered,
     quantities_not_covered,
+    stress_clauses,
     unsettled_force_clauses,
 )
 from pmr.errors import InputError, SimulationError, percent, two_digits
@@ -129,7 +129,8 @@ def reduction_error(
         return ReductionError(SummaryPart({"estimate": figures} if is_wanted else {}, messages))
     stated = {"reaction"} & {*estimated.errors, *estimated.unknown}
     held = not stated and any(body.reactions is not None for body in system.bodies.values())
-    left_out = [*_effects_left_out(telling, system, excitation, estimated.enrichment), *[RIGID_REACTIONS] * held]
+    left_out = _effects_left_out(telling, system, excitation, estimated.enrichment)
+    left_out += [*stress_clauses(scene), *[RIGID_REACTIONS] * held]
     left_out += [*[MACHINE_MOTION] * has_computed_motion(scene), *estimated.unknown.values()]
     messages = estimate_warnings(models, excitation.stepping, estimated) + coverage_warnings(left_out)
     messages += [estimated.scatter] if estimated.scatter else []
@@ -166,7 +167,7 @@ def _effects_left_out(
     if ALONE in models:
         return [*stressed, *effects_not_covered(models[ALONE], excitation.signals, excitation.stepping, count)]
     damped = any(body.rayleigh is None and body.D.any() for body in system.reduced.values())
-    return [AWAY_FROM_PROBES, *["the damping of what the modes leave out, which is not Rayleigh's"] * damped, *stressed]
+    return [*["the damping of what the modes leave out, which is not Rayleigh's"] * damped, *stressed]
 
 
 def estimate_summary(estimated: Estimate, not_covered: Sequence[str] = ()) -> dict[str, Any]:

@@ -86,7 +86,7 @@ def large_motion_warnings(length: float, responses: Iterable[Response]) -> list[
 
 
 #: Effects that no estimate covers; the error of the time step is in ``step`` of summary.json.
-AWAY_FROM_PROBES = "stresses away from probes"
+STRESSES, AWAY_FROM_PROBES = "stresses", "stresses away from probes"
 #: Reactions that an estimate lacks where it lacks forces of pads, which supports bear.
 RIGID_REACTIONS = "reactions of rigid supports"
 #: Effect that neither an estimate nor a full model covers if the machine's motion was computed with the reduced model.
@@ -154,22 +154,30 @@ def effects_not_covered(
     (docs/moving_residual_flexibility.md, section 10).  So it leaves out motions that a load excites beyond the
     enrichment modes.  Time steps h turn a natural frequency :math:`\omega` into :math:`\Omega`,
     :math:`\tan(\Omega h / 2) = \omega h / 2`; this is exact for rho_inf = 1 and nearly so for other values.  The
-    highest :math:`\Omega` is compared with each signal as the steps sample it.  Two more clauses name damping of modes
-    beyond the enrichment modes that is not Rayleigh's, and stresses away from probes.
+    highest :math:`\Omega` is compared with each signal as the steps sample it.  Another clause names damping of modes
+    beyond the enrichment modes that is not Rayleigh's.
 
-    If an estimate lacks a kind of output, callers add `SLIDER_IMPACTS`, `SLIDER_RINGING`, `LOAD_JUMPS` or one of
-    `UNSETTLED_KINDS`.
+    Callers add `stress_clauses` and, if an estimate lacks a kind of output, `SLIDER_IMPACTS`, `SLIDER_RINGING`,
+    `LOAD_JUMPS` or one of `UNSETTLED_KINDS`.
     """
     top = highest_mode_frequency(model, stepping, count)
     beyond = [what for name, signal in signals for what in _clause_above(name, signal, stepping, top)]
     coupled = model.rayleigh is None and bool(model.D.any())  # else the estimate has the damping of all modes
     damped = ["the damping of modes beyond the enrichment modes, which is not Rayleigh's"] * coupled
-    return [*beyond, *damped, AWAY_FROM_PROBES]
+    return [*beyond, *damped]
+
+
+def stress_clauses(scene: Scene) -> list[str]:
+    """Clause about the stresses of a scene that have no estimate; none if the scene does not ask for stresses."""
+    if scene.recovery is None or not scene.recovery.stress:
+        return []
+    probed = any("stress" in probe.measures for part in scene.sections for probe in part.probes)
+    return [AWAY_FROM_PROBES if probed else STRESSES]
 
 
 def coverage_warnings(clauses: Sequence[str]) -> list[str]:
     """List a warning for each of the `clauses` whose effect may make the estimate too small by an unknown factor."""
-    without = {AWAY_FROM_PROBES, RIGID_REACTIONS, MACHINE_MOTION, SLIDER_IMPACTS, SLIDER_RINGING, LOAD_JUMPS}
+    without = {STRESSES, AWAY_FROM_PROBES, RIGID_REACTIONS, MACHINE_MOTION, SLIDER_IMPACTS, SLIDER_RINGING, LOAD_JUMPS}
     without |= set(UNSETTLED_KINDS.values())
     return [f"the error may be larger than its estimate: {clause}" for clause in clauses if clause not in without]
 

@@ -24,9 +24,11 @@ from pmr.compare.trust import (
     MACHINE_MOTION,
     RIGID_REACTIONS,
     SLIDER_IMPACTS,
+    STRESSES,
     coverage_warnings,
     effects_not_covered,
     highest_mode_frequency,
+    stress_clauses,
 )
 from pmr.report import trust
 from pmr.scene import load as read
@@ -65,10 +67,8 @@ def test_the_highest_frequency_known_is_that_of_the_steps() -> None:
     ids=lambda signal: signal.kind,
 )
 def test_what_the_enrichment_know_is_covered(signal: Signal) -> None:
-    assert (
-        effects_not_covered(MODEL, [("load F", signal)], STEPPING) == [AWAY_FROM_PROBES]
-        and coverage_warnings([AWAY_FROM_PROBES]) == []
-    )
+    assert effects_not_covered(MODEL, [("load F", signal)], STEPPING) == []
+    assert coverage_warnings([STRESSES, AWAY_FROM_PROBES]) == []
 
 
 NOISE = Table(times=tuple(np.linspace(0.0, 2.0, 2001)), values=tuple(np.random.default_rng(1).normal(size=2001)))
@@ -88,15 +88,16 @@ NOISE = Table(times=tuple(np.linspace(0.0, 2.0, 2001)), values=tuple(np.random.d
 )
 def test_a_load_beyond_the_enrichment_is_named(signal: Signal, said: str) -> None:
     quiet = ("the slider's path", Constant(amount=2.0))
-    clause, last = effects_not_covered(MODEL, [quiet, ("load F", signal)], STEPPING)
-    assert said in clause and last == AWAY_FROM_PROBES
-    assert coverage_warnings([clause, last]) == [f"the error may be larger than its estimate: {clause}"]
+    (clause,) = effects_not_covered(MODEL, [quiet, ("load F", signal)], STEPPING)
+    assert said in clause and coverage_warnings([clause, STRESSES]) == [
+        f"the error may be larger than its estimate: {clause}"
+    ]
 
 
 def test_more_enrichment_cover_more() -> None:
     tone = [("load F", Sine(amplitude=1.0, frequency=197.0))]
-    assert len(effects_not_covered(MODEL, tone, STEPPING)) == 2
-    assert effects_not_covered(enriched(full_body(20), 9, enrichment=12), tone, STEPPING) == [AWAY_FROM_PROBES]
+    assert len(effects_not_covered(MODEL, tone, STEPPING)) == 1
+    assert effects_not_covered(enriched(full_body(20), 9, enrichment=12), tone, STEPPING) == []
 
 
 @pytest.mark.slow
@@ -105,8 +106,7 @@ def test_damping_that_couples_modes_is_not_covered_but_estimated_without() -> No
     slightly[4, 5] = slightly[5, 4] = 1e-7
     model = replace(MODEL, D=0.1 * np.eye(9) + slightly)
     assert effects_not_covered(model, [], STEPPING) == [
-        "the damping of modes beyond the enrichment modes, which is not Rayleigh's",
-        AWAY_FROM_PROBES,
+        "the damping of modes beyond the enrichment modes, which is not Rayleigh's"
     ]
     found = estimate(model, driven(Constant(amount=2.0), Sine(amplitude=1.0, frequency=3.0), TimeStepping(0.2, 1e-3)))
     assert found.by == "attachment" and found.beam > 0.0
@@ -126,7 +126,10 @@ def test_reactions_of_rigid_supports_have_an_estimate(load_scene, stiffness: str
     outcome = run(load_scene("boom_beam", [*short, HELD % stiffness, "recovery.every=0.05"]))
     assert outcome is not None
     found = outcome.result.summary["estimate"]
-    assert ("reaction" in found) == (stiffness == "'rigid'") and found["not_covered"] == [AWAY_FROM_PROBES]
+    assert ("reaction" in found) == (stiffness == "'rigid'") and found["not_covered"] == [STRESSES]
+    probe = "probes=[{name='web',at=[2.0,0.0,0.2],measures=['stress']}]"
+    for change, said in (([probe], [AWAY_FROM_PROBES]), (["recovery.stress=false"], [])):
+        assert stress_clauses(load_scene("boom_beam", change)) == said
 
 
 @pytest.mark.slow
@@ -151,9 +154,8 @@ def test_a_run_says_it_in_report_and_summary(load_scene, load: list[str]) -> Non
         dict(trust.trust_table(outcome.result).rows)[trust.NOT_IN_ERROR.format("reduction")],
     )
     left_out = summary["estimate"]["not_covered"]
-    assert left_out[-3:] == [AWAY_FROM_PROBES, RIGID_REACTIONS, SLIDER_IMPACTS]
-    assert AWAY_FROM_PROBES in text
-    assert (len(left_out) == 4) == bool(load) == any("larger than its estimate" in line for line in summary["warnings"])
+    assert left_out[-2:] == [RIGID_REACTIONS, SLIDER_IMPACTS]  # without stresses, which this beam does not have
+    assert (len(left_out) == 3) == bool(load) == any("larger than its estimate" in line for line in summary["warnings"])
     assert all(clause in text for clause in left_out)
 
 
@@ -182,7 +184,7 @@ def test_an_estimate_that_fails_leaves_the_run_standing(load_scene, monkeypatch,
 
 def test_without_tones_and_steps_there_is_no_share() -> None:
     still = replace(STEPPING, end=1e-3)
-    assert effects_not_covered(MODEL, [("load F", NOISE)], still) == [AWAY_FROM_PROBES]
+    assert effects_not_covered(MODEL, [("load F", NOISE)], still) == []
 
 
 def test_forces_of_a_load_that_sets_in_at_once_have_no_estimate_where_damping_is_strong() -> None:
