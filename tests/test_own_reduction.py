@@ -123,11 +123,23 @@ def test_a_boom_has_operators_for_each_section() -> None:
         (np.ones(39), "39 rows"),
         (np.full((39, 1), np.nan), "finite vectors"),
         (np.ones((39, 0)), "finite vectors"),
+        (np.ones((39, 2)) * (1.0 + 1.0j), "real numbers"),
     ],
 )
 def test_vectors_that_fit_nothing_are_refused(basis: np.ndarray, allowed: str) -> None:
     with pytest.raises(pmr.InputError, match=allowed):
         pmr.reduce(beam(), basis=basis)
+
+
+def test_a_function_that_changes_the_model_is_refused(modes) -> None:
+    """Such as one that shifts the stiffness in place: full and reduced model would both be those of another body."""
+
+    def shifted(model) -> np.ndarray:
+        model.K.axpy(-1.0, model.M)
+        return modes[model.share]
+
+    with pytest.raises(pmr.InputError, match="leaves mass and stiffness"):
+        pmr.reduce(beam("reduction.flexibility=false"), basis=shifted)
 
 
 def test_a_basis_for_a_boom_of_sections_is_refused() -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from pmr.errors import InputError, environment
 from pmr.fem.compat import versions
-from pmr.fem.distributed import inner, tall, times
+from pmr.fem.distributed import inner, local_csr, tall, times
 from pmr.files import npz
 from pmr.files.arrays import Array
 from pmr.fullmodel.model import FullModel
@@ -61,13 +61,14 @@ def vectors_from_array(model: FullModel, basis: Vectors) -> Snapshots:
     Raises
     ------
     InputError
-        If the array has another number of rows, no column, or entries that are not finite.
+        If the array has another number of rows, no column, or entries that are not finite real numbers; also if the
+        function changes the model.
     """
     share, is_local = model.share, callable(basis)
-    V = np.asarray(basis(model) if callable(basis) else basis, dtype=float)
+    V = _real_array(_call_on_model(basis, model) if callable(basis) else basis)
     rows = share.stop - share.start if is_local else model.size
     if not _are_vectors(model, V, rows):
-        allowed = f"finite vectors as columns, with {rows} rows, one for each coordinate of the full model, are allowed"
+        allowed = f"finite vectors of real numbers as columns, with {rows} rows, one for each coordinate, are allowed"
         raise InputError("pmr.reduce", "basis", list(V.shape), allowed)
     return _snapshots(model, V if is_local else V[share], "vectors given as an array")
 
@@ -76,22 +77,42 @@ def vectors_from_package(model: FullModel, choice: Reduction) -> Snapshots:
     """Snapshots from a function of an installed package: the entry point ``pmr.bases`` named as the basis; collective.
 
     The function gets the model and the scene's `choice` of a reduction, and returns this rank's part (n_local, k) of k
-    vectors.  An InputError is raised if there is no such function, if it fails, or if it returns anything else.
+    vectors.  An InputError is raised if there is no such function, if it fails or changes the model, or if it returns
+    anything else.
     """
     make = environment.plugin_object("pmr.bases", choice.basis, frozenset(get_args(OwnBasis)))
     if not callable(make):
         raise environment.plugin_error("pmr.bases", choice.basis)
     V, failed, rows = np.empty((0, 0)), "", model.share.stop - model.share.start
     try:
-        returned = np.asarray(make(model, choice))
-        if returned.dtype.kind in "biuf":
-            V = returned.astype(float)
+        V = _real_array(_call_on_model(make, model, choice))
+    except InputError as error:
+        failed = error.allowed
     except Exception as error:  # any error of the package: all ranks have to learn of it
         failed = f"it failed: {error!r}"
     if not _are_vectors(model, V, rows):
         allowed = f"finite vectors (n, k) of real numbers with {rows} rows here are allowed"
         raise environment.plugin_error("pmr.bases", choice.basis, failed or allowed)
     return _snapshots(model, V, f"vectors of {choice.basis}")
+
+
+def _call_on_model(make: Callable[..., Any], model: FullModel, *arguments: Any) -> Any:
+    """Return what a user's function `make` makes of a full model and further `arguments`.
+
+    Raises an InputError if the function changes mass or stiffness of the model, which all later results would have.
+    """
+    before = [np.linalg.norm(local_csr(A).data) for A in (model.M, model.K)]
+    returned = make(model, *arguments)
+    if [np.linalg.norm(local_csr(A).data) for A in (model.M, model.K)] != before:
+        allowed = "a function that leaves mass and stiffness of the model as they are is allowed; it may change copies"
+        raise InputError("pmr.reduce", "basis", None, allowed)
+    return returned
+
+
+def _real_array(values: Any) -> Array:
+    """Return values as an array of floats; an empty array if they are no real numbers."""
+    array = np.asarray(values)
+    return array.astype(float) if array.dtype.kind in "biuf" else np.empty((0, 0))
 
 
 def _are_vectors(model: FullModel, V: Array, rows: int) -> bool:
