@@ -29,7 +29,7 @@ def distributed(body: FullBody, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
         matrix(body.M, local),
         matrix(body.D, local),
         matrix(body.K, local),
-        inputs=matrix(sp.csr_matrix(body.B)),
+        B=matrix(sp.csr_matrix(body.B)),
         outputs=matrix(body.outputs.T),
         rows=body.rows,
         input_names=body.input_names,

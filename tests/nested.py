@@ -166,7 +166,7 @@ def section(box: Box) -> FullModel:
         M,
         0.0 * M,
         operators.K,
-        inputs=from_transpose(M, sp.vstack([*loads.values()])),
+        B=from_transpose(M, sp.vstack([*loads.values()])),
         outputs=from_transpose(M, sp.vstack([beam.displacement(float(x)) for x in observed])),
         rows=Rows((*held, slider_row(beam, 0.0, "w")), beam.size),
         input_names=tuple(loads),

@@ -14,7 +14,7 @@ def static_outputs(model: FullModel) -> np.ndarray:
     solver.setType("preonly")
     solver.getPC().setType("cholesky")
     solver.getPC().setFactorSolverType("mumps")
-    inputs, outputs = local_csr(model.inputs).toarray(), local_csr(model.outputs)
+    inputs, outputs = local_csr(model.B).toarray(), local_csr(model.outputs)
     x, b = model.K.createVecRight(), model.K.createVecLeft()
     answers = []
     for column in inputs.T:

@@ -124,7 +124,7 @@ class FullModel(FullOrderBody):
     M: PETSc.Mat  # (n, n), without boundary conditions; each rank owns consecutive rows
     damping: PETSc.Mat | Rayleigh  # D (n, n), or the factors from which `D` is made at first use
     K: PETSc.Mat  # (n, n); its pattern contains that of M
-    inputs: PETSc.Mat  # B (n, i): one column for each load
+    B: PETSc.Mat  # (n, i): one column for each load
     outputs: PETSc.Mat  # O^T (n, o): one column for each output
     reference_frequency: float  # rad/s: scale of the lowest frequencies, by which eigensolvers shift
     # None: unknown; such a model can be simulated, but not be reduced to free modes
@@ -175,15 +175,15 @@ class FullModel(FullOrderBody):
 
     def gather(self) -> FullBody | None:
         """Return this model with SciPy matrices on rank 0, and None on other ranks; collective."""
-        parts = [gather(A) for A in (self.M, self.D, self.K, self.inputs, self.outputs)]
+        parts = [gather(A) for A in (self.M, self.D, self.K, self.B, self.outputs)]
         matrices = {name: gather(A) for name, A in self.matrices.items()}
         if self.comm.rank != 0:
             return None
-        M, D, K, inputs, outputs = parts
-        assert M is not None and D is not None and K is not None and inputs is not None and outputs is not None
+        M, D, K, B, outputs = parts
+        assert M is not None and D is not None and K is not None and B is not None and outputs is not None
         common = {of.name: getattr(self, of.name) for of in fields(FullOrderBody)}
         on_first_rank = {name: A for name, A in matrices.items() if A is not None}
-        return FullBody(M, D, K, inputs.toarray(), outputs.T.tocsr(), self.rayleigh, on_first_rank, **common)
+        return FullBody(M, D, K, B.toarray(), outputs.T.tocsr(), self.rayleigh, on_first_rank, **common)
 
 
 @dataclass(frozen=True)

@@ -296,7 +296,7 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
         operators.M,
         damping,
         operators.K,
-        inputs=from_transpose(operators.M, sp.vstack(loads, format="csr")),
+        B=from_transpose(operators.M, sp.vstack(loads, format="csr")),
         outputs=from_transpose(operators.M, outputs),
         rows=Rows(restraints.rows, size),
         input_names=tuple(load.name for load in structure.loads),

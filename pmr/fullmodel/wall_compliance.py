@@ -158,7 +158,7 @@ class HeldModel:
             sigma = (HELD * beam_of(body).reference_frequency) ** 2
             full.K.axpy(sigma, full.M, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         del M
-        free_objects(full.M, full.inputs, full.outputs)  # before the factor, which takes most of the memory
+        free_objects(full.M, full.B, full.outputs)  # before the factor, which takes most of the memory
         self._factor = factor_for_columns(full.K, "stiffness")
         free_objects(full.K)
 

@@ -344,9 +344,9 @@ def full_model(
     Returns
     -------
     FullBody, FullModel, or a mapping of them by the sections' names
-        Attributes of both are ``M``, ``D``, ``K`` (n, n) in SI units.  A `FullBody` has ``B`` (n, i) with
-        ``input_names``, ``outputs`` O (o, n) with ``output_names``, ``rows.at(s)`` (m, n) with ``row_names``; a
-        `FullModel` has ``inputs`` B (n, i) and ``outputs`` O^T (n, o).
+        Attributes of both are ``M``, ``D``, ``K`` (n, n) in SI units, ``B`` (n, i) with ``input_names``,
+        ``rows.at(s)`` (m, n) with ``row_names``, and ``outputs`` with ``output_names``: O (o, n) of a `FullBody`, O^T
+        (n, o) of a `FullModel`, of whose coordinates each rank has some.
 
     Raises
     ------

@@ -273,7 +273,7 @@ def galerkin(model: FullModel, basis: Basis, provenance: dict[str, object]) -> R
         M=M,
         D=symmetric_part(inner(V, times(model.D, V), comm)) if model.rayleigh is None else model.rayleigh.matrix(M, K),
         K=K,
-        B=np.asarray(comm.allreduce(V.T @ local_csr(model.inputs))),
+        B=np.asarray(comm.allreduce(V.T @ local_csr(model.B))),
         outputs=np.asarray(comm.allreduce((V.T @ local_csr(model.outputs)).T)),
         rows=stack_tables(projected, model.rows.domain, basis.size),
         input_names=model.input_names,
@@ -299,7 +299,7 @@ def _rigid_work(model: FullModel) -> Array | None:
     """
     if model.rigid is None or not model.rigid.complete:
         return None
-    return np.asarray(model.comm.allreduce(model.rigid.coordinates.T @ local_csr(model.inputs)))
+    return np.asarray(model.comm.allreduce(model.rigid.coordinates.T @ local_csr(model.B)))
 
 
 def without_rows(model: ReducedModel, numbers: Sequence[int]) -> ReducedModel:

@@ -72,7 +72,7 @@ def model_digest(model: FullModel) -> str:
     The digest also depends on the number of ranks.
     """
     digest = hashlib.blake2b(digest_size=16)
-    matrices = [model.M, model.K, model.inputs, model.outputs, *model.matrices.values()]
+    matrices = [model.M, model.K, model.B, model.outputs, *model.matrices.values()]
     for A in matrices if model.rayleigh is not None else [*matrices, model.D]:
         for part in A.getValuesCSR():
             digest.update(part.tobytes())

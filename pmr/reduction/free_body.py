@@ -252,7 +252,7 @@ def with_reactions(reduced: ReducedModel, body: FreeBody, V: Array, motions: Arr
             inertia=inertia,
             damping=damping,
             stiffness=np.zeros_like(inertia),
-            inputs=np.asarray(model.comm.allreduce(motions.T @ local_csr(model.inputs))),
+            inputs=np.asarray(model.comm.allreduce(motions.T @ local_csr(model.B))),
             rows=PPoly(np.ascontiguousarray(rows.c.swapaxes(2, 3)), rows.x),
             carried=None if reduced.carriers is None else _carrier_motions(model, motions),
             matrices=_work_on_motions(reduced, model, V, motions),

@@ -84,7 +84,7 @@ class Recovery:
         self._share = model.share
         self._residual: ResidualFlexibility | None = None
         if reduced.flexibility is not None:
-            self._inputs = local_csr(model.inputs)
+            self._inputs = local_csr(model.B)
             body = FreeBody(model, solver)
             self._residual = ResidualFlexibility(body, self.V)
             if reduced.cylinder_modes:

@@ -225,7 +225,7 @@ def _cylinder_values(
     return CylinderResponses(
         load=load,
         rows=comm.allreduce(U @ x),
-        inputs=comm.allreduce(local_csr(model.inputs).T @ x),
+        inputs=comm.allreduce(local_csr(model.B).T @ x),
         outputs=comm.allreduce(local_csr(model.outputs).T @ x),
         stiffness=inner(x, times(model.K, x), comm),
         inertia=inner(x, times(model.M, x), comm),
@@ -399,4 +399,4 @@ def tables(
 
 def carrier_loads(model: FullModel, carriers: sp.csr_matrix) -> sp.csc_matrix:
     """Unit loads (n_local, L), this rank's part: on each carrier (K, n), then on each input; L is their number."""
-    return sp.hstack([carriers[:, model.share].T, local_csr(model.inputs)], format="csc")
+    return sp.hstack([carriers[:, model.share].T, local_csr(model.B)], format="csc")

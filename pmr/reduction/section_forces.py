@@ -120,7 +120,7 @@ class _WholeBeam:
     def __init__(self, model: FullModel) -> None:
         """Gather the matrices and rows of the full `model` on every rank; collective."""
         M, self._K, self._B = (
-            sp.vstack(model.comm.allgather(local_csr(A)), "csr") for A in (model.M, model.K, model.inputs)
+            sp.vstack(model.comm.allgather(local_csr(A)), "csr") for A in (model.M, model.K, model.B)
         )
         self._rows, fixed = model.rows.rows, [row for row in model.rows.rows if row.is_fixed]
         held = [_zero_rows(model.size, 0), *(row.at(row.breaks[0]) for row in fixed)]

@@ -277,7 +277,7 @@ def _relative_work(model: FullModel, phi: Array) -> Array:
     modes is zero.
     """
     first = model.M.getOwnershipRange()[0]
-    work = [local_csr(model.inputs).T @ phi]
+    work = [local_csr(model.B).T @ phi]
     work += [
         power_contributions(row.project(phi, first)).reshape(-1, phi.shape[1])
         for row in model.rows.rows

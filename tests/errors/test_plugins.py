@@ -50,7 +50,7 @@ thick = Thick()
 
 def shapes(model, choice):
     """The answers to the loads of a body on soft soil, and whatever else."""
-    K, M, B = (local_csr(A).toarray() for A in (model.K, model.M, model.inputs))
+    K, M, B = (local_csr(A).toarray() for A in (model.K, model.M, model.B))
     rest = np.random.default_rng(1).normal(size=(model.size, choice.coordinates))
     return np.hstack([np.linalg.solve(K + M, B), rest])
 '''

@@ -64,7 +64,7 @@ def test_rigid_motion_has_the_beams_mass_and_no_stiffness(load_scene) -> None:
 def test_inputs_and_outputs_are_point_rows(load_scene) -> None:
     loads = "loads=[{name='F',on=5.0,signal=1.0},{name='T',on=2.03,direction='ry',signal=1.0}]"
     model = full_model(load_scene("paper_simple", [loads, "compare.against=[]"]))
-    B, O = gathered(model.inputs), gathered(model.outputs).T
+    B, O = gathered(model.B), gathered(model.outputs).T
     assert model.input_names == ("F", "T")
     assert np.flatnonzero(B[:, 0]).tolist() == [151] and B[151, 0] == 1.0
     rotation = np.zeros(model.size)

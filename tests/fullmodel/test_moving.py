@@ -249,7 +249,7 @@ def test_a_beam_that_is_spun_up() -> None:
     loads = tuple(Inertia(field) for field in fields)
     model = Beam2D(body, np.linspace(0.0, length, 9))
     full = structural_model(Structure(model, (Clamp("tail", model.directions),), loads=loads, matrices=names))
-    M, K, B = gathered(full.M), gathered(full.K), gathered(full.inputs)
+    M, K, B = gathered(full.M), gathered(full.K), gathered(full.B)
     T, G = gathered(full.matrices["rotating y"]), gathered(full.matrices["axial linear"])
     assert "carried yy" not in full.matrices  # it has no motion along the axis of rotation
     h, q = 0.01, np.zeros(len(M))

@@ -196,7 +196,7 @@ def held(model: StructuralModel, stiffness: float = 3e8) -> Structure:
 def test_pad_forces_balance_the_weight(model: StructuralModel) -> None:
     """Statically determinate: the multipliers and spring forces are those of the beam on two supports."""
     full = structural_model(held(model), MPI.COMM_WORLD)
-    K, B, O = gathered(full.K), gathered(full.inputs), gathered(full.outputs).T
+    K, B, O = gathered(full.K), gathered(full.B), gathered(full.outputs).T
     assert full.rows.names == ("mouth", "beside")
     s, f = 1.1, np.array([9.81, 3.0])
     C = full.rows.at(s).toarray()

@@ -52,7 +52,7 @@ def halves() -> NamedMesh:
 def total(structure: Structure) -> float:
     """Work of unit weight on a unit translation: the mass that is not held."""
     full = structural_model(structure)
-    return float(gathered(full.inputs)[:, 0].sum())
+    return float(gathered(full.B)[:, 0].sum())
 
 
 def test_regions_have_their_own_plates() -> None:
@@ -196,7 +196,7 @@ def test_gravity_acts_on_everything() -> None:
     model, mass = beam(), PointMass(name="payload", on="tip", mass=250.0)
     full = structural_model(Structure(model, (), (mass,), (Weight(),)))
     R = model.rigid_motions()
-    force = R.T @ gathered(full.inputs)[:, 0] * GRAVITY
+    force = R.T @ gathered(full.B)[:, 0] * GRAVITY
     weight = -(2.0 * 1e-2 * 7850.0 + 250.0) * GRAVITY
     assert force[:3] == pytest.approx([0.0, 0.0, weight], abs=1e-9)
     assert force[4] == pytest.approx((2.0 * 1e-2 * 7850.0 * 1.0 + 250.0 * 2.0) * GRAVITY, rel=1e-12)
@@ -210,14 +210,14 @@ def test_what_is_held_is_left_out() -> None:
     free = np.setdiff1d(np.arange(model.size), held)
     whole = structural_model(Structure(model))
     assert relative(gathered(full.K), gathered(whole.K)[np.ix_(free, free)]) < 1e-14
-    assert np.all(gathered(full.inputs) == 0.0)  # a force on what is held does nothing
+    assert np.all(gathered(full.B) == 0.0)  # a force on what is held does nothing
 
 
 def test_a_line_load_is_spread_evenly_and_works_on_the_mean() -> None:
     model = shell()
     load = Action("F", "u1", "z")
     full = structural_model(Structure(model, (), (), (load,), (load,)))
-    column, row = gathered(full.inputs)[:, 0], gathered(full.outputs)[:, 0]
+    column, row = gathered(full.B)[:, 0], gathered(full.outputs)[:, 0]
     assert np.array_equal(column, row)
     assert column @ model.rigid_motions()[:, 2] == pytest.approx(1.0, rel=1e-12)
     vertices = np.sort(column[column > 0.0])

@@ -107,11 +107,11 @@ def test_a_pad_that_stays_presses_on_the_wall_where_it_is() -> None:
     tip = {}
     for name, walls in (("rigid", Walls()), ("gives", staying())):
         full = structural_model(clamped(Pads(fixed, walls=walls), loads=(load,), outputs=(load,)))
-        B, C, K = (gathered(A) for A in (full.inputs, full.outputs, full.K))
+        B, C, K = (gathered(A) for A in (full.B, full.outputs, full.K))
         tip[name] = (C.T @ scipy.linalg.solve(K, B, assume_a="pos")).item()
     rigid_pads = tuple(replace(pad, at=1.85, stiffness=np.inf) for pad in RING)
     full = structural_model(clamped(Pads(rigid_pads), loads=(load,), outputs=(load,)))
-    B, O, K = (gathered(A) for A in (full.inputs, full.outputs, full.K))
+    B, O, K = (gathered(A) for A in (full.B, full.outputs, full.K))
     U = full.rows.at(0.0).toarray()
     free, answers = scipy.linalg.solve(K, B, assume_a="pos"), scipy.linalg.solve(K, U.T, assume_a="pos")
     for name, give in (("rigid", 0.0), ("gives", compliance())):
@@ -143,7 +143,7 @@ def test_what_is_spread_over_a_free_end_moves_its_walls_too(on: str | float) -> 
         found = {}
         for name, walls in (("rigid", Walls()), ("gives", give)):
             full = structural_model(clamped(Pads(walls=walls), loads=(load,), outputs=(load,)))
-            B, K = gathered(full.inputs), gathered(full.K)
+            B, K = gathered(full.B), gathered(full.K)
             found[name] = (B.T @ scipy.linalg.solve(K, B, assume_a="pos")).item()
         assert found["gives"] - found["rigid"] == pytest.approx(more if on == "tip" else 0.0, rel=1e-6, abs=1e-15)
     mass = PointMass(name="m", on="tip", mass=100.0)

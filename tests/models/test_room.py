@@ -251,7 +251,7 @@ def test_inertia_loads_are_those_of_a_field_of_acceleration(
 ) -> None:
     R, directions = model.rigid_motions(), model.directions
     m, first, second = moments(model, body, mass)
-    known = dict(zip(full.input_names, (R.T @ gathered(full.inputs)).T, strict=True))
+    known = dict(zip(full.input_names, (R.T @ gathered(full.B)).T, strict=True))
     for j in range(3):
         fields = {f"inertia {'xyz'[j]}": (m, first)}
         fields |= {f"inertia {'xyz'[j]}{'xyz'[k]}": (first[k], second[:, k]) for k in range(3)}
@@ -265,7 +265,7 @@ def test_a_frame_that_turns_loads_as_the_mass_does(
 ) -> None:
     """The field e_k x r is a rigid motion: M R, element by element, but for drilling rotations."""
     R = model.rigid_motions()
-    M, loads = gathered(full.M), dict(zip(full.input_names, gathered(full.inputs).T, strict=True))
+    M, loads = gathered(full.M), dict(zip(full.input_names, gathered(full.B).T, strict=True))
     for k, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
         turn = f"r{'xyz'[k]}"
         if turn not in model.directions:

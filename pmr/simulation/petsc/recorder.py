@@ -128,7 +128,7 @@ class Recorder:
             raise InputError("recording", "states", list(times), f"0 to {stepping.end:g} s are allowed")
         self._system = system
         self.state_steps = np.unique(np.rint(times / stepping.step).astype(np.int64))
-        outputs, inputs = ([local_csr(getattr(model, of)).T for model in system.models] for of in ("outputs", "inputs"))
+        outputs, inputs = ([local_csr(getattr(model, of)).T for model in system.models] for of in ("outputs", "B"))
         self._outputs: sp.csr_matrix = sp.block_diag(outputs, format="csr")
         self._inputs: sp.csr_matrix = sp.block_diag(inputs, format="csr")
         self._M = [model.M for model in system.models]

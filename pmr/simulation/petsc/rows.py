@@ -364,7 +364,7 @@ class BodyStep:
         self._M, self._D, self._factor, self._v_gain = model.M, model.D, factor, v_gain
         self._is_rayleigh = model.rayleigh is not None
         self._damped = _RayleighCoefficients.from_damping(model.rayleigh or Rayleigh(0.0, 0.0), v_gain, q_gain)
-        self._B = local_csr(model.inputs)
+        self._B = local_csr(model.B)
         self._x, self._right = model.M.createVecs()
         self._b = self._right.duplicate()
 

@@ -261,7 +261,7 @@ def identity(
     for model in system.models:
         x, y = _random((2, model.size))[:, model.share]
         forms += [x @ product(A, y) for A in (model.M, model.D, model.K, *model.matrices.values())]
-        forms.append(x @ (local_csr(model.inputs) @ _random((len(model.input_names),))))
+        forms.append(x @ (local_csr(model.B) @ _random((len(model.input_names),))))
     rows = list[float]()
     for side, row in zip(system.sides, system.side_rows, strict=True):
         parts = row.coefficients, row.touched, row.carriers @ _random((row.carriers.shape[1],))

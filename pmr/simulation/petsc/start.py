@@ -302,7 +302,7 @@ def starts_moving(system: FullSystem, at: SampledExcitation, initial: Mapping[st
     `initial` are the initial states of bodies by name; bodies that are missing are undeformed and at rest.  Errors as
     `stacked_start`.
     """
-    load = any(np.any(local_csr(model.inputs) @ at.f[0][inputs]) for model, inputs in _inputs(system))
+    load = any(np.any(local_csr(model.B) @ at.f[0][inputs]) for model, inputs in _inputs(system))
     start = stacked_start(system, initial)
     return bool(system.comm.allreduce(int(bool(load or np.any(start.q) or np.any(start.v)))))
 
@@ -323,7 +323,7 @@ def _forces(system: FullSystem, f: Array, q: Array, v: Array) -> Array:
     """This rank's rows (n_local,) of B f - D v - K q, from this rank's parts of v and q and the loads f (i,)."""
     forces = np.empty_like(q)
     for (model, inputs), at in zip(_inputs(system), system.local_slices, strict=True):
-        forces[at] = local_csr(model.inputs) @ f[inputs] - product(model.D, v[at]) - product(model.K, q[at])
+        forces[at] = local_csr(model.B) @ f[inputs] - product(model.D, v[at]) - product(model.K, q[at])
     return forces
 
 

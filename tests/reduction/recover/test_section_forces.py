@@ -41,7 +41,7 @@ def found(
 ) -> tuple[dict[str, tuple[np.ndarray, np.ndarray]], SectionForces]:
     """Section forces at rest by name, (places, values), where pads push with the forces `held` at s = `at`."""
     full, cut = structural_model(structure, MPI.COMM_SELF), structure.model.cut(4)
-    g, held = local_csr(full.inputs) @ np.array(loads), held or {}
+    g, held = local_csr(full.B) @ np.array(loads), held or {}
     rows = {row.name: row for row in full.rows.rows}
     for name, force in held.items():
         g -= force * rows[name].at(at).toarray()[0]
@@ -163,7 +163,7 @@ def test_what_the_inertia_of_a_free_beam_takes_is_in_its_forces(model: str) -> N
     structure = Structure(beam, loads=(Action("tip", "tip", "z"),))
     full, d = structural_model(structure, MPI.COMM_SELF), beam.directions
     M, K, R = local_csr(full.M), local_csr(full.K).toarray(), beam.rigid_motions()
-    g = local_csr(full.inputs).toarray()[:, 0] * -TIP
+    g = local_csr(full.B).toarray()[:, 0] * -TIP
     a = R @ np.linalg.solve(R.T @ M @ R, R.T @ g)
     q = np.linalg.lstsq(K, g - M @ a, rcond=1e-12)[0]
     x, moment = of_states(AssembledBody(full, structure), beam.cut(4), q, (-TIP,), {}, 0.0)[0]["bending moment y"]

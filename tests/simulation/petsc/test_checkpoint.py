@@ -112,8 +112,8 @@ def test_another_simulation_does_not_go_on_from_it(model: FullModel, tmp_path: P
     observe(model, driven(PATH, LOADS, STEPPING), checkpoint=checkpoint)
     stiffer = replace(model, K=model.K.copy())
     stiffer.K.scale(1.01)
-    pushed_elsewhere = replace(model, inputs=model.inputs.copy())
-    pushed_elsewhere.inputs.scale(-1.0)
+    pushed_elsewhere = replace(model, B=model.B.copy())
+    pushed_elsewhere.B.scale(-1.0)
     *others, slider = model.rows.rows
     turned = replace(slider, carriers=-slider.carriers)  # as of a pad on the opposite face
     held_elsewhere = replace(model, rows=replace(model.rows, rows=(*others, turned)))
