@@ -67,6 +67,29 @@ int pmr_take_motions(int n, double step, const double *given, const double *limi
     return -1;
 }
 
+/* Share of the larger one by which changes of a motion and the integral of its rates may differ. */
+#define DIFFER 0.5
+
+int pmr_compare_rates(int n, double step, const double *motions, double *book)
+{
+    int k, differ = 0;
+    for (k = 0; k < n; k++) {
+        double *before = book + k, *moved = book + 2 * n + k, *led = book + 3 * n + k, *distance = book + 4 * n + k;
+        const double value = motions[k], rate = motions[n + k];
+        if (*distance > 0.0 && rate != 0.0 && before[n] != 0.0) {
+            *moved += value - *before;
+            *led += step * (before[n] + rate) / 2.0;
+            if (fmax(fabs(*moved), fabs(*led)) > *distance) {
+                *distance = fabs(*moved - *led) > DIFFER * fmax(fabs(*moved), fabs(*led)) ? -1.0 : 0.0;
+                differ += *distance < 0.0;
+            }
+        }
+        *before = value;
+        before[n] = rate;
+    }
+    return differ;
+}
+
 static double limited_sum(const pmr_limits *w, int k)
 {
     double sum = 0.0;

@@ -332,6 +332,10 @@ int pmr_advance_sampled(pmr_state *state, const double *u, int per, int64_t coun
    the second, its change up to the third, its rate up to the fourth, and up to the fifth what it goes on without a second
    rate.  The number of the first that is not, and none is taken; -1: all are.  A motion whose limits are NaN stays. */
 int pmr_take_motions(int n, double step, const double *given, const double *limits, double *motions);
+/* Compares n motions (values, rates) at the end of a step with their rates.  In book (5, n): value and rate at the end of
+   the step before, sum of changes, integral of the rates, and the distance at which these two are compared: 0 then, or -1 if
+   they differ.  Returns how many differ in this step. */
+int pmr_compare_rates(int n, double step, const double *motions, double *book);
 
 /* Outputs y (o,) and forces (forces,) of all contacts, either NULL, where the state stands. */
 void pmr_outputs(pmr_state *state, double *y, double *forces);

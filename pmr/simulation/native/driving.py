@@ -21,6 +21,8 @@ logger = logging.getLogger(__name__)
 #: Largest angle in rad, except for slewing.  Share of its range, or of a turn, by which a motion may change in a step
 #: without a warning of a jump.  Least change in m or rad without a second rate that is warned of: it has no inertia.
 WHOLE_TURN, JUMP, LEFT_OUT = 2.0 * np.pi, 0.1, 1e-6
+#: Share of its range, or of a turn, that a motion or the integral of its rates goes before the two are compared.
+COMPARED = 0.01
 #: Largest float that is taken without further checks; entry of an unknown name, with limits that refuse every value.
 LARGEST, NOWHERE = 1e300, (0, 1.0, 0.0, 0.0, 0.0)
 #: Types of the entries of motions with rates that are read without further checks.
@@ -76,6 +78,13 @@ class Drivers:
         self._angles = {of_frame + k: name for k, name in enumerate(frame or ()) if name not in AXES}
         #: names, by number, of drivers that have inertia in the frame and no warning yet of a missing second rate
         self._unwarned = (dict(enumerate(self.paths)) | self._angles) if self._in_frame else {}
+        self._book = np.zeros((5, motions.shape[1]))  # of `pmr_compare_rates`
+        if in_parts or self._in_frame:
+            self._book[4, : len(self.paths)] = [COMPARED * (high - low) for low, high in self._ranges]
+            self._book[4, [*self._angles]] = COMPARED * WHOLE_TURN
+        self._compare_rates = partial(
+            lib.pmr_compare_rates, motions.shape[1], step, *map(pointer, (motions, self._book))
+        )
         self._all: tuple[Array, Callable[[], int], Array] | None = None  # for `take_all`
         self._told, self._placed, self._started = set[str](), False, False
         self._begun_motions, self._begun_rows = motions.copy(), rows.copy()  # motions at the end of the last step
@@ -243,6 +252,8 @@ class Drivers:
     def end_step(self) -> None:
         """End a step, or the start: values stay for the next step, but rates have to be given again."""
         if self._in_frame or self._in_parts:
+            if self._compare_rates():
+                self._warn_of_rates()
             if self._in_parts:
                 self._begun_motions[:], self._begun_rows[:] = self.motions, self.rows
             self.rows.fill(1)
@@ -251,6 +262,15 @@ class Drivers:
     def _lacks_inertia(self, k: int, change: float) -> bool:
         """Whether to warn of motion k, which changes by `change` in a step without a second rate."""
         return k in self._unwarned and abs(change - self._step * self._rates[k]) > LEFT_OUT
+
+    def _warn_of_rates(self) -> None:
+        """Warn, once for each motion, if the rates that are given do not lead from one value to the next."""
+        _, _, moved, led, compared = self._book
+        for k in np.flatnonzero(compared < 0.0).tolist():
+            compared[k] = 0.0
+            name, unit = (self.paths[k], "m") if k < len(self.paths) else (self._angles[k], "rad")
+            message = "%s moves by %.3g %s where its rates lead by %.3g %s: its rates are needed, in %s/s"
+            logger.warning(message, name, moved[k], unit, led[k], unit, unit)
 
     def _warn_of_jump(self, name: str, change: float, unit: str) -> None:
         """Warn, once for each name, of a motion that changes by `change` in a step; `unit` is its unit."""

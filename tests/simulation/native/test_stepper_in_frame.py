@@ -131,3 +131,20 @@ def test_a_motion_without_second_rates_is_told_once(system: System, frame: Movin
     )
     moving = [name for name in frame.paths if excitation.paths[name].value(end) != excitation.paths[name].value(0.0)]
     assert moving and sorted(said) == sorted(f"{name} {without}" for name in moving)
+
+
+@pytest.mark.parametrize("by_array", [False, True])
+def test_rates_in_degrees_beside_angles_in_rad_are_told_once(
+    system: System, frame: MovingFrame, caplog: Any, by_array: bool
+) -> None:
+    """Inertia forces would be those of such rates."""
+    excitation = Excitation.from_scene(pmr.load_scene(plain_machines.CRANE, [*CHANGES]))
+    stepper = Stepper(system, STEP, **given(frame, excitation, 0.0))
+    for k in range(1, 60):
+        motions = frame.motions(excitation, k * STEP)
+        motions[1:, frame.drivers.index("luffing")] *= np.rad2deg(1.0)
+        of = dict(zip(frame.drivers, motions.T, strict=True))
+        by_name = {"s": {name: of[name] for name in frame.paths}, "F": {name: of[name][0] for name in frame.loads}}
+        stepper.step(motions) if by_array else stepper.step(**by_name, frame={name: of[name] for name in frame.angles})
+    (told,) = (line for line in caplog.messages if "where its rates lead by" in line)
+    assert told.startswith("luffing moves by 0.00") and told.endswith("its rates are needed, in rad/s")
