@@ -112,7 +112,7 @@ static int find_changes(pmr_state *st, const double *at, const double *seed_at, 
     copy(d.z, dz, r);
     copy(d.v, dv, r);
     if (y->motions)
-        pmr_frame_along(y, at, seed_at, y->drivers, st->u_next, du, st->quantities);
+        pmr_frame_along(y, at, seed_at, st->u_next, du, st->quantities);
     else
         copy(du, seed_at, y->drivers);
     of_terms = du + y->paths + y->inputs;

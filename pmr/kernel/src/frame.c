@@ -21,23 +21,26 @@ typedef struct {
     const double *at, *seed;
 } course;
 
-static number motion(const course *c, int n, int order)
+INLINE number motion(const course *c, int n, int order)
 {
     const int at = order * c->system->motions + n;
     return (number){c->at[at], c->seed ? c->seed[at] : 0.0};
 }
 
-static angle angle_of(const course *c, int which)
+INLINE angle angle_of(const course *c, int which)
 {
     const int32_t n = c->system->frame_angles[which];
     if (n < 0) return (angle){constant(0.0), constant(0.0), constant(0.0)};
     return (angle){motion(c, n, 0), motion(c, n, 1), motion(c, n, 2)};
 }
 
-static turning rock(const course *c)
+/* Roll, pitch and yaw of the base; whether it has any. */
+static int rocks(const course *c, angle by[3])
 {
-    const angle by[3] = {angle_of(c, 2), angle_of(c, 3), angle_of(c, 4)};
-    return rock_by(by);
+    const int32_t *angles = c->system->frame_angles + 2;
+    int k;
+    for (k = 0; k < 3; k++) by[k] = angle_of(c, 2 + k);
+    return angles[0] >= 0 || angles[1] >= 0 || angles[2] >= 0;
 }
 
 /* A boom that is raised by phi, then slewed by psi, R_Z(psi) R_Y(-phi), on its base. */
@@ -52,11 +55,11 @@ static turning slew(const course *c)
 /* The boom on its base. */
 static turning turn(const course *c, turning *base)
 {
-    const int32_t *angles = c->system->frame_angles;
     const turning boom = slew(c);
-    *base = (turning){.R = {{{1.0, 0.0}}, {{0.0, 0.0}, {1.0, 0.0}}, {{0.0, 0.0}, {0.0, 0.0}, {1.0, 0.0}}}};
-    if (angles[2] < 0 && angles[3] < 0 && angles[4] < 0) return boom;
-    *base = rock(c);
+    angle by[3];
+    *base = UNTURNED;
+    if (!rocks(c, by)) return boom;
+    *base = rock_by(by);
     return turn_on(base, &boom);
 }
 
@@ -79,7 +82,7 @@ void pmr_frame_turning(const pmr_system *y, const double *motions, pmr_turning *
     read_turning(&of_base, base);
 }
 
-static number quantity(const course *c, const turning *turned, const int32_t *of)
+INLINE number quantity(const course *c, const turning *turned, const int32_t *of)
 {
     number sum = constant(0.0);
     int k;
@@ -98,42 +101,52 @@ static number quantity(const course *c, const turning *turned, const int32_t *of
     }
 }
 
-/* Drivers where the boom is turned so, and unless NULL how they change. */
-static void show_drivers(const course *c, const turning *turned, int drivers, double *u, double *along, double *work)
+INLINE number taken(const double *values, const double *changes, int n)
+{
+    return (number){values[n], changes ? changes[n] : 0.0};
+}
+
+/* Paths where the boom is turned so, loads and amplitudes of terms, or of these the loads by `count` of the inputs alone,
+   and unless `along` is NULL how they change.  Compiled without it where it is a NULL, no derivative is computed. */
+INLINE void show_drivers(const course *c, const turning *turned, int count, const int32_t *inputs, double *u,
+                         double *along, double *work)
 {
     const pmr_system *y = c->system;
-    number *quantities = (number *)work;
+    double *changes = along ? work + y->quantities : NULL;
     int32_t k, n;
-    for (k = 0; k < y->quantities; k++) quantities[k] = quantity(c, turned, y->quantity_list + 3 * k);
+    for (k = 0; k < y->quantities; k++) {
+        const number now = quantity(c, turned, y->quantity_list + 3 * k);
+        work[k] = now.at;
+        if (along) changes[k] = now.along;
+    }
     for (k = 0; k < y->paths; k++) {
         const number path = motion(c, y->frame_paths[k], 0);
         u[k] = path.at;
         if (along) along[k] = path.along;
     }
-    for (; k < drivers; k++) {
-        const int32_t *first = y->first_product + (k - y->paths);
+    for (k = 0; k < count; k++) {
+        const int32_t of = inputs ? inputs[k] : k, *first = y->first_product + of;
         number sum = constant(0.0);
         for (n = first[0]; n < first[1]; n++) {
-            const int32_t *of = y->products + 3 * n;
-            const number product = times(times(quantities[of[0]], quantities[of[1]]), quantities[of[2]]);
+            const int32_t *by = y->products + 3 * n;
+            const number product = times(times(taken(work, changes, by[0]), taken(work, changes, by[1])), taken(work, changes, by[2]));
             sum = plus(sum, times(constant(y->factors[n]), product));
         }
-        u[k] = sum.at;
-        if (along) along[k] = sum.along;
+        u[y->paths + of] = sum.at;
+        if (along) along[y->paths + of] = sum.along;
     }
 }
 
-void pmr_frame_along(const pmr_system *y, const double *motions, const double *seed, int drivers, double *u,
-                     double *along, double *work)
+void pmr_frame_along(const pmr_system *y, const double *motions, const double *seed, double *u, double *along, double *work)
 {
     const course c = {y, motions, seed};
     turning base;
     const turning turned = turn(&c, &base);
-    show_drivers(&c, &turned, drivers, u, along, work);
+    show_drivers(&c, &turned, y->drivers - y->paths, NULL, u, along, work);
 }
 
-void pmr_frame_turned(const pmr_system *y, const double *motions, const pmr_turning *boom, int drivers, double *u,
-                      double *work)
+void pmr_frame_turned(const pmr_system *y, const double *motions, const pmr_turning *boom, int count,
+                      const int32_t *inputs, double *u, double *work)
 {
     const course c = {y, motions, NULL};
     turning turned;
@@ -143,29 +156,32 @@ void pmr_frame_turned(const pmr_system *y, const double *motions, const pmr_turn
         turned.acceleration[i] = constant(boom->acceleration[i]);
         for (j = 0; j < 3; j++) turned.R[i][j] = constant(boom->R[3 * i + j]);
     }
-    show_drivers(&c, &turned, drivers, u, NULL, work);
+    show_drivers(&c, &turned, count, inputs, u, NULL, work);
 }
 
 int pmr_frame_drivers(const pmr_system *y, const double *motions, double *u, double *work)
 {
+    const course c = {y, motions, NULL};
+    turning base, turned;
     if (!y->motions) return PMR_REFUSED;
-    pmr_frame_along(y, motions, NULL, y->drivers, u, NULL, work);
+    turned = turn(&c, &base);
+    show_drivers(&c, &turned, y->drivers - y->paths, NULL, u, NULL, work);
     return PMR_DONE;
 }
 
 /* Output, reaction or force by its number among all, and how it changes. */
-static number value_of(const pmr_system *y, const double *values, const double *changes, int n)
+INLINE number value_of(const pmr_system *y, const double *values, const double *changes, int n)
 {
     if (n >= y->outputs + y->reactions)
         n += y->op - y->outputs + y->hp - y->reactions;
     else if (n >= y->outputs)
         n += y->op - y->outputs;
-    return (number){values[n], changes ? changes[n] : 0.0};
+    return taken(values, changes, n);
 }
 
 /* Component j of the wrench about the pivot with which the boom presses on the ground, but for a cylinder that gives
    way. */
-static number pressed(const course *c, const double *values, const double *changes, int j)
+INLINE number pressed(const course *c, const double *values, const double *changes, int j)
 {
     const pmr_system *y = c->system;
     number sum = constant(0.0);
@@ -180,21 +196,20 @@ static number pressed(const course *c, const double *values, const double *chang
 }
 
 /* Outriggers under forces of boom, rope and machine; values end with the wrench of a rope on a winch on the machine. */
-int pmr_ground_outputs(const pmr_system *y, const double *motions, const double *seed, const double *values,
-                       const double *changes, double *columns, double *along)
+INLINE int find_ground(const course *c, const double *values, const double *changes, double *columns, double *along)
 {
-    const course c = {y, motions, seed};
-    const turning slewed = slew(&c);
-    const angle rocking[3] = {angle_of(&c, 2), angle_of(&c, 3), angle_of(&c, 4)};
+    const pmr_system *y = c->system;
+    const turning slewed = slew(c);
+    angle rocking[3];
     const int32_t *of = y->ground_numbers;
     number boom[6], wrench[6] = {{0.0, 0.0}}, falling[3], direction[2], length;
     int i, j, k;
     for (j = 0; j < 6; j++) /* no derivatives with a hoist */
-        boom[j] = plus(constant(values[y->op + y->hp + y->forces + j]), pressed(&c, values, changes, j));
+        boom[j] = plus(constant(values[y->op + y->hp + y->forces + j]), pressed(c, values, changes, j));
     if (of[4] >= 0) { /* a cylinder that gives way pushes the ground from lug to foot */
         const double *lug = y->cylinder_hinges + 2;
         const number force = negative(value_of(y, values, changes, of[4]));
-        (void)cylinder_line(y->cylinder_hinges, lug, angle_of(&c, 0).at, &length, direction);
+        (void)cylinder_line(y->cylinder_hinges, lug, angle_of(c, 0).at, &length, direction);
         for (k = 0; k < 2; k++) direction[k] = times(force, direction[k]);
         boom[0] = plus(boom[0], direction[0]);
         boom[2] = plus(boom[2], direction[1]);
@@ -202,10 +217,18 @@ int pmr_ground_outputs(const pmr_system *y, const double *motions, const double 
     }
     for (i = 0; i < 6; i++)
         for (j = 0; j < 3; j++) wrench[i] = plus(wrench[i], times(slewed.R[i % 3][j], boom[i - i % 3 + j]));
-    for (k = 0; k < 3; k++) falling[k] = of[k] < 0 ? constant(0.0) : motion(&c, of[k], 0);
-    if (of[3] >= 0) falling[2] = plus(falling[2], motion(&c, of[3], 0));
-    pmr_add_masses(y->ground_mass_count, y->ground_masses, angle_of(&c, 1), rocking, falling, wrench);
+    for (k = 0; k < 3; k++) falling[k] = of[k] < 0 ? constant(0.0) : motion(c, of[k], 0);
+    if (of[3] >= 0) falling[2] = plus(falling[2], motion(c, of[3], 0));
+    pmr_add_masses(y->ground_mass_count, y->ground_masses, angle_of(c, 1), rocks(c, rocking) ? rocking : NULL, falling,
+                   wrench);
     return pmr_stand_along(&y->stand, wrench, columns, along);
+}
+
+int pmr_ground_outputs(const pmr_system *y, const double *motions, const double *seed, const double *values,
+                       const double *changes, double *columns, double *along)
+{
+    const course c = {y, motions, seed}, unchanged = {y, motions, NULL};
+    return along ? find_ground(&c, values, changes, columns, along) : find_ground(&unchanged, values, NULL, columns, NULL);
 }
 
 int pmr_frame_outputs(const pmr_system *y, const double *motions, const double *seed, const double *values,

@@ -201,10 +201,11 @@ int pmr_stand_along(const pmr_stand *s, const number w[6], double *columns, doub
 
 /* ---- masses of the machine ---- */
 
-void pmr_add_masses(int32_t m, const double *masses, angle slewing, const angle rocking[3], const number falling[3],
+void pmr_add_masses(int32_t m, const double *masses, angle slewing, const angle *rocking, const number falling[3],
                     number wrench[6])
 {
-    const turning standing = rock_by(rocking), slewed = about(2, slewing), turned = turn_on(&standing, &slewed);
+    const turning standing = rocking ? rock_by(rocking) : UNTURNED, slewed = about(2, slewing),
+                  turned = rocking ? turn_on(&standing, &slewed) : slewed;
     int n, i, j;
     for (n = 0; n < m; n++) {
         const double *of = masses + 8 * n, *place = of + 1, *inertia = of + 4;

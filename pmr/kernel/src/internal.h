@@ -11,6 +11,14 @@
 #define PMR_SPAN 16
 #define PMR_MOST_LEVELS 64
 
+#if defined __GNUC__
+#define INLINE static inline __attribute__((always_inline))
+#define APART static __attribute__((noinline))
+#else
+#define INLINE static inline
+#define APART static
+#endif
+
 /* Change of forces of terms and of friction that counts as none, and what is accepted after the last time, over the
    largest. */
 #define PMR_CONVERGED 1e-11
@@ -344,13 +352,13 @@ typedef struct {
     double R[9], velocity[3], acceleration[3];
 } pmr_turning;
 
-/* u (N,) from motions (3, n); the first `drivers` of it where the boom is turned so; how these change along a seed of the
-   motions; all derivatives (N, 3 n).  With `pmr_frame_work` doubles. */
+/* u (N,) from motions (3, n); where the boom is turned so its paths, and the loads by some inputs or, without `inputs`, the
+   first `count` of loads and amplitudes; how u changes along a seed of the motions.  With `pmr_frame_work` doubles. */
 int pmr_frame_drivers(const pmr_system *system, const double *motions, double *u, double *work);
-void pmr_frame_turned(const pmr_system *system, const double *motions, const pmr_turning *boom, int drivers, double *u,
-                      double *work);
-void pmr_frame_along(const pmr_system *system, const double *motions, const double *seed, int drivers, double *u,
-                     double *along, double *work);
+void pmr_frame_turned(const pmr_system *system, const double *motions, const pmr_turning *boom, int count,
+                      const int32_t *inputs, double *u, double *work);
+void pmr_frame_along(const pmr_system *system, const double *motions, const double *seed, double *u, double *along,
+                     double *work);
 /* Further outputs from values (op + hp + forces) and motions (3, n), and how they change along `seed`; a seed of NULL:
    values alone. */
 int pmr_frame_outputs(const pmr_system *system, const double *motions, const double *seed, const double *values,

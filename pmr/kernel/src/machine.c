@@ -112,9 +112,9 @@ static int try_rates(pmr_machine_run *ms, int64_t k, const double *rates)
             now->felt[3 + i] = (now->carrier.omega[i] - old->carrier.omega[i]) / w.h;
         }
         seconds_of(&old->carrier, now->felt, second);
-        drivers_at(ms, k - 1, &old->carrier, old->b, second, y->paths + y->inputs, ms->u_old);
+        drivers_at(ms, k - 1, &old->carrier, old->b, second, 1, ms->u_old);
         seconds_of(&now->carrier, now->felt, second);
-        drivers_at(ms, k, &now->carrier, now->b, second, y->paths + y->inputs, ms->u);
+        drivers_at(ms, k, &now->carrier, now->b, second, 1, ms->u);
         for (n = 0; n < m->inertial_count; n++) {
             const double mean = (loads[m->inertial[n]] + old_loads[m->inertial[n]]) / 2.0;
             ms->new_smooth[n] = by_impulse(&w, w.h * mean, ms->inertia_smooth[n]);
@@ -123,7 +123,7 @@ static int try_rates(pmr_machine_run *ms, int64_t k, const double *rates)
         for (n = 0; n < 6; n++) second[n] = old->rates_known > 1 ? (3.0 * now->felt[n] - old->felt[n]) / 2.0 : now->felt[n];
         seconds_of(&now->carrier, second, now->b + 12);
     }
-    drivers_at(ms, k, &now->carrier, now->b, now->b + 12, y->drivers, ms->u);
+    drivers_at(ms, k, &now->carrier, now->b, now->b + 12, 0, ms->u);
     for (n = 0; n < m->inertial_count; n++) {
         if (free)
             ms->u[y->paths + m->inertial[n]] = ms->new_inertia[n];
@@ -521,7 +521,7 @@ static int machine_run_holding_forces(pmr_machine_run *ms, const double *b, cons
     const double *modes[3] = {of, rates, ms->accelerations};
     carrier c;
     find_carrier(ms, 0, b, &c);
-    drivers_at(ms, 0, &c, b, b + 12, y->drivers, ms->u);
+    drivers_at(ms, 0, &c, b, b + 12, 0, ms->u);
     if (y->hoist) { /* whose rope pulls where the boom stands */
         const int failed = start(ms->state, PMR_GIVEN, ms->u, NULL, z, v);
         if (failed) return failed;
@@ -557,7 +557,7 @@ static int begin_with(pmr_machine_run *ms, const double *b, const double *z, con
     carrier c;
     int failed;
     find_carrier(ms, 0, b, &c);
-    drivers_at(ms, 0, &c, b, b + 12, y->drivers, ms->u);
+    drivers_at(ms, 0, &c, b, b + 12, 0, ms->u);
     failed = start(ms->state, PMR_GIVEN, ms->u, NULL, z, v);
     if (failed) return failed;
     accelerate_boom(ms);

@@ -30,6 +30,8 @@ typedef struct {
     number R[3][3], velocity[3], acceleration[3];
 } turning;
 
+static const turning UNTURNED = {.R = {{{1.0, 0.0}}, {{0.0, 0.0}, {1.0, 0.0}}, {{0.0, 0.0}, {0.0, 0.0}, {1.0, 0.0}}}};
+
 /* Turned by an angle about axis k. */
 static inline turning about(int k, angle by)
 {
@@ -103,8 +105,9 @@ static inline number cylinder_line(const double *foot, const double *lug, number
 
 /* Columns (6 + n + e + 1) of `pmr_stand_columns` and, unless NULL, how they change. */
 int pmr_stand_along(const pmr_stand *stand, const number wrench[6], double *columns, double *along);
-/* Weight and inertia of m masses of a machine (m, 8), as `pmr_masses_wrench` takes them, added to the wrench (6,). */
-void pmr_add_masses(int32_t m, const double *masses, angle slewing, const angle rocking[3], const number falling[3],
+/* Weight and inertia of m masses of a machine (m, 8), as `pmr_masses_wrench` takes them, added to the wrench (6,); `rocking`
+   is NULL where nothing rocks. */
+void pmr_add_masses(int32_t m, const double *masses, angle slewing, const angle *rocking, const number falling[3],
                     number wrench[6]);
 
 #endif

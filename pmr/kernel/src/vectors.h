@@ -16,13 +16,6 @@ typedef double loose_vec;
 #define CV(p) (*(const vec *)(p))
 #define LOOSE(p) (*(loose_vec *)(p))
 #define CONST_LOOSE(p) (*(const loose_vec *)(p))
-#if defined __GNUC__
-#define INLINE static inline __attribute__((always_inline))
-#define APART static __attribute__((noinline))
-#else
-#define INLINE static inline
-#define APART static
-#endif
 #define VL PMR_VL
 
 /* Few numbers that have just been stored one by one are read one by one: a register of them would wait for the

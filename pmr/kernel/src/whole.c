@@ -61,10 +61,10 @@ static void find_carrier(const pmr_machine_run *ms, int64_t k, const double *b, 
     }
 }
 
-/* The first `drivers` where the machine's motion carries the boom by c; loads by a hoist's rope, which `push` has by
-   itself, are 0. */
+/* Drivers where the machine's motion carries the boom by c, of loads those that its acceleration makes alone if
+   `inertial`; loads by a hoist's rope, which `push` has by itself, are 0. */
 static void drivers_at(const pmr_machine_run *ms, int64_t k, const carrier *c, const double *rows, const double *second,
-                       int drivers, double *u)
+                       int inertial, double *u)
 {
     const pmr_system *y = ms->state->system;
     const int first = ms->machine->luffs; /* which turns about no other axis but that of slewing */
@@ -75,7 +75,9 @@ static void drivers_at(const pmr_machine_run *ms, int64_t k, const carrier *c, c
     copy(boom.acceleration, c->left, 3);
     for (j = first; j < (first && y->frame_angles[1] < 0 ? 2 : 3); j++)
         for (i = 0; i < 3; i++) boom.acceleration[i] += c->turned[3 * i + j] * second[3 + j];
-    pmr_frame_turned(y, motions_at(ms, k, rows, second), &boom, drivers, u, ms->state->quantities);
+    pmr_frame_turned(y, motions_at(ms, k, rows, second), &boom,
+                     inertial ? ms->machine->inertial_count : y->drivers - y->paths,
+                     inertial ? ms->machine->inertial : NULL, u, ms->state->quantities);
     for (n = 0; n < y->hoist; n++) u[y->paths + y->hoist_inputs[n]] = 0.0;
 }
 
