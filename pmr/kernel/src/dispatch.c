@@ -123,19 +123,7 @@ int pmr_beyond(const pmr_limits *w, int count)
     return -1;
 }
 
-int pmr_watch(pmr_state *state, const pmr_limits *w)
-{
-    const int count = state->progress.step % PMR_SELDOM ? w->often : w->count;
-    if (!count || pmr_observe(state, w->first[count], w->numbers, w->values)) return -1;
-    return pmr_beyond(w, count);
-}
-
-int pmr_observe_and_watch(pmr_state *state, int count, const int32_t *numbers, double *values, const pmr_limits *w)
-{
-    const int failed = numbers ? pmr_observe(state, count, numbers, values) : 0;
-    if (!numbers) pmr_outputs(state, values, NULL);
-    return failed ? failed : -1 - pmr_watch(state, w);
-}
+int pmr_watch(pmr_state *state, const pmr_limits *w) { return -1 - pmr_observe_and_watch(state, 0, w->numbers, NULL, w); }
 
 void pmr_state_close(pmr_state *state) { pmr_free_aligned(state); }
 

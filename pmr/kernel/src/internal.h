@@ -235,7 +235,8 @@ struct pmr_state {
     pmr_iteration iteration;
     double *u_next, *u_begun;                        /* (N) */
     double *motions_next, *motions_now, *quantities; /* (4, n), (3, n), (quantities) */
-    /* (op + hp + forces + 6): outputs, reactions, forces, a rope's wrench on a winch on the machine; along a seed; (further) */
+    /* (op + hp + forces + 6): outputs, reactions, forces, a rope's wrench on a winch on the machine, and behind them outputs
+       of a hoist and of what is computed; along a seed; (further) */
     double *values, *changes, *shown;
     double *kept; /* (saved): a state that trials of a free extension begin with */
     /* hoist: before a part, slots, forces; R (k, k) and what it is made of, (k, r') and (k, mp); places of inputs */
@@ -293,6 +294,9 @@ struct pmr_state {
     P(outputs, outputs, (pmr_state *state, double *y, double *forces), (state, y, forces))                             \
     F(int, observe, observe, (pmr_state *state, int count, const int32_t *numbers, double *values),                         \
       (state, count, numbers, values))                                                                                 \
+    F(int, observe_and_watch, observe_and_watch,                                                                       \
+      (pmr_state *state, int count, const int32_t *numbers, double *values, const pmr_limits *limits),                 \
+      (state, count, numbers, values, limits))                                                                         \
     F(int, further, further_outputs, (pmr_state *state, double *further), (state, further))                                 \
     F(int, evaluate_along, evaluate_along,                                                                             \
       (pmr_state *state, const double *at, const double *seed, const double *z, const double *v, int hold,             \

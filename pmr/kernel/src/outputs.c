@@ -120,36 +120,67 @@ static int further_outputs(pmr_state *st, double *further)
     return y->motions ? pmr_frame_outputs(y, st->motions, NULL, st->values, NULL, further, NULL) : PMR_DONE;
 }
 
-/* Some outputs and forces, by their numbers among all outputs and, behind these, all forces and outputs of a hoist, of a
-   free luffing angle or extension and of outriggers, and motions of a frame. */
-static int observe(pmr_state *st, int count, const int32_t *numbers, double *values)
+/* What is asked for: numbers (count,) of values (count,). */
+typedef struct {
+    int count;
+    const int32_t *numbers;
+    double *values;
+} asked;
+
+/* Lists of some outputs and forces, by their numbers among all outputs and, behind these, all forces and outputs of a hoist,
+   of a free luffing angle or extension and of outriggers, and motions of a frame.  Where the outputs of outriggers are not
+   found, their lists are told in `failed_lists`, a bit for each. */
+static int observe_lists(pmr_state *st, int lists, const asked *of, int *failed_lists)
 {
     const pmr_system *y = st->system;
-    const int outputs = y->outputs, to_forces = y->op - outputs;
-    const int ground = outputs + y->forces + (y->hoist ? PMR_HOIST_OUTPUTS : 0) + y->computed;
-    const int motions = ground + y->ground;
-    int first = outputs, last = -1, forces = 0, stands = 0, failed, k;
-    for (k = 0; k < count; k++) {
-        const int n = numbers[k];
-        forces |= n >= outputs && n < ground;
-        stands |= n >= ground && n < motions;
-        first = n < first ? n : first;
-        last = n < outputs && n > last ? n : last;
-    }
+    const int outputs = y->outputs, behind = outputs + y->forces, to_forces = y->op + y->hp - outputs,
+              ground = behind + (y->hoist ? PMR_HOIST_OUTPUTS : 0) + y->computed, motions = ground + y->ground;
+    int first = outputs, last = -1, forces = 0, stands = 0, failed = PMR_DONE, l, k;
+    for (l = 0; l < lists; l++)
+        for (k = 0; k < of[l].count; k++) {
+            const int n = of[l].numbers[k];
+            forces |= n >= outputs && n < ground;
+            if (n >= ground && n < motions) stands |= 1 << l;
+            first = n < first ? n : first;
+            last = n < outputs && n > last ? n : last;
+        }
+    if (stands && y->ground_reads_outputs) first = 0, last = outputs - 1;
     if (last >= 0)
         find_outputs(st, y->observed, first / PMR_SPAN * PMR_SPAN, PMR_UP(last + 1), st->z, st->u + y->paths, NULL,
                      NULL, st->values);
-    if (forces) forces_of(st, st->lambda, st->friction, st->values + y->op);
-    if (forces) show_behind(st, st->values + y->op + y->forces);
-    for (k = 0; k < count; k++)
-        if (numbers[k] >= motions)
-            values[k] = st->motions[numbers[k] - motions];
-        else if (numbers[k] < ground)
-            values[k] = st->values[numbers[k] + (numbers[k] < outputs ? 0 : to_forces)];
-    if (!stands) return PMR_DONE;
-    find_all(st, y->ground_reads_outputs, st->values);
-    failed = pmr_ground_outputs(y, st->motions, NULL, st->values, NULL, st->shown, NULL);
-    for (k = 0; k < count && !failed; k++)
-        if (numbers[k] >= ground && numbers[k] < motions) values[k] = st->shown[numbers[k] - ground];
+    if (stands) {
+        find_all(st, 0, st->values);
+        failed = pmr_ground_outputs(y, st->motions, NULL, st->values, NULL, st->shown, NULL);
+    } else if (forces) {
+        forces_of(st, st->lambda, st->friction, st->values + y->op + y->hp);
+    }
+    if (forces) show_behind(st, st->values + y->op + y->hp + y->forces + 6);
+    for (l = 0; l < lists; l++)
+        for (k = 0; k < of[l].count; k++) {
+            const int n = of[l].numbers[k];
+            of[l].values[k] = n >= motions   ? st->motions[n - motions]
+                              : n >= ground  ? st->shown[n - ground]
+                              : n >= behind  ? st->values[n + to_forces + 6]
+                              : n >= outputs ? st->values[n + to_forces]
+                                             : st->values[n];
+        }
+    *failed_lists = failed ? stands : 0;
     return failed;
+}
+
+static int observe(pmr_state *st, int count, const int32_t *numbers, double *values)
+{
+    int unused;
+    return observe_lists(st, 1, &(asked){count, numbers, values}, &unused);
+}
+
+static int observe_and_watch(pmr_state *st, int count, const int32_t *numbers, double *values, const pmr_limits *w)
+{
+    const int watched = st->progress.step % PMR_SELDOM ? w->often : w->count;
+    const asked of[2] = {{numbers ? count : 0, numbers, values}, {w->first[watched], w->numbers, w->values}};
+    int failed_lists;
+    const int failed = observe_lists(st, 2, of, &failed_lists);
+    if (!numbers) outputs(st, values, NULL);
+    if (failed) return failed_lists & 1 ? failed : PMR_DONE;
+    return -1 - pmr_beyond(w, watched);
 }

@@ -193,7 +193,7 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(motions_next, 4 * y->motions);
     NUMBERS(motions_now, 3 * y->motions);
     NUMBERS(quantities, 2 * y->quantities);
-    NUMBERS(values, y->op + y->hp + y->forces + PMR_HOIST_OUTPUTS + y->computed);
+    NUMBERS(values, y->op + y->hp + y->forces + 6 + PMR_HOIST_OUTPUTS + y->computed);
     NUMBERS(changes, y->op + y->hp + y->forces);
     NUMBERS(shown, y->reactions + 4 + y->ground);
     NUMBERS(kept, y->extension.sections ? st->saved : 0);
