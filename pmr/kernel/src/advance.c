@@ -32,9 +32,11 @@ static int level_of(const pmr_state *st, int32_t count)
 
 static int all_finite(const double *values, int count)
 {
-    double sum = 0.0; /* zero times what is not finite is no number */
+    vec sums = {0.0}; /* zero times what is not finite is no number */
+    double sum;
     int n;
-    for (n = 0; n < count; n++) sum += 0.0 * values[n];
+    for (n = 0; n + VL <= count; n += VL) sums += CONST_LOOSE(values + n) * 0.0;
+    for (sum = sum_of(sums); n < count; n++) sum += 0.0 * values[n];
     return sum == 0.0;
 }
 

@@ -167,10 +167,6 @@ static void follow_course(const pmr_course *course, int drivers, int part, int p
         pmr_signals_at(course->signals, (double)(course->step * parts + part) * (h / parts), u, NULL);
         return;
     }
-    if (part == 0 || part == parts) {
-        copy(u, part ? course->ended : course->begun, drivers);
-        return;
-    }
     for (n = 0; n < drivers; n++) {
         const double *rates = course->rates;
         double led[4];
@@ -191,6 +187,8 @@ static const double *course_at(pmr_state *st, const pmr_course *course, int part
         pmr_frame_drivers(y, now, st->u_next, st->quantities);
     } else if (course->led) {
         pmr_lead_on(course->led, y->drivers, course->since + course->h * part / parts, 1, st->u_next);
+    } else if (!course->signals && (part == 0 || part == parts)) {
+        return part ? course->ended : course->begun;
     } else {
         follow_course(course, y->drivers, part, parts, st->u_next);
     }

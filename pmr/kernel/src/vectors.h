@@ -21,6 +21,7 @@ typedef double loose_vec;
 /* Few numbers that have just been stored one by one are read one by one: a register of them would wait for the
    stores. */
 #define MANY_INPUTS 8
+#define MANY_NUMBERS 16
 
 /* fmax of the C library keeps to rules for what is no number, and is a call. */
 INLINE double larger(double a, double b) { return a > b ? a : b; }
@@ -57,8 +58,10 @@ INLINE double dot_loose(const double *a, const double *b, int count)
 
 INLINE void copy(double *to, const double *from, int count)
 {
-    int n;
-    for (n = 0; n < count; n++) to[n] = from[n]; /* a call of memcpy takes longer than this for some ten numbers */
+    int n = 0; /* a call of memcpy takes longer than this for some ten numbers */
+    if (count > MANY_NUMBERS)
+        for (; n + VL <= count; n += VL) LOOSE(to + n) = CONST_LOOSE(from + n);
+    for (; n < count; n++) to[n] = from[n];
 }
 
 /* Polynomials (powers, stride), the highest power first, `width` of them at x; cubics, those of beams, in one go. */
