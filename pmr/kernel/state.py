@@ -412,8 +412,9 @@ class BoundStep:
         handle, motions = state.pointer, pointer(self.motions)
         if kernel.motions:
             self.step = partial(lib.pmr_step_in_frame, handle, motions, pointer(self.rows))
+            self.step_by_all = partial(lib.pmr_step_in_frame, handle, motions, ffi.NULL)
         else:
-            self.step = partial(lib.pmr_step, handle, motions, ffi.NULL)
+            self.step = self.step_by_all = partial(lib.pmr_step, handle, motions, ffi.NULL)
         self.step_by_rates = partial(lib.pmr_step, handle, motions, pointer(self.rates))
         all_outputs = numbers == [*range(kernel.outputs)]
         arguments = handle, count, ffi.NULL if all_outputs else pointer(self._numbers), pointer(self.values)

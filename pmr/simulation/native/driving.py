@@ -102,8 +102,8 @@ class Drivers:
     def take_all(self, motions: Array, names: Sequence[str], free: Collection[str]) -> None:
         """Take the `motions` (3, n) of a frame: values, rates and second rates of all n `names`, in their order.
 
-        Motions that are `free` are computed, and their columns have no effect.  Errors and warnings are those of
-        motions that are taken by their names.
+        The step has to take all three numbers of each.  Motions that are `free` are computed, and their columns have no
+        effect.  Errors and warnings are those of motions that are taken by their names.
         """
         if self._all is None:
             limits = np.full((5, len(names)), np.nan)
@@ -124,7 +124,7 @@ class Drivers:
             self.take_path({name: of for name, of in by_name.items() if name in self._limits})
             self.take_loads({name: of for name, of in by_name.items() if name in self._limits_of_loads})
             self.take_frame({name: of for name, of in by_name.items() if name in self._limits_of_frame})
-        self.rows.fill(3)
+            self.rows.fill(1)
 
     @property
     def path_coordinates(self) -> dict[str, float]:

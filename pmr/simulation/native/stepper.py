@@ -192,6 +192,7 @@ class Stepper:
         self._driver_values: Any = memoryview(bound.motions[0])
         self._same_memory = alone and system.on_one_path and max(chosen, default=0) < len(every)
         self._advance = bound.step_by_rates if self._in_parts else bound.step
+        self._advance_all = bound.step_by_all
         self._observe, self._y = bound.observe, bound.values
         self._warn_beyond(self._limits.watch(self._state))
 
@@ -233,6 +234,7 @@ class Stepper:
                 allowed = "an array of all motions is allowed by itself, for a boom in a frame"
                 raise InputError("stepper", "s", s.shape, allowed)
             drivers.take_all(s, self.motion_names, self._free)
+            failed = self._advance_all()
         else:
             if type(F) is float and self._load >= 0 and F - F == 0.0:  # F - F is NaN unless F is finite
                 self._driver_values[self._load] = F
@@ -249,13 +251,13 @@ class Stepper:
                 if self._moved:
                     self._refuse_moved(s)
                 drivers.take_path(s)
-        if self._in_parts:
-            drivers.lead_rates(self._bound.rates)
-        failed = self._advance()
+            if self._in_parts:
+                drivers.lead_rates(self._bound.rates)
+            failed = self._advance()
+            if self._has_rates and not failed:
+                drivers.end_step()
         if failed:
             self._raise_failure(failed, self._step_text(1))
-        if self._has_rates:
-            drivers.end_step()
         if failed := self._observe():
             if failed > 0:
                 self._raise_failure(failed, f"the outputs of {self._step_text(0)}")
