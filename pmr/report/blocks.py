@@ -179,6 +179,7 @@ class Drawing:
     svg: str
     caption: str
     half: bool = False  # whether the figure is half as wide as a page
+    hint: str = ""  # sentence behind the caption that a screen shows, for the pointer
     fits: bool = False  # whether a second ``<svg>`` element follows, which a narrow window shows in place of the first
 
 

@@ -60,14 +60,16 @@ ROUND_OFF = 1e-9
 def first_page_tables(result: RunResult) -> tuple[Table, ...]:
     """Build the tables of the first page; tables without rows are left out.
 
-    The tables are on what was simulated, the errors in brief, the largest values, what the model leaves out, and all
-    errors.
+    What was computed stands before the input: largest values with a limit, or all largest values if none has one; the
+    errors in brief; what the figures leave out; other largest values; what was simulated; and all errors.
     """
+    first, *others = _largest_values_tables(result)
     all_tables = (
-        Table("What was asked", (*overview.system_rows(result), *_second_order_rows(result, True))),
+        first,
         Table("How sure the values are", tuple(trust.certainty_rows(result))),
-        _largest_values_table(result),
-        Table("What is not in this model", tuple(_left_out_rows(result))),
+        Table("What is not in these figures", tuple(_left_out_rows(result))),
+        *others,
+        Table("What was asked", (*overview.system_rows(result), *_second_order_rows(result, True))),
         trust.trust_table(result),
     )
     return tuple(table for table in all_tables if table.rows)
@@ -76,9 +78,16 @@ def first_page_tables(result: RunResult) -> tuple[Table, ...]:
 def _left_out_rows(result: RunResult) -> Rows:
     """Yield a row for each subject with what the scene's model leaves out (`pmr.scene.hints.left_out`).
 
-    The last row is on effects of second order, if a run in a frame leaves them out.
+    A row is on pads that lift off, if a value of the run is with every pad closed.  The last row is on effects of
+    second order, if a run in a frame leaves them out.
     """
     rows, recovery = left_out(result.scene), result.scene.recovery
+    if has_pushing_pads(result) and (result.frequencies.models or "factor" in result.summary.get("buckling", {})):
+        forces = [Extremes.from_summary(pad) for pad in result.summary.get("pads", ())]
+        opened = sum(force.least == 0.0 for force in forces)
+        lift = f"; {opened} {'pads do' if opened > 1 else 'pad does'} at times in this run" if opened else ""
+        open_pads = f"pads that lift off, in natural frequencies and buckling factor, which they lower{lift}"
+        rows["pads"] = ", ".join(filter(None, (rows.get("pads"), open_pads)))
     if recovery is not None and "reduced" in result.summary.get("max_von_mises", {}):
         rows["strength"] += (
             f", stresses between the times at which they are computed, {format_input(recovery.every, 's')} apart "
@@ -86,6 +95,8 @@ def _left_out_rows(result: RunResult) -> Rows:
         )
     if "loads" in rows:
         rows["loads"] += ", factors of a standard (dynamic, safety)"
+        if result.frame is not None and any(mass.payload for part in result.scene.sections for mass in part.masses):
+            rows["loads"] += ", whether the machine may lift the payload (a load chart says it)"
     yield from rows.items()
     yield from _second_order_rows(result, False)
 
@@ -111,19 +122,26 @@ def largest_value_rows(result: RunResult) -> Rows:
     yield from ((row.name, row.text) for row in largest_values(result))
 
 
-def _largest_values_table(result: RunResult) -> Table:
-    """Table of largest values; a heading stands above the first row of each kind.
+def _largest_values_tables(result: RunResult) -> list[Table]:
+    """Tables of the largest values with an allowed value, and of the others; a table without rows is left out.
 
-    All rows with an allowed value are one kind, with the heading `USED_UP`.  The kinds of other rows follow from the
-    parts that they belong to (`HEADINGS`).  If all rows are of one kind, the table has no headings.
+    In the table of the others, a heading of `HEADINGS` stands above the first row of each part that rows belong to.  If
+    all belong to the same part, there are no headings.
     """
     headings, rows = dict[str, str](), largest_values(result)
-    for row in rows:
-        heading = USED_UP if row.share is not None else _heading(row)
-        if heading not in headings.values():
-            headings[row.name] = heading
-    texts = tuple((row.name, row.text) for row in rows)
-    return Table("Largest values of this motion", texts, headings=headings if len(headings) > 1 else {})
+    limited, others = ([row for row in rows if (row.share is not None) is has_limit] for has_limit in (True, False))
+    for row in others:
+        if _heading(row) not in headings.values():
+            headings[row.name] = _heading(row)
+    tables = [
+        Table("Largest values that have a limit", tuple((row.name, row.text) for row in limited)),
+        Table(
+            "Largest values of this motion",
+            tuple((row.name, row.text) for row in others),
+            headings=headings if len(headings) > 1 else {},
+        ),
+    ]
+    return [table for table in tables if table.rows] or tables[:1]
 
 
 def largest_values(result: RunResult) -> list[LargestValue]:
@@ -137,8 +155,6 @@ def largest_values(result: RunResult) -> list[LargestValue]:
     )
 
 
-#: Heading of the rows with an allowed value.
-USED_UP = "Values that have a limit"
 #: Headings of the other rows in their order, with the places of the quantities below each of them.
 HEADINGS = {
     "Tip, frequency and speeds": ("tip", "boom", ""),
@@ -267,17 +283,8 @@ def _missing_clause(summary: Summary) -> str:
 
 
 def _closed_pads_clause(result: RunResult) -> str:
-    """Clause after a number that is computed with every pad closed; it says how many pads of the run lift off.
-
-    The clause begins with a semicolon, and says that pads that lift off lower the number.  If no pad only pushes, the
-    clause is empty.
-    """
-    if not has_pushing_pads(result):
-        return ""
-    forces = [Extremes.from_summary(pad) for pad in result.summary.get("pads", ())]
-    opened = sum(force.least == 0.0 for force in forces)
-    lift = f": {opened} do at times in this run" if opened else ""
-    return f"; this value is with every pad closed, and pads that lift off lower it{lift}"
+    """Clause after a number that is computed with every pad closed; empty if no pad only pushes."""
+    return ", with every pad closed" if has_pushing_pads(result) else ""
 
 
 def _resting_clause(result: RunResult) -> str:

@@ -426,6 +426,6 @@ def _margin_error(result: RunResult) -> str:
         return "; its error is not known"
     size = format_quantity(max(summed.by_label[label] for label in labels) * max(moments), "N m", 2)
     return (
-        f"; ± {size} by the errors of the boom's moment{summed.lacking_clause(*labels)}; the masses of the machine are "
-        "taken as exact, ground and chassis as rigid"
+        f"; ± {size} by the errors of the boom's moment{summed.lacking_clause(*labels)}, without those of the masses "
+        "of the machine"
     )

@@ -47,8 +47,13 @@ def result(make_space: MakeSpace) -> RunResult:
     return replace(found, responses={name: named(one) for name, one in found.responses.items()})
 
 
+LARGEST = "Largest values of this motion"
+
+
 def rows(result: RunResult, title: str) -> dict[str, str]:
-    return dict(next(table.rows for table in first_page_tables(result) if table.title == title))
+    """Rows of the table of this title, or of both tables of largest values."""
+    titles = ("Largest values that have a limit", LARGEST) if title == LARGEST else (title,)
+    return dict(row for table in first_page_tables(result) if table.title in titles for row in table.rows)
 
 
 def test_what_was_asked_is_said_in_rows(result: RunResult) -> None:
@@ -63,7 +68,7 @@ def test_what_was_asked_is_said_in_rows(result: RunResult) -> None:
 
 
 def test_each_kind_of_force_has_its_largest_with_when_and_where(result: RunResult) -> None:
-    bears = rows(result, "Largest values of this motion")
+    bears = rows(result, LARGEST)
     assert bears["largest pad force"].startswith(f"5.00{SPACE}kN, pad 4, at 0{SPACE}s")
     assert bears["largest force of a support"].startswith(
         f"−75.0{SPACE}kN, luffing cylinder, at 0{SPACE}s, 4.5{SPACE}m out"
@@ -119,7 +124,7 @@ def test_what_a_chief_looks_for_besides_has_a_row(make_space: MakeSpace) -> None
     moving = {"name": "mouth", "moving": True, "faces": {"bottom": [0.0]}}
     basket = {"name": "basket", "on": "tip", "mass": 250.0, "at": [6.5, 0.8, -0.2]}
     result = make_space(summary=summary, pads=[ring, moving], masses=[basket])
-    asked, carries = rows(result, "What was asked"), rows(result, "Largest values of this motion")
+    asked, carries = rows(result, "What was asked"), rows(result, LARGEST)
     assert asked["basket"] == f"250{SPACE}kg on tip, its centre 0.5{SPACE}m ahead of it, 0.8{SPACE}m to the left, " \
         f"0.2{SPACE}m below"  # fmt: skip
     assert asked["pads"].endswith(f", play top 500{SPACE}µm")
@@ -129,7 +134,7 @@ def test_what_a_chief_looks_for_besides_has_a_row(make_space: MakeSpace) -> None
     assert carries["dynamic factors"].endswith(f": resultant of pin of base 1.17 (60.0{SPACE}kN at rest){luffing}")
     factors = summary["dynamic_factors"]
     components = make_space(summary=summary | {"dynamic_factors": [factors[0], factors[2]]})  # of an earlier version
-    text = rows(components, "Largest values of this motion")["dynamic factors"]
+    text = rows(components, LARGEST)["dynamic factors"]
     assert text.endswith(f": pin of base along x 1.20 (50.0{SPACE}kN at rest){luffing}")
     assert carries["largest damage by fatigue"].startswith("0.0200, root")
     assert "largest damage by fatigue" in [number.label for number in key_numbers(result)]
@@ -137,13 +142,13 @@ def test_what_a_chief_looks_for_besides_has_a_row(make_space: MakeSpace) -> None
 
 def test_no_figure_is_round_off(result: RunResult) -> None:
     """A cylinder that bears 1e-12 of the largest force, and a tip that does not move aside, have no rows."""
-    assert "largest force of an extension cylinder" not in rows(result, "Largest values of this motion")
+    assert "largest force of an extension cylinder" not in rows(result, LARGEST)
     still = {}
     for name, one in result.responses.items():
         moved = one.displacement.copy()
         moved[:, -2] = 1e-17
         still[name] = replace(one, displacement=moved)
-    bears = rows(replace(result, responses=still), "Largest values of this motion")
+    bears = rows(replace(result, responses=still), LARGEST)
     assert "largest deflection of the tip, lateral, y" not in bears
     assert "largest deflection of the tip, vertical, z" in bears
 
@@ -154,7 +159,7 @@ def test_what_is_not_known_is_said(make_space: MakeSpace) -> None:
     trust = rows(result, "How far to trust this run")
     assert trust["model"].startswith("not known: compare.richer") and trust["time step"] == "not known: too short"
     assert trust["reduction"].startswith("not known") and trust["mesh"].startswith("not known")
-    assert rows(result, "Largest values of this motion")["stress"].startswith("not computed")
+    assert rows(result, LARGEST)["stress"].startswith("not computed")
     model = {"beside": "shell", "beam": 0.4, "frequency": 0.6}
     known = SUMMARY | {"budget": {"mesh": {"beam": 0.01}, "model": model}}
     trust = rows(make_space(summary=known), "How far to trust this run")
@@ -165,7 +170,7 @@ def test_what_is_not_known_is_said(make_space: MakeSpace) -> None:
     assert (
         trust["added up"] == f"displacements 41.2{SPACE}%; not included: the error of the time step"
     )  # the mesh states nothing else
-    stressed = rows(make_space(recovery={"every": 0.05}, summary=known), "What is not in this model")
+    stressed = rows(make_space(recovery={"every": 0.05}, summary=known), "What is not in these figures")
     assert f"0.05{SPACE}s apart" in stressed["strength"] and "fatigue" in stressed["strength"]
 
 
@@ -205,12 +210,12 @@ def test_a_cylinder_that_pulls_ropes_bears_theirs_too(result: RunResult) -> None
         {"name": "first", "follows": None, "force": force},
         {"name": "second", "follows": "first", "force": force | {"max": 16.9e3}},
     ]
-    carries = rows(replace(result, summary=result.summary | {"ropes": ropes}), "Largest values of this motion")
+    carries = rows(replace(result, summary=result.summary | {"ropes": ropes}), LARGEST)
     expected = f"31.3{SPACE}kN, cylinder of first, which pulls the ropes, at 0.5{SPACE}s, 4{SPACE}m out"
     assert carries["largest force of an extension cylinder"] == expected
     assert carries["largest rope force"].startswith(f"16.9{SPACE}kN, rope of second, all strands, ")
     winch = [{"name": "first", "follows": None, "force": force, "length": 9.0, "stiffness": 1e6}]
-    carries = rows(replace(result, summary=result.summary | {"ropes": winch}), "Largest values of this motion")
+    carries = rows(replace(result, summary=result.summary | {"ropes": winch}), LARGEST)
     assert carries["largest rope force"].startswith(f"31.3{SPACE}kN, rope of first, ")
     assert "cylinder of first" not in carries.get("largest force of an extension cylinder", "")
 
@@ -218,7 +223,7 @@ def test_a_cylinder_that_pulls_ropes_bears_theirs_too(result: RunResult) -> None
 def test_supports_bear_forces_and_moments_each_in_its_unit(result: RunResult) -> None:
     one = {"unit": "N", "min": -2e4, "t_min": 0.2, "s_min": 2.0, "max": 1e3, "t_max": 0.1, "s_max": 1.5}
     reactions = [{"name": "cylinder", **one}, {"name": "pin rz", **one, "unit": "N m", "max": 3e4}]
-    carries = rows(replace(result, summary=result.summary | {"reactions": reactions}), "Largest values of this motion")
+    carries = rows(replace(result, summary=result.summary | {"reactions": reactions}), LARGEST)
     assert carries["largest force of a support"].startswith(f"\u221220.0{SPACE}kN, cylinder along x, at 0.2{SPACE}s")
     assert carries["largest moment of a support"].startswith(f"30.0{SPACE}kN m, pin rz, at 0.1{SPACE}s")
 
@@ -233,14 +238,14 @@ def test_the_machine_bears_all_supports_together(make_space: MakeSpace) -> None:
         {"name": "pivot cylinder", "unit": "N", "min": 59e3, "max": 102e3, **least, **most},
     ]
     result = make_space(frame={"luffing": ramp, "pivot": [0.0, 0.0, 0.0]}, summary=SUMMARY | {"reactions": reactions})
-    carries = rows(result, "Largest values of this motion")
+    carries = rows(result, LARGEST)
     force = carries["largest component of the net force of the boom on its machine"]
     moment = carries["largest component of the net moment of the boom on its machine, about the pivot"]
     assert force.startswith(f"\u221216.0{SPACE}kN, along z of the boom's own axes, at 0.2{SPACE}s")
     assert moment.startswith(f"87.0{SPACE}kN m, about y of the boom's own axes, at 0.1{SPACE}s")
     luffing = {"force": {"min": -5e4, "max": 1e3, **least, **most}, "length": {"min": 1.5, "max": 2.0}}
     pulled = make_space(summary=SUMMARY | {"luffing_cylinder": luffing})
-    pulls = rows(pulled, "Largest values of this motion")["largest force of the luffing cylinder"]
+    pulls = rows(pulled, LARGEST)["largest force of the luffing cylinder"]
     assert pulls.startswith(f"50.0{SPACE}kN, it pulls, at 0.2{SPACE}s")
 
 
@@ -256,17 +261,17 @@ def test_large_values_say_how_the_boom_stands_and_the_luffing_cylinder_has_one_r
     one = {"unit": "N", "max": 1e3, "t_max": 0.1, "s_max": 1.5, "t_min": 0.2, "s_min": 2.0}
     reactions = [{"name": "lift", **one, "min": -9e4}, {"name": "pin x", **one, "min": -2e4}]
     summary = SUMMARY | {"reactions": reactions}
-    carries = rows(make_space(frame=frame, supports=supports, summary=summary), "Largest values of this motion")
+    carries = rows(make_space(frame=frame, supports=supports, summary=summary), LARGEST)
     assert carries["largest force of a support"].startswith(f"\u221290.0{SPACE}kN, lift along z")
     luffing = {"force": {**one, "min": -9e4}, "length": {"min": 1.5, "max": 2.0}}
     result = make_space(frame=frame, supports=supports, summary=summary | {"luffing_cylinder": luffing})
-    carries = rows(result, "Largest values of this motion")
+    carries = rows(result, LARGEST)
     force = f"\u221220.0{SPACE}kN, pin x, at 0.2{SPACE}s, 4{SPACE}m out, raised 18°, slewed \u22126°"
     assert carries["largest force of a support"] == force
     assert f"at 0.2{SPACE}s, 4{SPACE}m out, raised 18°, slewed" in carries["largest force of the luffing cylinder"]
     assert carries["largest von Mises stress"].endswith("raised 45°, slewed \u221215°")
     del frame["slewing"]
-    still = rows(make_space(frame=frame, supports=supports, summary=summary), "Largest values of this motion")
+    still = rows(make_space(frame=frame, supports=supports, summary=summary), LARGEST)
     assert still["largest von Mises stress"].endswith(", raised 45°")
 
 
@@ -283,7 +288,7 @@ def test_only_a_given_angle_beyond_the_stroke_makes_a_length_more_than_is_allowe
 
     given, name = {"luffing": 0.3}, "length of the luffing cylinder"
     within, beyond = page(1.95, **given), page(2.05, **given)
-    carries = rows(within, "Largest values of this motion")
+    carries = rows(within, LARGEST)
     assert carries[name] == f"1.2 to 1.95{SPACE}m; its stroke is 1 to 2{SPACE}m" and "stroke" not in carries[FORCE]
     assert not overload_sentences(within) and next(iter(carries)) != name
     expected = f"{name}: 1.2 to 2.05{SPACE}m; its stroke is 1 to 2{SPACE}m, and the given angles need 5.00{SPACE}% more"
@@ -331,6 +336,10 @@ def test_shares_of_forces_that_cylinder_and_pin_bear_stand_first(
     assert second[1].endswith(f"{allowed}{1e-6 * euler:.2f}{SPACE}MN, which buckles the rod at 2.00{SPACE}m")
     (over,) = overload_sentences(page)
     assert over.startswith("largest use of a support: ")
+    titles = ["Largest values that have a limit", "How sure the values are", "What is not in these figures", LARGEST]
+    titles = [*titles, "What was asked", "How far to trust this run"]
+    shown = [table.title for table in first_page_tables(page)]
+    assert shown == [title for title in titles if title in shown] and {*titles[:1], *titles[2:5]} <= {*shown}
 
 
 FORCE = "largest force of the luffing cylinder"
@@ -355,7 +364,7 @@ def test_the_machine_below_the_pivot_is_among_what_was_asked(make_space: MakeSpa
         "frame": {"base": moved, "second_order": False, "gyroscopic": None},
     }
     result = make_space(frame=frame, summary=summary)
-    asked, carries = rows(result, "What was asked"), rows(result, "Largest values of this motion")
+    asked, carries = rows(result, "What was asked"), rows(result, LARGEST)
     machine = (
         f"mass 12\u202f000{SPACE}kg, center (0, 0, −800){SPACE}mm", "free x, z, ry", f"z 4{SPACE}kN/mm, ry 9{SPACE}MN",
         f"force (x ramp, times (0, 1){SPACE}s, values (0, 4){SPACE}kN", f"rate (x 1.5{SPACE}m/s)",
@@ -422,21 +431,23 @@ def test_the_first_page_in_print_answers_all_of_it(make_space: MakeSpace) -> Non
         notices=Notices(warnings=["second order is left out"]), key_numbers=[KeyNumber("1", "coordinates")],
     )  # fmt: skip
     page, *_ = weasyprint.HTML(string=rendered([first])).render().pages
-    assert {"case-1-sketch", "case-1-asked", "case-1-warnings", "case-1-first-1", "case-1-first-2"} <= set(page.anchors)
+    assert {"case-1-sketch", "case-1-largest", "case-1-warnings", "case-1-first-1", "case-1-first-2"} <= set(
+        page.anchors
+    )
 
 
 def test_masses_and_the_share_of_the_yield_stress_have_rows(result: RunResult) -> None:
     used = {"value": 0.138, "stress": 49e6, "yield": 355e6, "section": "", "t": 0.5, "position": [3.0, 0.0, 0.2]}
     masses = [{"name": "", "mass": 527.52, "attached": 250.0, "centre": [4.0, 0.0, 0.0]}]
     found = replace(result, summary=result.summary | {"utilisation": {"reduced": used}, "masses": masses})
-    asked, carries = rows(found, "What was asked"), rows(found, "Largest values of this motion")
+    asked, carries = rows(found, "What was asked"), rows(found, LARGEST)
     assert asked["structure"].endswith(f"length 6{SPACE}m, 527.5{SPACE}kg")
     assert asked["total mass"] == f"777.5{SPACE}kg with payload" and "total mass" not in rows(result, "What was asked")
     share = f"13.8{SPACE}% of the yield stress of 355{SPACE}MPa"
     assert carries["largest von Mises stress"] == f"49.0{SPACE}MPa, {share}, 3{SPACE}m from the tail, at 0.5{SPACE}s"
     assert "largest stress over yield stress" not in carries
     elsewhere = replace(result, summary=found.summary | {"utilisation": {"reduced": used | {"stress": 40e6}}})
-    carries = rows(elsewhere, "Largest values of this motion")  # of a region of a softer steel
+    carries = rows(elsewhere, LARGEST)  # of a region of a softer steel
     assert carries["largest von Mises stress"].startswith(f"49.0{SPACE}MPa, outer face of bottom, ")
     assert carries["largest stress over yield stress"] == f"{share}, 3{SPACE}m from the tail, at 0.5{SPACE}s"
 
@@ -448,9 +459,7 @@ def test_the_stress_of_beams_has_no_share_of_the_yield_stress(make_space: MakeSp
     found = make_space(body=body)
     used = {"value": 0.138, "stress": 49e6, "yield": 355e6, "section": "", "t": 0.5, "position": [3.0, 0.0, 0.2]}
     summary = found.summary | {"utilisation": {"reduced": used}}
-    alone = rows(replace(found, summary=summary), "Largest values of this motion")[
-        "largest von Mises stress of the beams"
-    ]
+    alone = rows(replace(found, summary=summary), LARGEST)["largest von Mises stress of the beams"]
     assert alone.startswith(f"49.0{SPACE}MPa") and "yield" not in alone
     sure = rows(found, "How sure the values are")["stress"]
     assert sure == "not known, because the stress of beams lacks the bending of walls under pads"
@@ -461,7 +470,7 @@ def test_the_stress_of_beams_has_no_share_of_the_yield_stress(make_space: MakeSp
     }  # fmt: skip
     budget = {"model": {"beside": "shell", "beam": 0.01, "frequency": 0.01, "wall_stress": walls}}
     compared = replace(found, summary=summary | {"budget": budget, "max_von_mises": {"reduced": 49e6}})
-    carries = rows(compared, "Largest values of this motion")
+    carries = rows(compared, LARGEST)
     assert next(iter(carries)) == "largest von Mises stress in walls"
     number = next(number for number in key_numbers(compared) if "von Mises" in number.label)
     assert (number.label, number.value) == ("largest von Mises stress in walls", f"284{SPACE}MPa")
@@ -484,7 +493,7 @@ def test_the_stress_of_beams_has_no_share_of_the_yield_stress(make_space: MakeSp
     assert sure.startswith(f"in walls at pads ± 4.2{SPACE}% {without}")
     with_pads = {"model": budget["model"] | {"pad_force": 0.02}}
     pressed = replace(compared, summary=compared.summary | {"budget": with_pads})
-    sure, said = rows(pressed, "How sure the values are"), rows(pressed, "Largest values of this motion")
+    sure, said = rows(pressed, "How sure the values are"), rows(pressed, LARGEST)
     total = float(sure["stress"].removeprefix("in walls at pads ± ").partition(SPACE)[0])
     by_pads = 100.0 * summed_errors(pressed.summary).by_label["pad forces"]
     assert by_pads > 2.0 and total == pytest.approx(100.0 * 12 / 284 + by_pads, abs=0.06)
@@ -495,16 +504,16 @@ def test_the_stress_of_beams_has_no_share_of_the_yield_stress(make_space: MakeSp
     assert f"MPa, {most}; left wall, " in said["largest von Mises stress in walls"]
     assert not overload_sentences(compared)
     budget["model"]["wall_stress"] = {key: value for key, value in walls.items() if key != "error"}
-    assert "largest von Mises stress in walls" in rows(compared, "Largest values of this motion")
-    earlier = rows(compared, "Largest values of this motion")["largest von Mises stress in walls"]
+    assert "largest von Mises stress in walls" in rows(compared, LARGEST)
+    earlier = rows(compared, LARGEST)["largest von Mises stress in walls"]
     assert earlier.startswith(f"at least 284{SPACE}MPa") and "±" not in earlier
     budget["model"]["wall_stress"]["growth"] = 1.5  # of results that have no bar
-    grown = rows(compared, "Largest values of this motion")["largest von Mises stress in walls"]
+    grown = rows(compared, LARGEST)["largest von Mises stress in walls"]
     assert grown.startswith(f"at least 426{SPACE}MPa, 120{SPACE}% of the yield stress of 355{SPACE}MPa")
     budget["model"]["wall_stress"] = walls | {"value": 426e6}
     budget["model"]["wall_stress_missing"] = {"fly": "its walls change along it", "base": "its walls change along it"}
     grown = replace(compared, summary=compared.summary | {"budget": budget})
-    said = rows(grown, "Largest values of this motion")["largest von Mises stress in walls"]
+    said = rows(grown, LARGEST)["largest von Mises stress in walls"]
     assert said.endswith("; not known of fly and base: its walls change along it")
     share = f"120{SPACE}% of the yield stress of 355{SPACE}MPa"
     assert said.startswith(f"426{SPACE}MPa ± 12{SPACE}MPa (error by the mesh of the walls), {share}, ")
@@ -665,15 +674,28 @@ def test_rows_follow_by_share_then_tip_and_frequency_supports_and_pads(monkeypat
     names = [row.name for row in shown]
     monkeypatch.setattr(first_page, "_largest_values", lambda result: iter(shown))
     assert [names.index(row.name) for row in first_page.largest_values(None)] == [7, 0, 3, 2, 1, 6, 5, 4]
-    table = first_page._largest_values_table(None)
+    limited, table = first_page._largest_values_tables(None)
+    assert [names.index(name) for name, _ in limited.rows] == [7, 0] and not limited.headings
     assert [(names.index(name), heading) for name, heading in table.headings.items()] == [
-        (7, "Values that have a limit"), (3, "Tip, frequency and speeds"), (6, "Supports and machine"), (4, "Pads"),
+        (3, "Tip, frequency and speeds"), (6, "Supports and machine"), (4, "Pads"),
     ]  # fmt: skip
     page = rendered([Chapter(anchor="case-1", title="Boom", first=(table,))])
     places = [page.index(of) for of in ('colspan="2">Tip,', 'colspan="2">Pads<', ">largest pad force<")]
     assert places == sorted(places)
     shown[:] = shown[1:3]  # rows of one kind only
-    assert not first_page._largest_values_table(None).headings
+    (alone,) = first_page._largest_values_tables(None)
+    assert not alone.headings and len(alone.rows) == 2
+
+
+def test_pads_that_lift_off_stand_once_in_what_is_not_in_the_figures(make_space: MakeSpace) -> None:
+    """They lower frequencies and buckling factors, whose rows have every pad closed."""
+    ring = {"name": "mouth", "moving": True, "unilateral": True, "faces": {"bottom": [-0.1, 0.1], "top": [0.0]}}
+    pads = [{"name": f"pad {k}", "unit": "N", "min": least, "max": 1e3} for k, least in enumerate((0.0, 0.0, 5.0))]
+    times = {"t_max": 0.1, "s_max": 1.0, "t_min": 0.2, "s_min": 1.0}
+    lifting = make_space(summary=SUMMARY | {"pads": [pad | times for pad in pads]}, pads=[ring])
+    left, texts = rows(lifting, "What is not in these figures")["pads"], " ".join(rows(lifting, LARGEST).values())
+    assert left.endswith("in natural frequencies and buckling factor, which they lower; 2 pads do at times in this run")
+    assert texts.count("with every pad closed") == 1 and "lift off" not in texts
 
 
 @pytest.mark.parametrize(("clearance", "said"), [(0.0, True), (1e-3, False), ({"left": 0.0, "right": 1e-3}, False)])
