@@ -541,7 +541,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity(
             "lug_force", "forces of lugs", "N", "support", (), "largest force of a lug", "most",
-            limit=ChartLimit("lug", lug_measure, "", True),
+            limit=ChartLimit("lug", lug_measure, "forces of supports", True),
         ),
         Quantity("support_use", "use of supports", "1", "support", (), "largest use of a support", "most"),
         Quantity("support_moment", "moments of supports", "N m", "support", (), "largest moment of a support"),

@@ -33,6 +33,7 @@ from pmr.studies.chart_points import (
     unnamed_loads,
     warnings_of_row,
 )
+from pmr.studies.further_limits import tip_rows
 from pmr.studies.limits import KINDS, STABILITY_WORDS, Limit
 from pmr.studies.tasks import Arguments, Needs, TaskResult
 
@@ -176,6 +177,8 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     - ``place`` (p, 2) m: radius and height of the undeformed tip; ``luffing`` (p,) rad.
     - ``load`` (p, l) kg: the smallest over all cases in service, NaN if no load up to ``up_to`` reaches the limit;
       ``case`` (p, l): the number of that case.
+    - ``outward`` (p,) m: by how much the deflections under the load that governs move the tip away from the pivot; NaN
+      if none governs, and where stability does.
     - ``member`` (p,): the pad, cylinder, rope, support or probe that reaches the limit that governs; empty if unknown.
     - ``error`` (p, l) kg: the sum of ``error.reduction``, ``error.mesh``, ``error.model``, ``error.rotation`` and
       ``error.play``, those of mesh, model and play counting as 0 where they are NaN, which means unknown;
@@ -218,7 +221,7 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     pages = governing_details(chart.limits, at_best, arrays["load"][best, np.arange(len(best))], bent, stops)
     remarks = [_remark(scene, limit) for limit in chart.limits]
     has_play = "play" in models.comparisons
-    left_out_rows = np.array(list(left_out_of_chart(scene, chart.limits, cases, has_play).items()))
+    left_out_rows = np.array(list(left_out_of_chart(scene, chart.limits, has_play).items()))
     pages |= {"place": best, "remarks": np.array([*remarks, ""]), "left_out": left_out_rows}
     play = {"play of pads": _play_words(float(needs["postures"].arrays["gap"]))} if has_play else {}
     pages["definitions"] = np.array(list((chart_definitions(scene, arguments.get("point")) | play).items()))
@@ -290,19 +293,15 @@ def errors_not_covered(by_point: Array) -> str:
     return CLAUSES.join(of if n == points else f"{of} at {n} of {points} points" for of, n in counts.items())
 
 
-def left_out_of_chart(
-    scene: Scene, limits: Sequence[Limit], cases: Sequence[Summary], has_play: bool
-) -> dict[str, str]:
-    """Return what a chart of a scene leaves out, as text by subject, such as ``motion``.
+def left_out_of_chart(scene: Scene, limits: Sequence[Limit], has_play: bool) -> dict[str, str]:
+    """Return what a chart of a scene leaves out but motions, as text by subject, such as ``loads``.
 
-    The subjects are the limits, the motion, and what the model lacks.  `cases` are those in service, as
-    `LoadCase.acting_amounts` returns them.  `has_play` says whether the error bars have a part for the play of pads.
+    The subjects are the limits and what the model lacks.  `has_play` says whether the error bars have a part for the
+    play of pads.
     """
     usual = dict.fromkeys(kind.words for kind in KINDS.values() if kind.words)
     lacking = [words for words in usual if words not in {limit.kind.words for limit in limits}]
     rows = {"limits that are not set": ", ".join(lacking)} if lacking else {}
-    hoisting = "hoisting beyond the factor of the load" if all(case["load"] > 1.0 for case in cases) else "hoisting"
-    rows["motion"] = f"inertia and swings by luffing, slewing, telescoping and {hoisting}"
     if "field" not in {limit.of for limit in limits}:
         rows["places without a limit"] = (
             "walls away from probes and pads, as beside the feet and lugs of cylinders; tubes and rods of cylinders"
@@ -352,21 +351,24 @@ def _play_words(gap: float) -> str:
 def _point_arrays(
     chart: Chart, models: ChartModels, k: int, rope: Rope | None, scene: Scene
 ) -> dict[str, NDArray[Any]]:
-    """Return point number `k` in the arrays ``load``, ``case``, ``member``, ``error...`` and ``hoist`` of `allow_row`.
+    """Return point number `k` in arrays of `allow_row`: ``load``, ``case``, ``member``, ``outward`` and errors.
 
-    Errors are NaN without richer models; ``hoist`` is missing if `rope` is None.  The first axis of a point's arrays is
-    left out.
+    With a `rope`, ``hoist`` is there, too.
+    Errors are NaN without richer models.  The first axis of a point's arrays is left out.
     """
     places = chart.places(models.reduced, k)
     loads = chart.loads(places)
     case, load = _least_case(loads), np.fmin.reduce(loads)
-    row: dict[str, NDArray[Any]] = {"load": load, "case": case, "member": np.array("")}
+    row: dict[str, NDArray[Any]] = {"load": load, "case": case, "member": np.array(""), "outward": np.array(np.nan)}
     which = int(governing_limit(load))
     if 0 <= which < len(chart.limits):
         place = places[case[which]]
         state = place.equilibria.state(float(load[which]) * (1.0 - JUST_BELOW))
         values = np.append(state.outputs, state.forces)
         row["member"] = np.array(chart.limits[which].governing_member(scene, place.postures.columns, values))
+        x, _, z = tip_rows(place.postures.output_names, place.postures.output_kinds) @ state.outputs
+        luffing = place.postures.place.luffing[k]
+        row["outward"] = np.array(x * np.cos(luffing) - z * np.sin(luffing))
     parts = dict.fromkeys((f"error.{of}" for of in PARTS), np.full(len(load), np.nan))
     if models.enriched is not None:
         parts["error.reduction"] = chart.reduction_errors(models, k, loads)

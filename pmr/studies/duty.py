@@ -118,7 +118,7 @@ class LeastLoads(NamedTuple):
         place, load = self.place[e, order, 0], np.nan_to_num(self.load[e, order], nan=up_to)
         angles = _angles_at_radii(radii, place, luffing)
         of_load, straight, bound = (
-            _interpolate_loads(angles, luffing, values, up_to, smooth=smooth)
+            interpolate_loads(angles, luffing, values, up_to, smooth=smooth)
             for values, smooth in ((load, True), (load, False), (lower[e, order], True))
         )
         apart = np.abs(of_load - straight)
@@ -245,8 +245,8 @@ def _angles_at_radii(radii: Array, place: Array, luffing: Array) -> Array:
     return np.where(outside, np.nan, np.clip(angles, luffing[0], luffing[-1]))
 
 
-def _interpolate_loads(angles: Array, luffing: Array, load: Array, up_to: float, smooth: bool) -> Array:
-    """Loads (2, R, l) in kg that l limits allow at luffing angles `angles` (2, R) in rad; NaN where an angle is NaN.
+def interpolate_loads(angles: Array, luffing: Array, load: Array, up_to: float, smooth: bool = True) -> Array:
+    """Loads (..., l) in kg that l limits allow at luffing angles `angles` (...) in rad; NaN where an angle is NaN.
 
     They are interpolated between the loads `load` (A, l) in kg at A increasing angles `luffing` (A,).  The inverse of
     the load is interpolated, as a moment that a limit allows is the load times a radius.  The interpolation is by

@@ -290,7 +290,7 @@ class TippingMoments:
             machine=edges @ resting,
             boom=about @ pivot_rows(at),
             tip_moment=about[:, :3] @ pull + moment @ at.place.hook[k],
-            tip_derivative=moment @ _tip_rows(at.output_names, at.output_kinds),
+            tip_derivative=moment @ tip_rows(at.output_names, at.output_kinds),
         )
 
     def share(self, states: LoadedStates, factor: float) -> Array:
@@ -358,7 +358,7 @@ def pivot_rows(at: PostureMatrices) -> Array:
     return rows
 
 
-def _tip_rows(names: tuple[str, ...], kinds: tuple[str, ...]) -> Array:
+def tip_rows(names: tuple[str, ...], kinds: tuple[str, ...]) -> Array:
     """Return the rows (3, o) that select the tip's displacement along the boom's x, y and z from o outputs.
 
     `names` and `kinds` (o,) are the outputs' names and kinds.  A direction without an output has a row of zeros.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -30,8 +30,8 @@ from pmr.report.studies.chart_tables import (
     format_load,
     headline,
     limit_grid,
+    motion_rows,
     present_parts,
-    slewing_clause,
 )
 from pmr.report.studies.tables import FinishedStudy
 from pmr.report.subject import shown_force_name
@@ -58,8 +58,11 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     up_to = float(study.study_file["up_to"])
     loads = ChartLoads(table.load, table.error, up_to)
     which, least = loads.which, np.where(np.isinf(loads.least), np.nan, loads.least)
-    statements = (("What load and radius are", "at.definitions"), ("What is not in this chart", "at.left_out"))
-    stated = [_statement_block(heading, parts[0][key]) for heading, key in statements]
+    stated = [
+        _statement_block("What load and radius are", _definitions(study, parts)),
+        _statement_block("Which motions are in the loads", motion_rows(study.study_file, study.figures)),
+        _statement_block("What is not in this chart", map(tuple, parts[0]["at.left_out"].tolist())),
+    ]
     limits = Block("Limits", grids=(limit_grid(study, names, parts),))
     cases = Block("Load cases", grids=(case_grid(study),))
     sentence = headline(study, least, parts[0]["at.slewing"])
@@ -73,16 +76,14 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     extensions = [" + ".join(f"{float(out or 0.0):.4g}" for out in rows[row].values()) for row in table.order]
     chart = LoadChart(table.place, least, which, shown_names, up_to, extensions)
     ends_at = format_load(up_to) if (which < 0).any() else ""
-    caption = prose("chart_caption", slewing=slewing_clause(parts[0]["at.slewing"]), ends_at=ends_at)
+    caption = prose("chart_caption", ends_at=ends_at)
     picture = drawing(f"{prefix}-chart", load_chart, caption, chart, fits=True)
     texts = [_cell_text(study, table, chart, error, number) for number in range(least.size)]
     shown = f"{SCREEN}{pointer_cells(chart, texts)}{END_OF_SCREEN}</svg>"
-    picture = replace(picture, svg=picture.svg.replace("</svg>", shown, 1))
+    picture = replace(picture, svg=picture.svg.replace("</svg>", shown, 1), hint="Point at the picture to see values.")
     lines = drawing(f"{prefix}-duty", duty_lines, duty_caption(len(chart.load)), chart, fits=True)
     duty = tuple(duty_grids(study, DutyTable.from_loads(table, up_to, rows), not_covered))
-    play = "play" in present_parts(parts)
-    facts = {"figures": study.figures, "play": play, "not_covered": not_covered}
-    method = prose("chart_method", study_file=study.study_file, **facts)
+    method = prose("chart_method", study_file=study.study_file, play="play" in present_parts(parts))
     limits = replace(limits, text=method, grids=(*limits.grids, *error_bar_grids(study, names, parts)))
     over_radius = Block("Load over radius", (lines,), grids=duty)
     pages = governing_pages(study, shown_names, parts, prefix)
@@ -100,10 +101,19 @@ def duty_caption(lengths: int) -> str:
     return caption + (drawn if lengths > LINES else "")
 
 
-def _statement_block(heading: str, statements: Array) -> Block:
-    """Build a block with a `heading` from statements (n, 2), each a subject and clauses about it."""
-    table = Table("", tuple((str(subject), str(clauses)) for subject, clauses in statements))
-    return Block(heading, tables=[table], columns=1)
+def _statement_block(heading: str, statements: Iterable[tuple[str, str]]) -> Block:
+    """Build a block with a `heading` from statements, each a subject and clauses about it."""
+    return Block(heading, tables=[Table("", tuple(statements))], columns=1)
+
+
+def _definitions(study: FinishedStudy, parts: Parts) -> Iterator[tuple[str, str]]:
+    """Yield what the chart calls load, radius and so on, and by how much deflections make the radius larger."""
+    farther = study.figures.get("outward.most")
+    for subject, clauses in parts[0]["at.definitions"].tolist():
+        if subject == "radius" and farther is not None:
+            way = format_quantity(float(farther), "m")
+            clauses += f"; deflections under the load that is allowed move the tip up to {way} farther out (chart.csv)"
+        yield subject, clauses
 
 
 def _cell_text(study: FinishedStudy, table: LeastLoads, chart: LoadChart, error: Array, number: int) -> str:
@@ -123,11 +133,11 @@ def _cell_text(study: FinishedStudy, table: LeastLoads, chart: LoadChart, error:
     if chart.not_permitted[i, k]:
         passed = ", ".join(name for name, v in zip(chart.names, table.load[i, k], strict=True) if v == 0.0)
         return "\n".join([*lines, f"{NOT_PERMITTED}: beyond {passed}"])
-    bar = f"{SPACE}±{SPACE}{error[i, k]:.0f}" if error[i, k] >= SHOWN else ""
-    lines.append(f"load {chart.load[i, k]:.5g}{bar} kg, by {chart.names[chart.which[i, k]]}")
+    bar = f"{SPACE}±{SPACE}{error[i, k]:.0f}{SPACE}kg" if error[i, k] >= SHOWN else ""
+    lines.append(f"load {format_load(chart.load[i, k])}{bar}, by {chart.names[chart.which[i, k]]}")
     loads_of_limits = zip(chart.names, table.load[i, k], strict=True)
     return "\n".join(
-        [*lines, *(f"{name}: {NOT_REACHED if np.isnan(v) else f'{v:.5g} kg'}" for name, v in loads_of_limits)]
+        [*lines, *(f"{name}: {NOT_REACHED if np.isnan(v) else format_load(v)}" for name, v in loads_of_limits)]
     )
 
 
@@ -208,7 +218,7 @@ def _governing_page(
         names=sections,
         luffing=angle,
     )
-    caption = prose("bent_boom", load=load, scale=boom.scale)
+    caption = prose("bent_boom", load=format_load(load), scale=boom.scale)
     turns = "at.slewed" in arrays and len(arrays["at.slewing"]) > 1  # results of earlier versions have no such angle
     text = prose(
         "governing",
@@ -216,11 +226,10 @@ def _governing_page(
         slewed=np.rad2deg(arrays["at.slewed"][n]) if turns else None,
         out=out,
         place=arrays["place"][k],
-        load=load,
+        load=format_load(load),
         bar=format_input(float(f"{error:.2g}")) if np.isfinite(error) else "",
         limit=names[n],
         member=arrays["member"][k],
-        remark=arrays["at.remarks"][n],
         stops=_stops(study, arrays["at.stops"][n]),
     )
     drawn = drawing(anchor, bent_boom, caption, boom, fits=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -18,8 +19,10 @@ from pmr.studies.duty import DutyTable, LoadCase
 from pmr.studies.limits import KINDS, STABILITY, STABILITY_WORDS
 from pmr.studies.study import StudyResults
 
-#: Sign in tables where the boom is not permitted even empty.
-NO_LOAD = "—"
+#: Sign in tables where the boom is not permitted even empty, and at radii outside the luffing angles of the chart.
+NO_LOAD, OUTSIDE = "—", "·"
+#: Words on a motion that no load of a chart contains.
+NOT_IN_LOADS = "not in the loads"
 #: Largest step in kg to which loads are rounded down in tables; smaller ones keep three digits of the largest load.
 STEP = 10.0
 
@@ -35,9 +38,10 @@ def round_down(load: float, step: float) -> float:
 
 
 def format_load(load: float | np.floating) -> str:
-    """Format a load in kg with four significant digits, rounded down, never with a power of ten."""
+    """Format a load rounded down to four digits, from 100 kg on without decimals, never with a power of ten."""
     digit = 10.0 ** (np.floor(np.log10(load)) - 3.0) if load > 0.0 else 1.0
-    return f"{format_input(float(f'{round_down(float(load), float(digit)):.4g}'))}{SPACE}kg"
+    digit = max(digit, 1.0) if load >= 100.0 else digit
+    return f"{format_input(float(f'{round_down(float(load), float(digit)):.10g}'))}{SPACE}kg"
 
 
 def ceiling(study: FinishedStudy) -> str:
@@ -46,7 +50,7 @@ def ceiling(study: FinishedStudy) -> str:
 
 
 def case_sentence(asked: Summary) -> str:
-    """Sentence on the cases in service of a study file: factors of load and weights, wind, other loads and stops.
+    """Sentence on the cases in service of a study file: factors of load and weights, wind and other loads.
 
     `asked` are the keys of the study file.
     """
@@ -54,8 +58,7 @@ def case_sentence(asked: Summary) -> str:
     plain = all(case.weight == case.machine == case.load == 1.0 and case.hoisting_class is None for case in cases)
     calm = not any(case.wind or any(case.loads.values()) for case in cases)
     if plain and calm:
-        swings = "motion: stops on pages of limits alone" if asked.get("stops") else "no motion"
-        return f"Static, factors of load and weight 1.0, no wind, {swings}: not a rated capacity."
+        return "Static, factors of load and weight 1.0, no wind, no motion: not a rated capacity."
     names, lifted = dict[str, list[str]](), []
     for case in cases:
         lifted.append(case.load * case.hoisting_factor(asked["classes"]))
@@ -68,10 +71,47 @@ def case_sentence(asked: Summary) -> str:
     missing = [part for part in parts if part not in contained]
     missing = [f"{part} beyond these loads" if part == "wind" and not calm else part for part in missing]
     missing += ["wind on load and machine"] * all(case.wind is not None and not case.wind.on for case in cases)
-    missing.append("stops, but on pages of limits" if asked.get("stops") else "stops of luffing and slewing")
+    missing.append("motions but hoisting" if any(case.hoisting_class for case in cases) else "motions")
     contains = f"contain {' and '.join(contained)}, and do not" if contained else "do not"
     texts = [f"{' and '.join(alike)} ({words})" for words, alike in names.items()]
     return f"Static, for {'; '.join(texts)}. The loads {contains} contain: {', '.join(missing)}."
+
+
+def motion_rows(asked: Summary, figures: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield a row for each motion of a machine: whether the loads contain it, and what is computed beside them.
+
+    `asked` are the keys of the study file, and `figures` those of the study.
+    """
+    factors = dict[str, list[str]]()
+    for case in map(LoadCase.model_validate, asked["cases"]):
+        if case.in_service and case.hoisting_class is not None:
+            words = f"{case.hoisting_factor(asked['classes']):.4g}, of the class {case.hoisting_class} at "
+            factors.setdefault(f"{words}{case.hoisting_speed:g}{SPACE}m/s", []).append(case.name)
+    contained = "; ".join(f"{factor} ({', '.join(names)})" for factor, names in factors.items())
+    hoist, computed = asked.get("hoist"), ""
+    if hoist and "hoist.most" in figures:
+        computed = prose("hoisting", hoist=hoist, figures=figures)
+    yield "hoisting", f"{f'in the loads, by the factor {contained}' if contained else NOT_IN_LOADS}{computed}"
+    for motion in ("luffing", "slewing"):
+        stops = [stop for stop in asked.get("stops", ()) if stop["of"] == motion]
+        yield motion, NOT_IN_LOADS + "".join(prose("stopping", stop=stop) for stop in stops)
+    yield "telescoping", NOT_IN_LOADS
+    yield "swing of the load on its rope", NOT_IN_LOADS
+
+
+def payload_sentences(figures: Mapping[str, Any]) -> str:
+    """Sentences on the payload of the scene's run and what the chart allows in its postures; empty without a payload.
+
+    `figures` are those of the study.
+    """
+    if "payload" not in figures:
+        return ""
+    posture = {key: figures.get(f"payload.{key}") for key in ("load", "limit", "t", "luffing", "length")}
+    limit = STABILITY_WORDS if posture["limit"] == STABILITY else posture["limit"]
+    load = "" if posture["load"] is None else format_load(posture["load"])
+    is_more = load and figures["payload"] > posture["load"]
+    payload = format_input(figures["payload"], "kg")
+    return prose("payload", payload=payload, **posture | {"limit": limit, "load": load}, is_more=is_more)
 
 
 def _acting_forces(case: LoadCase) -> str:
@@ -119,6 +159,7 @@ def headline(study: FinishedStudy, least_loads: Array, slewing: Array) -> str:
     limits_of_study = study.study_file["limits"]
     return prose(
         "headline",
+        payload=payload_sentences(study.figures),
         case=case,
         limits=[*limits, STABILITY_WORDS],
         points=least_loads.size,
@@ -182,22 +223,19 @@ def limit_grid(study: FinishedStudy, names: list[str], parts: Parts) -> Grid:
         limit = limits.get(name, {"of": "equilibrium", "factor": 1.0})
         amount = limit.get("most") or limit.get("least")
         counts = (str(study.figures[f"{what}.{name}"]) for what in ("governs", "never", "at_no_load"))
+        first = parts[0]["at.remarks"].tolist().index(remark)  # a remark stands once
+        of_limit = f"as for {letters(first)}" if remark and first < n else str(remark)
         rows.append(
             (
                 f"{letters(n)} {STABILITY_WORDS if name == STABILITY else name}",
-                ", ".join(filter(None, (str(limit["of"]), str(remark)))),
+                ", ".join(filter(None, (str(limit["of"]), of_limit))),
                 _format_amount(limit, amount),
                 f"{limit['factor']:g}",
                 *counts,
             )
         )
     heads = ("limit", "quantity", "amount", "factor", "governs", "not reached", "exceeded by the empty boom")
-    return Grid(prose("limits", slewing=_degrees(parts)), heads, tuple(rows), "blocks")
-
-
-def _degrees(parts: Parts) -> str:
-    """List the slewing angles of a chart in degrees, from the arrays `parts` of its runs."""
-    return ", ".join(f"{angle:.4g}°" for angle in parts[0]["at.slewing"])
+    return Grid(prose("limits", turns=len(parts[0]["at.slewing"])), heads, tuple(rows), "blocks")
 
 
 def error_bar_grids(study: FinishedStudy, names: list[str], parts: Parts) -> list[Grid]:
@@ -256,7 +294,7 @@ def case_grid(study: FinishedStudy) -> Grid:
                 f"{case.weight:g}",
                 f"{case.machine:g}",
                 load if case.in_service else "0",
-                _wind_words(case).removeprefix("wind of ") or "–",
+                _wind_words(case).removeprefix("wind of ").partition(", with ")[0] or "–",
                 _acting_forces(case) or "–",
                 verdict,
                 case.standard or "–",
@@ -304,11 +342,11 @@ def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Itera
     def cell(r: int, e: int, values: Array) -> str:
         """Entry of `values` (radii, lengths) in kg at radius number `r` and length number `e`, and its limit's letter.
 
-        The text is empty for NaN.  It is ``>`` and the largest load that was tried if no limit is reached, and
+        The text is `OUTSIDE` for NaN.  It is ``>`` and the largest load that was tried if no limit is reached, and
         `NO_LOAD` if nothing remains after rounding down.
         """
         if np.isnan(values[r, e]):
-            return ""
+            return OUTSIDE
         if values[r, e] >= duty.up_to:
             return duty.load_text(values[r, e])
         letter = letters(int(duty.which[r, e])) if duty.which[r, e] >= 0 else "–"
@@ -319,6 +357,7 @@ def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Itera
         "duty",
         step=f"{step:g}{SPACE}kg",
         no_load=NO_LOAD,
+        outside=OUTSIDE,
         not_permitted=NOT_PERMITTED,
         is_small=(duty.lower[:, columns] < step).any(),
         beyond=f"{duty.up_to:.0f}" if (duty.load >= duty.up_to).any() else "",
@@ -337,7 +376,7 @@ def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Itera
             head = ("radius in m", *(duty.column_names[e].replace(" m", f"{SPACE}m", 1) for e in part))
             rows = [(f"{radius:.5g}", *(cell(r, int(e), values) for e in part)) for r, radius in enumerate(duty.radii)]
             caption = f"{name} for longer booms." if n else text
-            yield Grid(caption, head, tuple(row for row in rows if any(row[1:])), "small")
+            yield Grid(caption, head, tuple(row for row in rows if set(row[1:]) != {OUTSIDE}), "small")
 
 
 #: Arrays by name of each run of a study, one mapping for each run.

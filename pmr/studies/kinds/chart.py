@@ -41,6 +41,7 @@ from pmr.studies.duty import (
     hoisting_factor,
 )
 from pmr.studies.limits import STABILITY, STABILITY_WORDS, Limit
+from pmr.studies.payload import least_allowed, payload_of
 from pmr.studies.study import StudyBase, StudyResults, csv_text
 from pmr.studies.tasks import Plan, Scalar, Task
 
@@ -60,7 +61,12 @@ class Study(StudyBase):
     ``governs.<name>``, at which the limit allows the smallest load; ``never.<name>``, at which no load up to `up_to`
     reaches the limit; ``at_no_load.<name>``, at which the limit is exceeded without a load.  ``in_doubt`` is the number
     of points at which the error bars leave open which limit governs.  For each case out of service, ``stands.<name>``
-    is the number of points at which no limit is exceeded.
+    is the number of points at which no limit is exceeded.  ``outward.most`` is the largest distance in m by which
+    deflections under the allowed load move the tip away from the pivot.
+
+    With masses that are payloads, ``payload`` is their sum in kg.  ``payload.load`` is the smallest load in kg that the
+    chart allows in the postures of the scene's run, at ``payload.t`` in s, ``payload.luffing`` in degrees and the boom
+    length ``payload.length`` in m; ``payload.limit`` is the name of the limit.
     """
 
     kind: Literal["chart"] = Field(description="Kind of study")
@@ -133,8 +139,8 @@ class Study(StudyBase):
             raise InputError("study", "extensions", len(rows), f"at most {MOST_POINTS} points are allowed in all")
         for key, angles in (("luffing", self._luffing_angles), ("slewing", self.slewing)):
             scene.present_frame.refuse_without_unit(key, angles, "study")
-        unit = scene.present_frame.radian
-        points = [(row, a / unit, b / unit) for row, a, b in self._chart_points]
+        radian = scene.present_frame.radian
+        points = [(row, a / radian, b / radian) for row, a, b in self._chart_points]
         held = {name: float(path.value(0.0)) for name, path in scene.paths.items() if name not in scene.names}
         at = {
             "extensions": {name: [(held | row)[name] for row, *_ in points] for name in scene.paths},
@@ -158,7 +164,7 @@ class Study(StudyBase):
             "cases": [case.acting_amounts(self.classes) for case in self._in_service],
             "left": [case.acting_amounts(self.classes) for case in self._out_of_service],
             "gravity": scene.gravity.acceleration if scene.gravity else 0.0,
-            "stops": [{"of": stop.of, "speed": stop.speed * unit, "within": stop.within} for stop in self.stops],
+            "stops": [{"of": stop.of, "speed": stop.speed / radian, "within": stop.within} for stop in self.stops],
             "warnings": [*self._replaced_masses, *self._scope_warnings],
             "hoist": self.hoist and [self.hoist.rope_stiffness, self.hoist.speed],
             "point": self.point,
@@ -194,13 +200,34 @@ class Study(StudyBase):
             figures |= {} if (factor := self._class_factor) is None else {"hoist.class": factor}
         for k, case in enumerate(self._out_of_service):
             figures[f"stands.{case.name}"] = int((~table["passed"][:, k].any(axis=1)).sum())
-        return figures
+        if np.isfinite(table["outward"]).any():
+            figures["outward.most"] = float(np.nanmax(table["outward"]))
+        return figures | self._payload_figures(results)
+
+    def _payload_figures(self, results: StudyResults) -> dict[str, Scalar]:
+        """Return the payload of the scene's run, and the posture of this run in which the chart allows least.
+
+        The keys are those in the docstring of `Study`.  There are none if the scene has no payload or is not valid
+        without `change`, and only ``payload`` if no posture of the run is in the chart.
+        """
+        with suppress(InputError):
+            scene, done = scenes.load_any(self.scene), [run for run in results.runs if run.status == "done"]
+            if payload := payload_of(scene):
+                loads = LeastLoads.from_rows([results.arrays(run.key) for run in done], len(self.slewing))
+                at = least_allowed(scene, loads, [run.parameters for run in done], self.up_to)
+                if at is None:
+                    return {"payload": payload}
+                posture: dict[str, Scalar] = {"t": at.t, "luffing": float(np.rad2deg(at.luffing)), "length": at.length}
+                posture |= {"load": at.load, "limit": self.names[at.limit] if at.limit >= 0 else NOT_LIMITED}
+                return {"payload": payload} | {f"payload.{key}": value for key, value in posture.items()}
+        return {}
 
     def summary_line(self, results: StudyResults) -> str:
         """Return a line with the least and the largest load in kg that all limits allow at the points.
 
-        The line also says at how many points the boom is not permitted even empty, how large the error bars are, and
-        which errors they do not contain.  If no limit is reached at any point, the line says only that.
+        The line also says at how many points the boom is not permitted even empty, how large the error bars are, which
+        errors they do not contain, and whether the scene's run lifts more than allowed.  If no limit is reached at any
+        point, the line says only that.
         """
         points, table = len(self._chart_points), self.table(results)
         loads = self.loads(table)
@@ -223,8 +250,14 @@ class Study(StudyBase):
             if self.error_bars
             else ""
         )
-        lacking = errors_not_covered(table["not_covered"])
-        return f"{first}{carried} {where}, by all limits{less}; errors that no bar contains: {lacking}"
+        lacking, run = errors_not_covered(table["not_covered"]), self._payload_figures(results)
+        payload, allowed = (float(run.get(key) or 0.0) for key in ("payload", "payload.load"))
+        lifted = (
+            f"; the scene's run lifts {payload:.10g} kg, and the chart allows {np.floor(allowed):.0f} kg in one of "
+        )
+        lifted += f"its postures, by {run.get('payload.limit')}"
+        more = lifted if 0.0 < allowed < payload else ""
+        return f"{first}{carried} {where}, by all limits{less}; errors that no bar contains: {lacking}{more}"
 
     @property
     def _in_service(self) -> list[LoadCase]:
@@ -307,6 +340,7 @@ class Study(StudyBase):
             (f"slewing [{angle}]", slewing),
             ("radius [m]", table["place"][k, 0]),
             ("height [m]", table["place"][k, 1]),
+            ("radius under load [m]", table["place"][k, 0] + table["outward"][k]),
             ("load [kg]", load[which] if is_limited else f">{self.up_to:.9g}"),
             ("lower bound [kg]", lower if is_limited or lower < self.up_to else f">{self.up_to:.9g}"),
             ("governed by", names[which] if is_limited else NOT_LIMITED),

@@ -57,7 +57,8 @@ def test_a_chart_on_which_no_limit_is_met_has_no_empty_picture_and_no_table_of_n
         title="Chart", study_file=asked | {"cases": [{"name": "rest"}]}, results=results, figures=figures
     )
     chapter = build_chapter(study, "part-1")
-    headings = ["What load and radius are", "What is not in this chart", "Limits", "Load cases"]
+    headings = ["What load and radius are", "Which motions are in the loads", "What is not in this chart"]
+    headings += ["Limits", "Load cases"]
     assert [block.heading for block in chapter.blocks] == headings
     assert not any(block.drawings for block in chapter.blocks) and not chapter.key_numbers
     assert "not reached" not in str([grid.rows for block in chapter.blocks for grid in block.grids])
@@ -71,7 +72,9 @@ def test_the_first_sentence_says_whether_walls_and_pads_are_looked_at() -> None:
     for kind, is_said in (({"of": "stress"}, True), ({"of": "tipping"}, True), (pressure, True), (force, False),
                           ({"of": "field"}, False)):  # fmt: skip
         limits = [{"name": "limit", "factor": 1.5, **kind}]
-        study: Any = SimpleNamespace(study_file={"limits": limits, "up_to": 2e4, "cases": [{"name": "rest"}]})
+        study: Any = SimpleNamespace(
+            figures={}, study_file={"limits": limits, "up_to": 2e4, "cases": [{"name": "rest"}]}
+        )
         sentence = headline(study, np.array([[500.0, 900.0]]), np.array([0.0, 90.0]))
         assert (
             sentence.endswith(" A run states the stress of walls at pads.") is is_said
@@ -83,17 +86,17 @@ def test_the_first_sentence_says_whether_walls_and_pads_are_looked_at() -> None:
 @pytest.mark.parametrize(
     ("loads", "start"),
     [
-        ([500.0, 900.0], "The boom carries 500 kg to 900 kg,"),
-        ([500.0, np.nan], "The boom carries 500 kg to more than 20 000 kg (search ends there), depending"),
+        ([500.0, 900.0], "The boom carries 500 kg to 900 kg, rounded down,"),
+        ([500.0, np.nan], "The boom carries 500 kg to more than 20 000 kg (search ends there), rounded down,"),
         (
             [0.0, np.nan],
-            "At 1 of 2 points the boom is {}. Elsewhere it carries more than 20 000 kg (search ends there),",
+            "At 1 of 2 points the boom is {}. Elsewhere it carries more than 20 000 kg (search ends there), rounded",
         ),
         ([0.0, 0.0], "At 2 of 2 points the boom is {}. Only these limits"),
     ],
 )
 def test_the_first_sentence_has_the_range_of_loads_and_always_the_limits(loads: list[float], start: str) -> None:
-    study: Any = SimpleNamespace(study_file={"limits": [], "up_to": 2e4, "cases": [{"name": "rest"}]})
+    study: Any = SimpleNamespace(figures={}, study_file={"limits": [], "up_to": 2e4, "cases": [{"name": "rest"}]})
     sentence = headline(study, np.array([loads]), np.array([0.0])).replace("\u00a0", " ").replace("\u202f", " ")
     assert f"not a rated capacity. {start.format(NOT_PERMITTED)}" in sentence
     assert f"Only these limits are evaluated: {STABILITY_WORDS}. Loads are those at a slewing angle of 0°." in sentence
@@ -103,7 +106,7 @@ def test_no_load_is_called_zero_where_a_limit_is_passed_without_a_load() -> None
     """In the first sentence, the picture, the lines over the radius, and the terminal's table."""
     load, which = np.array([[900.0, 600.0], [300.0, 0.0]]), np.zeros((2, 2), dtype=int)
     asked = {"limits": [], "up_to": 2e4, "cases": [{"name": "rest"}]}
-    study: Any = SimpleNamespace(study_file=asked)
+    study: Any = SimpleNamespace(figures={}, study_file=asked)
     sentence = headline(study, load, np.array([0.0]))
     assert f"At 1 of 4 points the boom is {NOT_PERMITTED}." in sentence
     assert "Elsewhere it carries 300\u00a0kg to 900\u00a0kg" in sentence
@@ -131,7 +134,7 @@ def test_the_first_sentence_names_the_case() -> None:
     asked["cases"][0] |= {"load": 1.25, "loads": {"gust": 400.0}}
     assert case_sentence(asked) == (
         "Static, for rest (factor of load 1.25, of the boom's weight 1, gust 400\u00a0N). The loads contain a factor "
-        "of the load, and do not contain: wind beyond these loads, stops of luffing and slewing."
+        "of the load, and do not contain: wind beyond these loads, motions."
     )
     asked["cases"][0] |= {"machine": 0.9}
     assert "(factor of load 1.25, of the boom's weight 1, of the machine's 0.9, gust 400" in case_sentence(asked)
@@ -142,7 +145,7 @@ def test_the_first_sentence_names_the_case() -> None:
 def test_key_numbers_have_the_load_at_the_largest_radius_and_its_limit() -> None:
     place = np.array([[[5.0, 5.0], [7.0, 1.0]], [[8.0, 8.0], [11.25, 2.0]]])
     load, which = np.array([[900.0, 600.0], [300.0, 120.0]]), np.array([[0, 1], [0, 1]])
-    study: Any = SimpleNamespace(study_file={"limits": [{}]})
+    study: Any = SimpleNamespace(figures={}, study_file={"limits": [{}]})
     for at_tip, shown in ((120.0, "120\u00a0kg"), (0.0, NOT_PERMITTED)):
         load[1, 1] = at_tip
         chart = LoadChart(place, load, which, ["tip", "pads of fly"], 2e4)
@@ -159,19 +162,19 @@ def test_tables_of_loads_have_all_boom_lengths_and_are_not_wider_than_paper() ->
     lengths, radii = np.linspace(7.6, 15.0, 12), np.array([5.0, 14.0])
     load = np.array([[9000.0] * 12, [np.nan] * 11 + [551.3]])
     duty = DutyTable(radii, lengths, load, load, np.zeros(load.shape, dtype=int), 2e4)
-    study: Any = SimpleNamespace(study_file={"error_bars": False})
+    study: Any = SimpleNamespace(figures={}, study_file={"error_bars": False})
     first, second = duty_grids(study, replace(duty, interpolation=0.0071), "")
     assert "too large, as a rule by less than 0.71\u00a0%, the difference to straight lines." in first.caption
     heads = [*first.head[1:], *second.head[1:]]
     assert heads == [f"{length:.4g}\u00a0m" for length in lengths] and len(first.head) == 7
     assert [len(grid.rows) for grid in (first, second)] == [1, 2]
-    assert second.rows[1] == ("14", "", "", "", "", "", "550\u00a0A")
+    assert second.rows[1] == ("14", *["·"] * 5, "550\u00a0A")
 
 
 def test_loads_of_tables_are_rounded_down() -> None:
     assert [round_down(load, load_step(13009.0)) for load in (13009.9, 559.9, 9.99)] == [13000.0, 550.0, 0.0]
-    shown = [format_load(load) for load in (13008.79, 20000.0, 13.9, 0.0)]
-    assert shown == [f"{text}\u00a0kg" for text in ("13\u202f000", "20\u202f000", "13.9", "0")]
+    shown = [format_load(load) for load in (13008.79, 20000.0, 387.3, 13.9, 0.0)]
+    assert shown == [f"{text}\u00a0kg" for text in ("13\u202f000", "20\u202f000", "387", "13.9", "0")]
     assert round_down(217.9, load_step(217.9)) == 217.0 and round_down(2.199, load_step(9.0)) == pytest.approx(2.19)
 
 

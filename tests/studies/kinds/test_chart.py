@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pmr import InputError
 from pmr.errors.environment import plugin_objects
 from pmr.report.blocks import END_OF_SCREEN, SCREEN
+from pmr.report.document import _without_screen
 from pmr.report.figures import HALF, WIDE
 from pmr.report.studies import render_studies
 from pmr.report.studies.chart import governing_pages
@@ -116,6 +117,11 @@ def test_the_table_has_the_least_load_and_the_limit_that_governs(small: StudyRes
         assert row["case"] in ("calm", "gust")
     out = np.array([[float(row[f"{name} [kg]"]) for name in ("cylinder", "pads", "tipping")] for row in found[::4]])
     assert (np.diff(out, axis=0) < 0.0).all()  # level, the further out the less
+    moved = [float(row["radius under load [m]"]) - float(row["radius [m]"]) for row in found]
+    raised = [move for move, row in zip(moved, found, strict=True) if float(row["luffing [degrees]"]) > 0.0]
+    assert all(move > 0.0 for move in raised)  # a boom that sinks is farther out
+    most = json.loads((folder / "summary.json").read_text())["figures"]["outward.most"]
+    assert max(moved) == pytest.approx(most) == pytest.approx(0.4 * np.sin(np.deg2rad(70.0)), rel=1e-6)  # of the tip
     assert np.hypot(float(found[-1]["radius [m]"]), float(found[-1]["height [m]"])) == pytest.approx(14.0)
     assert float(found[0]["radius [m]"]) == pytest.approx(8.0) and float(found[0]["height [m]"]) == 0.0
 
@@ -139,7 +145,17 @@ def test_a_hoisted_load_pulls_with_more_than_its_weight(small: StudyResults, fol
     assert len(factors) == sum(float(row["load [kg]"]) > 0.0 for row in found) == 9
     assert all(1.0 < f < 1.0 + 0.4 * np.sqrt(8e5 / m) / 9.80665 for f, m in zip(factors, loads, strict=True))
     assert figures["hoist.most"] == pytest.approx(max(factors)) and figures["hoist.class"] == pytest.approx(1.118)
-    assert "Hoisted off the ground at 0.4" in render_studies(folder)
+    page = unescape(render_studies(folder)).replace("\u00a0", " ")
+    shown = page[page.index("Which motions are in the loads") :]
+    assert (
+        "in the loads, by the factor 1.27, of the class HC2 at 0.5 m/s (gust); beside the loads: hoisted off the "
+        in shown
+    )
+    assert "times its weight, computed at each point without damping; class HC1 of EN 13001-2 has 1.12" in shown
+    stop = (
+        "a stop from 2 of the scene's unit a second within 0.6 s does at the points on the pages of limits, beside the "
+    )
+    assert f"not in the loads; beside the loads: what {stop}study's own factor 1.5" in shown
 
 
 def test_what_is_met_at_no_load_or_never_is_told(small: StudyResults, folder: Path) -> None:
@@ -287,6 +303,7 @@ def test_the_report_shows_the_picture_with_values_at_the_pointer(small: StudyRes
     assert text.count("<title>radius") == 12
     assert "buckling of the boom: limit not reached" in text and "not met" not in text
     assert "Limits with the letters of pictures" in text and "Elsewhere it carries " in text
+    assert "Point at the picture" in text and "Point at the picture" not in _without_screen(text)  # on paper
 
 
 def test_pictures_and_tables_of_a_chart_fit_a_narrow_window(small: StudyResults, folder: Path) -> None:
