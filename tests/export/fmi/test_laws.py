@@ -457,6 +457,21 @@ def test_a_motion_without_second_rates_is_told_once(unit: Unit) -> None:
         assert bool(said) == left_out and len(said) == len(set(said))
 
 
+def test_rates_in_mrad_beside_an_angle_in_rad_are_told_once(unit: Unit) -> None:
+    """Inertia forces would be those of such rates; nothing is said of those of the run."""
+    if unit.drivers.frame is None:
+        return
+    names, table = unit.reference_in
+    is_rate = np.array([name.startswith("luffing_rate") for name in names])
+    for factor in (1.0, 1e3):
+        instance = unit.begin()
+        for k, row in enumerate(table[: len(table) // 2]):
+            instance.set(names, np.where(is_rate, factor, 1.0) * row[1:])
+            instance.step(k * unit.step, unit.step)
+        said = [message for message in instance.said if "its rates do not lead" in message]
+        assert len(said) == (factor > 1.0) and all(message.startswith("luffing: ") for message in said)
+
+
 def test_rates_of_inputs_may_be_given_as_derivatives(unit: Unit) -> None:
     """As FMI 2.0 has it, beside variables of their own."""
     if unit.library.version != "2":

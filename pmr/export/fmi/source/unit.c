@@ -9,6 +9,8 @@
 /* Inputs that a step leaves farther than this share of their range, or of a turn, jump; and a motion in a frame that goes
    on by so much, m or rad, without second rates has no inertia. */
 #define JUMP 0.1
+/* Share of its range that an input goes before it is compared with its rates. */
+#define COMPARED 0.01
 #define LEFT_OUT 1e-6
 
 enum { OMEGA, TOLERANCE, RESOLVED, MOST_PARTS, BEYOND_ENDS };
@@ -159,7 +161,7 @@ static int open_memory(Unit *unit)
     at->rates = at->outputs + unit->outputs;
     at->forces = at->rates + unit->outputs;
     at->all = at->forces + unit->sizes.forces;
-    count = 3 * (size_t)at->all + 2 * (size_t)r + 6 * (size_t)n + 8 * (size_t)unit->sizes.modes +
+    count = 3 * (size_t)at->all + 2 * (size_t)r + 11 * (size_t)n + 8 * (size_t)unit->sizes.modes +
             (size_t)watched->first[watched->count] + 2 * (size_t)watched->count;
     unit->memory = next = calloc(count, sizeof(double));
     unit->warned = calloc((size_t)n + watched->count + unit->sizes.contacts + 1, sizeof(int32_t));
@@ -170,7 +172,8 @@ static int open_memory(Unit *unit)
     unit->given = next += at->all;
     unit->off = next += 2 * r;
     unit->second = next += n;
-    watched->values = next += n;
+    unit->rates = next += n;
+    watched->values = next += 5 * n;
     watched->largest = next += watched->first[watched->count];
     unit->work = next + 2 * watched->count;
     return 0;
@@ -234,6 +237,7 @@ int unit_reset(Unit *unit)
     memset(unit->given, 0, 2 * (size_t)unit->modes * sizeof(double));
     memset(unit->off, 0, (size_t)unit->drivers * sizeof(double));
     memset(unit->second, 0, (size_t)unit->drivers * sizeof(double));
+    memset(unit->rates, 0, 4 * (size_t)unit->drivers * sizeof(double));
     memset(unit->warned, 0, ((size_t)unit->drivers + unit->watched.count) * sizeof(int32_t));
     memset(unit->watched.largest, 0, 2 * (size_t)unit->watched.count * sizeof(double));
     unit->started = 0;
@@ -373,12 +377,22 @@ static int begin(Unit *unit)
     return 0;
 }
 
+/* Length of the range of an input, or a turn; 0 of one that has neither. */
+static double range_of(const Unit *unit, int n)
+{
+    const int kind = unit->kinds[n];
+    if (kind == OTHER || only_starts(kind)) return 0.0;
+    return kind == PATH ? unit->ends[2 * n + 1] - unit->ends[2 * n] : WHOLE_TURN;
+}
+
 int unit_start(Unit *unit)
 {
+    int k;
     if (begin(unit)) return 1;
     unit->started = 1;
     check_outputs(unit);
     memset(unit->off, 0, (size_t)unit->drivers * sizeof(double));
+    for (k = 0; k < unit->drivers; k++) unit->rates[4 * unit->drivers + k] = COMPARED * range_of(unit, k);
     return 0;
 }
 
@@ -390,14 +404,12 @@ int unit_prepare(Unit *unit) { return !unit->started && !unit->stands ? begin(un
 /* Warn of inputs before a step, once each. */
 static void check_inputs(Unit *unit)
 {
-    const int32_t *kinds = unit->kinds;
-    const double *ends = unit->ends, *u = unit->variables + DRIVEN;
+    const double *u = unit->variables + DRIVEN;
     int n;
+    pmr_compare_rates(unit->drivers, unit->last, u, unit->rates);
     for (n = 0; n < unit->drivers; n++) {
         const double second = fabs(u[2 * unit->drivers + n]) + fabs(u[3 * unit->drivers + n]), off = unit->off[n];
-        const double range = kinds[n] == OTHER || only_starts(kinds[n]) ? 0.0
-                             : kinds[n] == PATH                     ? ends[2 * n + 1] - ends[2 * n]
-                                                                    : WHOLE_TURN;
+        const double range = range_of(unit, n);
         const char *what = NULL;
         char name[80], warning[400];
         if (range > 0.0 && off > JUMP * range)
@@ -406,6 +418,8 @@ static void check_inputs(Unit *unit)
             what =
                 "it moves without a second rate, so the inertia of what moves is left out: set its rates of order one "
                 "and two";
+        else if (unit->rates[4 * unit->drivers + n] < 0.0)
+            what = "its rates do not lead from one value to the next: set those of the same motion, in m/s or rad/s";
         if (what && !unit->warned[n]) {
             name_of(unit, (unsigned)(DRIVEN + n), name, sizeof name);
             snprintf(warning, sizeof warning, "%s: %s", name, what);
@@ -460,6 +474,7 @@ int unit_advance(Unit *unit, double time, double duration)
         u[TIME] = time + (k + 1) * step;
         check_outputs(unit);
     }
+    unit->last = duration;
     unit->stands = 1;
     read_states(unit);
     return 0;
@@ -534,6 +549,7 @@ int unit_restore(Unit *unit, const void *state)
     memcpy(unit->variables, at + sizeof head, own);
     memcpy(unit->given, at + sizeof head + own, given);
     memset(unit->off, 0, (size_t)unit->drivers * sizeof(double));
+    memset(unit->rates + unit->drivers, 0, (size_t)unit->drivers * sizeof(double)); /* steps before count no more */
     unit_changed(unit);
     unit->started = (int)head.started;
     estimator_restore(unit, at + sizeof head + own + given);

@@ -67,7 +67,8 @@ typedef struct {
     int stands;                  /* states and inputs are those that the last step or start has led to */
     int known_outputs, known_further, known_rates, known_derivatives;
     pmr_limits watched;     /* sums of outputs */
-    double *memory, *variables, *given, *off, *second, *work;
+    double *memory, *variables, *given, *off, *second, *rates, *work; /* rates: of `pmr_compare_rates` */
+    double last;                  /* s: length of the last step */
     int32_t *warned, *closed;
     Estimator *estimator; /* NULL without an observer */
     double estimator_step; /* s */
