@@ -92,7 +92,8 @@ def study_chapter(study: FinishedStudy, anchor: str) -> Chapter:
         for reason, names in by_reason.items()
     ]
     warnings = [warning.line(count) for warning in study.results.warnings]
-    return replace(content, notices=Notices((), [*study.summary.get("hints", ()), *warnings], unfinished))
+    warnings = [*study.summary.get("hints", ()), *warnings]
+    return replace(content, notices=Notices(content.notices.overloads, warnings, unfinished))
 
 
 class HasPublishedValues(Protocol):

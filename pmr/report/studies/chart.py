@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from pmr.files.arrays import Array, Summary
-from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, KeyNumber, Table
+from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, KeyNumber, Notices, Table
 from pmr.report.figures import drawing
 from pmr.report.figures.load_chart import (
     LINES,
@@ -29,8 +29,10 @@ from pmr.report.studies.chart_tables import (
     error_bar_grids,
     format_load,
     headline,
+    lifts_more,
     limit_grid,
     motion_rows,
+    payload_sentences,
     present_parts,
 )
 from pmr.report.studies.tables import FinishedStudy
@@ -66,7 +68,13 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     limits = Block("Limits", grids=(limit_grid(study, names, parts),))
     cases = Block("Load cases", grids=(case_grid(study),))
     sentence = headline(study, least, parts[0]["at.slewing"])
-    chapter = Chapter(anchor=prefix, title=study.title, headline=sentence, blocks=[*stated, limits, cases])
+    chapter = Chapter(
+        anchor=prefix,
+        title=study.title,
+        headline=sentence,
+        notices=Notices([payload_sentences(study.figures).removesuffix(".")] if lifts_more(study.figures) else ()),
+        blocks=[*stated, limits, cases],
+    )
     if not np.isfinite(least).any():  # the picture and the table of loads would be empty
         return chapter
     error = np.where(which >= 0, np.take_along_axis(table.error, np.maximum(which, 0)[..., None], 2)[..., 0], np.nan)

@@ -99,6 +99,11 @@ def motion_rows(asked: Summary, figures: Mapping[str, Any]) -> Iterator[tuple[st
     yield "swing of the load on its rope", NOT_IN_LOADS
 
 
+def lifts_more(figures: Mapping[str, Any]) -> bool:
+    """Whether the payload of the scene is more than the chart allows in a posture of its run, by a study's figures."""
+    return bool(figures.get("payload", 0.0) > figures.get("payload.load", np.inf))
+
+
 def payload_sentences(figures: Mapping[str, Any]) -> str:
     """Sentences on the payload of the scene's run and what the chart allows in its postures; empty without a payload.
 
@@ -109,8 +114,7 @@ def payload_sentences(figures: Mapping[str, Any]) -> str:
     posture = {key: figures.get(f"payload.{key}") for key in ("load", "limit", "t", "luffing", "length")}
     limit = STABILITY_WORDS if posture["limit"] == STABILITY else posture["limit"]
     load = "" if posture["load"] is None else format_load(posture["load"])
-    is_more = load and figures["payload"] > posture["load"]
-    payload = format_input(figures["payload"], "kg")
+    payload, is_more = format_input(figures["payload"], "kg"), lifts_more(figures)
     return prose("payload", payload=payload, **posture | {"limit": limit, "load": load}, is_more=is_more)
 
 
@@ -159,7 +163,7 @@ def headline(study: FinishedStudy, least_loads: Array, slewing: Array) -> str:
     limits_of_study = study.study_file["limits"]
     return prose(
         "headline",
-        payload=payload_sentences(study.figures),
+        payload="" if lifts_more(study.figures) else payload_sentences(study.figures),
         case=case,
         limits=[*limits, STABILITY_WORDS],
         points=least_loads.size,
