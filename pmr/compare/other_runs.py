@@ -299,6 +299,7 @@ def largest_sizes(scene: Scene, response: Response) -> dict[tuple[str, str], flo
     for row in support_rows(scene, response):
         if not row["name"].endswith(LUFFING_CYLINDER):
             largest["support", row["name"]] = Extremes.from_summary(row).size
+            largest |= {("lug_force", row["name"]): Extremes.from_summary(row["lug"]).size} if "lug" in row else {}
     sizes |= {key: size for key, size in largest.items() if size > response.force_floor}
     stresses = [response.other(of.name) for of in response.outputs if of.kind == "probe" and of.unit == "Pa"]
     for key, histories in (("probe", stresses), ("tipping", response.of("tipping"))):

@@ -110,8 +110,8 @@ def _play_changes(result: RunResult) -> dict[str, float]:
         label = names.get(row["quantity"], QUANTITIES[row["quantity"]].label)
         if row["quantity"] == "tip":
             label = f"deflection of the tip, {direction_words(result, row['name'])}"
-        elif row["quantity"] == "support":
-            label = f"force of {row['name']}"
+        elif force := {"support": "force", "lug_force": "force of a lug"}.get(row["quantity"]):
+            label = f"{force} of {row['name']}"
         changes[label] = row["varied"] / row["value"] - 1.0
     return dict(sorted(changes.items(), key=lambda item: -abs(item[1])))
 

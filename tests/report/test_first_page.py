@@ -718,6 +718,7 @@ def test_another_play_of_pads_has_a_row_a_bar_and_a_clause_beside_each_figure(
     boom: RunResult, gap: float, words: str
 ) -> None:
     rows = [("tip", "z", 0.2, 0.25), ("pad_force", "", 4e3, 4.01e3), ("support", "base: pin", 5e3, 4e3)]
+    rows += [("lug_force", "base: pin", 5e3, 6.1e3)]
     keys = "quantity", "name", "value", "varied"
     play = {"gap": gap, "rows": [dict(zip(keys, row, strict=True)) for row in rows]}
     varied = replace(boom, summary=boom.summary | {"budget": {"play": play}})
@@ -728,7 +729,8 @@ def test_another_play_of_pads_has_a_row_a_bar_and_a_clause_beside_each_figure(
     trust = tables["How far to trust this run"]
     text = dict(tables["How sure the values are"].rows)["play of pads"]
     assert text.startswith(words) and ("compare.play" in text) is (gap > 0.0)
-    assert f"+25.0{SPACE}%; force of base: pin −20.0{SPACE}%; less than 1.00{SPACE}% each: pad forces" in text
+    forces = f"force of a lug of base: pin +22.0{SPACE}%; force of base: pin −20.0{SPACE}%"
+    assert f"+25.0{SPACE}%; {forces}; less than 1.00{SPACE}% each: pad forces" in text
     most = f"{words}, largest values change by up to 25.0{SPACE}% (deflection of the tip, vertical, z)"
     assert dict(trust.rows)["play of pads"] == most
     assert trust.bars["play of pads"] == pytest.approx(np.log10(0.25 / LEAST) / trust.marks)
