@@ -31,7 +31,14 @@ from pmr.simulation.frame import (
     products_of,
     section_acceleration,
 )
-from pmr.simulation.frame_motion import Acceleration, Product, computed_inputs, computed_parts, rotation_products
+from pmr.simulation.frame_motion import (
+    Acceleration,
+    Product,
+    computed_inputs,
+    computed_parts,
+    held_where_computed,
+    rotation_products,
+)
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.system import Body, BodySystem, System
 from pmr.system.terms import frame_quantities
@@ -52,6 +59,8 @@ class Excitation:
     # c_k(t) by the names of the terms that they scale (`pmr.system.terms`)
     terms: Mapping[str, SignalBase] = field(default_factory=dict)
     hoist: Mapping[str, SignalBase] = field(default_factory=dict)  # what drives a hoist, by name (`pmr.system.terms`)
+    # with motions that were computed at rest, for the equilibrium at t = 0: before that time they are held
+    resting: Excitation | None = None
 
     @classmethod
     def from_scene(cls, scene: Scene) -> Excitation:
@@ -82,7 +91,9 @@ class Excitation:
         loads |= computed_inputs(scene)
         terms = term_signals(scene)
         driven = scene.driven_paths, loads, stepping, scene.simulation, scene.start
-        return cls(*driven, terms=terms, hoist=hoist_signals(scene))
+        held = held_where_computed(scene)
+        resting = None if held is scene else cls.from_scene(held)
+        return cls(*driven, terms=terms, hoist=hoist_signals(scene), resting=resting)
 
     @property
     def path(self) -> SignalBase:

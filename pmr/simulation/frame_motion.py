@@ -25,7 +25,7 @@ from pmr.kernel.further import Product, Products, Quantity
 from pmr.scene import Scene
 from pmr.scene.cylinder import Oil
 from pmr.scene.frame import DIRECTIONS, BaseMotion
-from pmr.scene.signals import SignalBase
+from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.signals.base import Floats, Interval, Strand
 
 
@@ -277,6 +277,29 @@ def computed_inputs(scene: Scene) -> dict[str, SignalBase]:
     signals = (frame.luffing_signal, *(frame.base.motions if frame.base else {}).values(), *scene.paths.values())
     samples = next((signal.samples for signal in signals if isinstance(signal, ComputedMotion)), None)
     return {} if samples is None else {name: ComputedInput(samples=samples, name=name) for name in samples.inputs}
+
+
+def held_where_computed(scene: Scene) -> Scene:
+    """Scene in which motions that were computed rest where they are at t = 0; the scene itself if there are none.
+
+    A machine whose directions are all held has none.
+    """
+    if not computed_inputs(scene):
+        return scene
+
+    def still(signal: SignalBase) -> SignalBase:
+        """Return a constant for a computed motion, and any other signal as it is."""
+        return Constant(amount=float(signal.value(0.0))) if isinstance(signal, ComputedMotion) else signal
+
+    frame, sections = scene.present_frame, list(scene.sections)
+    held: dict[str, Any] = {} if frame.luffing_signal is None else {"luffing": still(frame.luffing_signal)}
+    if frame.base is not None:
+        held["base"] = {direction: still(signal) for direction, signal in frame.base.motions.items()}
+    for k, part in enumerate(sections):
+        extension: object = getattr(part.joint, "extension", None)
+        if isinstance(extension, ComputedMotion):
+            sections[k] = part.with_keys(joint={"extension": still(extension)})
+    return scene.with_keys(frame=held, sections=tuple(sections))
 
 
 def computed_parts(scene: Scene) -> tuple[int, ...]:

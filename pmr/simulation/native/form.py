@@ -185,8 +185,9 @@ def start_modes(form: SystemForm, x: Array, x_rate: Array, initial: Mapping[str,
 def static_start(system: System, excitation: Excitation) -> dict[str, InitialState]:
     """States of all bodies at rest in equilibrium with the loads at t = 0, by the body's name.
 
-    Raises InputError as `equilibrium`.
+    Motions that were computed with the boom are held where they begin.  Raises InputError as `equilibrium`.
     """
+    excitation = excitation.resting or excitation
     f, c = excitation.forces(system.input_names)[0], excitation.amplitudes(system.term_names)[0]
     assembly = Assembly(system)
     q = equilibrium(assembly, side_positions(system, excitation)[0], f, c).q[None]
@@ -213,7 +214,7 @@ def begin(
         if system.hoist and modes > DENSE_WITH_HOIST:
             allowed = f"'rest' is allowed with a hoist and {modes} coordinates, of {DENSE_WITH_HOIST} at most"
             raise InputError("scene", "start", "equilibrium", f"{allowed} the equilibrium is found")
-        if system.hoist or modes <= DENSE:
+        if system.hoist or (modes <= DENSE and excitation.resting is None):
             try:
                 start("equilibrium")
                 return ("equilibrium",)

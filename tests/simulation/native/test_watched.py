@@ -43,6 +43,7 @@ SCENES: dict[str, tuple[Callable[[], Scene], str]] = {
     "pads pull": (boom(f"{FORCE}{RAMP}[0.0, -2e3]}}", *PRESSURES), "bears more than its allowed_pressure"),
     "an outrigger lifts off": (boom(*free_boom.PUSHING, f"{FORCE}{RAMP}[0.0, 8e3]}}"), "lifts off"),
     "the machine tips": (boom(*free_boom.PUSHING, f"{FORCE}{RAMP}[0.0, 4e4]}}"), "tips over"),
+    "the machine of a boom that swings up tips": (boom(*FREE, f"{FORCE}1.5e4"), "tips over"),
     "a cylinder is too short": (
         boom(*free_boom.PUSHING, LUFFED, "frame.cylinder={foot=[0.5, -0.6], lug=[1.2, -0.15], stroke=[0.6, 1.07]}"),
         "beyond its stroke",
