@@ -233,6 +233,9 @@ class Recorder:
     def __call__(self, first: int, part: SystemTrajectory) -> None:
         """Record the selected steps of a `part` of the trajectory, whose first step has the number `first`."""
         low, high = np.searchsorted(self._steps, [first, first + len(part.t)])
+        if high - low == len(part.t) == len(self._steps):
+            self._recorded = part  # the whole run: no later steps take its arrays
+            return
         if self._recorded is None:
             self._recorded = part.map_arrays(lambda array: np.empty((len(self._steps), *array.shape[1:]), array.dtype))
         rows = slice(None) if high - low == len(part.t) else self._steps[low:high] - first
@@ -293,12 +296,13 @@ def energy_surplus(stored: Array, work: Array, least: float = 0.0, since_start: 
 
 
 def energy_round_off(mobility: Array, loads: Array, step: float) -> float:
-    """Energy in J that counts as zero: a share of the kinetic energy that `loads` (T, i) give a free body in a step.
+    """Energy in J that counts as zero: a share of what `loads` (T, i) give a free body in a step at most.
 
-    `mobility` is B^T diag(M)^-1 B, (i, i) in 1/kg; `step` is in s.
+    At most means that all loads have their largest size at the same time and help each other.  `mobility` is
+    B^T diag(M)^-1 B, (i, i) in 1/kg; `step` is in s.
     """
-    energy = np.einsum("ti,ti->t", loads @ mobility, loads).max(initial=0.0) * step**2 / 2.0
-    return ROUND_OFF * float(energy)
+    largest = np.array([np.abs(load).max(initial=0.0) for load in loads.T])  # column by column: rows are too short
+    return ROUND_OFF * float(largest @ np.abs(mobility) @ largest) * step**2 / 2.0
 
 
 def refuse_growth(surplus: float, moving: list[str]) -> None:

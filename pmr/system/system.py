@@ -269,13 +269,16 @@ class BodySystem(Generic[AnyBody]):
                 raise contact_error(self.contacts[side.contact].name, "path", side.place.path, allowed)
         x = np.empty((len(self.sides), *np.broadcast_shapes(*(np.shape(values) for values in s.values()))))
         for k, side in enumerate(self.sides):
-            at, (low, high) = side.place.coordinate(s), self.range_of(side.place)
+            x[k] = at = side.place.coordinate(s)
+            (least, most), (low, high) = (at.min(initial=np.inf), at.max(initial=-np.inf)), self.range_of(side.place)
+            if least >= low and most <= high:
+                continue
             slack = BEYOND_ENDS * (high - low)
             outside = ~((at >= low - slack) & (at <= high + slack))  # so is a path that is not finite
             if outside.any():
                 allowed = f"{low:g} to {high:g} m are allowed on {side.place.body}"
                 raise contact_error(self.contacts[side.contact].name, "place", float(at[outside][0]), allowed)
-            x[k] = np.minimum(np.maximum(at, low), high)
+            x[k] = np.clip(at, low, high)
         return np.moveaxis(x, 0, -1)
 
 

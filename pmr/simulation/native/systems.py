@@ -116,8 +116,11 @@ class March:
             self._signals = Signals(self._drivers if self._frame is None else self._frame.signals)
         except NotImplementedError:
             self._frame = self._signals = None
-        zero = self.sample_drivers(0, 0, 1)[0] if self._frame is None else self._frame.motions(excitation, 0.0).ravel()
-        self._zero = zero  # motions of the frame, or drivers, at t = 0
+        self._zero: Array  # motions of the frame, or drivers, at t = 0
+        if self._frame is not None:
+            self._zero = self._frame.motions(excitation, 0.0).ravel()
+        else:
+            self._zero = self.sample_drivers(0, 0, 1)[0] if self._signals is None else self._signals.at(0.0)[0]
         try:
             self._begun = begin(form, self._start, excitation, initial)
         except StepError as error:
@@ -213,14 +216,10 @@ class March:
         return ("z", "v", "multipliers", "energy", "drivers", *of_parts, *impulses, *friction, *hoist)
 
     def _record_arrays(self, record: Record) -> Steps:
-        """Return the arrays of a record for some steps, with the present state in the first row of each array.
-
-        Impulses have no value in the first row, as they belong to steps.
-        """
+        """Return the arrays of a record for some steps, with the present state in the first row of each array."""
         arrays: dict[str, Any] = dict(record.arrays)
         for name, array in arrays.items():
-            if name != "impulses":
-                array[0] = getattr(self.state, "multipliers" if name == "peaks" else name)
+            array[0] = getattr(self.state, "multipliers" if name == "peaks" else name)
         if "parts" in self._record_names:
             record.parts[0] = 1
             arrays["parts"] = record.parts
