@@ -18,6 +18,7 @@ zero for every rigid motion.
 from __future__ import annotations
 
 import logging
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
@@ -38,6 +39,7 @@ from pmr.scene.choice import is_undecided, model_of
 from pmr.scene.keys import ALONE, SLIDER
 from pmr.scene.mechanism import frame_terms, stress_terms
 from pmr.scene.members import members
+from pmr.scene.signals.base import Interval
 from pmr.system.from_scene import contacts_of
 
 logger = logging.getLogger(__name__)
@@ -388,6 +390,26 @@ def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, 
         allowed = f"{_free_motion_sentence(bodies, free)}; a support that holds it is needed, or 'allowed'"
         raise NotHeldError("scene", "free_motions", scene.free_motions, allowed, free.clause)
     return bodies
+
+
+def within_reach(scene: Scene, built: Mapping[str, AssembledBody]) -> dict[str, AssembledBody]:
+    """Return the bodies `built` with rows of soft pads that are zero where no pad of a joint is in the simulated time.
+
+    Pads of both joints of a section share rows, which otherwise cover the positions between those of the two joints
+    too.  Each of these takes static solves.  Equal bodies still share one `AssembledBody`.
+    """
+    ranges, reached = dict[int, dict[str, list[Interval]]](), dict[int, AssembledBody]()
+    for name, member in zip(scene.names, members(scene), strict=True):
+        of_body = ranges.setdefault(id(built[name]), defaultdict(list))
+        for row_name, positions in member.pad_positions.items():
+            of_body[row_name] += positions
+    for body in built.values():
+        of_body, rows = ranges[id(body)], body.model.rows
+        reaching = [
+            row.within(of_body[row.name]) if row.name in of_body and row.compliance else row for row in rows.rows
+        ]
+        reached[id(body)] = replace(body, model=replace(body.model, rows=replace(rows, rows=tuple(reaching))))
+    return {name: reached[id(body)] for name, body in built.items()}
 
 
 def models_of(built: Mapping[str, AssembledBody]) -> dict[str, FullModel]:

@@ -17,7 +17,7 @@ from pmr.compare.second_order import decide_second_order as with_order
 from pmr.errors import ConvergenceError, InputError, NotHeldError, SimulationError, call_on_first_rank
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
-from pmr.fullmodel.build import build_bodies, log_warnings
+from pmr.fullmodel.build import build_bodies, log_warnings, within_reach
 from pmr.reduction.bodies import Reduction, reduce_bodies, with_stress_flags
 from pmr.reduction.cache import Cache, SystemCache, cache_in
 from pmr.reduction.from_scene import Vectors
@@ -30,15 +30,19 @@ from pmr.scene.model_ladder import candidate_scenes, comparable_scene, model_com
 from pmr.system.system import System
 
 
-def reduce_scene(scene: Scene, comm: MPI.Comm, clock: Clock | None = None, vectors: Vectors | None = None) -> Reduction:
+def reduce_scene(
+    scene: Scene, comm: MPI.Comm, clock: Clock | None = None, vectors: Vectors | None = None, reach: bool = False
+) -> Reduction:
     """Build and reduce a scene's bodies on `vectors`, or on the scene's basis if `vectors` is None; collective.
 
-    The full models are part of the result.  `clock` measures the wall time of the stages; None leaves them unmeasured.
-    Raises the errors of `build_bodies` and `reduce_bodies`.
+    The full models are part of the result.  If only the `reach` of the scene counts, the result does not serve for
+    positions of pads that the scene does not pass through, and is made faster.  `clock` measures the wall time of the
+    stages; None leaves them unmeasured.  Raises the errors of `build_bodies` and `reduce_bodies`.
     """
     clock = clock or Clock()
     with clock.stage("assemble"):
         built = build_bodies(scene, comm)
+        built = within_reach(scene, built) if reach else built
     log_warnings(built.values(), comm)
     bodies = reduce_bodies(scene, built, clock=clock, vectors=vectors)
     models = {name: body.model for name, body in bodies.items()}
@@ -123,7 +127,7 @@ class ComparedScene:
     @cached_property
     def reduction(self) -> Reduction:
         """Full and reduced models of the scene's bodies; collective."""
-        return reduce_scene(self.scene, self.comm)
+        return reduce_scene(self.scene, self.comm, reach=True)
 
     @cached_property
     def system(self) -> System:

@@ -124,9 +124,9 @@ def run(
     with _keys_as_written(scene):
         check_installed(scene)
         chosen = decide_models(scene, comm, clock, cache)
-        scene, helps = chosen.scene, list[Future[None] | None]()
+        scene, stresses, richer = chosen.scene, None, None
         if helper is not None and measures is not None:
-            helps.append(start_stresses(scene, helper))
+            stresses = start_stresses(scene, helper)
         with clock.stage("assemble"):
             built = build_bodies(scene, comm)
             free_motions = free_motion_warnings(scene, built) if scene.free_motions == "allowed" else []
@@ -138,7 +138,7 @@ def run(
         scene = bodies.scene  # with the chosen step
         measured = None if measures is None else cache_in(measures, next(iter(built.values())).model)
         if helper is not None and measured is not None and chosen.budget_part is None:
-            helps.append(start_richer(bodies.written_scene, measured, helper))
+            richer = start_richer(bodies.written_scene, measured, helper)
         with clock.stage("frequencies"):
             frequencies = bodies.frequencies()
         motions = bodies.simulate(None if checkpoint is None else Checkpoint(checkpoint))
@@ -148,7 +148,7 @@ def run(
         if keep is not None:
             call_on_first_rank(comm, lambda: outcome and keep(outcome))
         budget = {} if chosen.budget_part is None else {"model": chosen.budget_part}
-        budget |= _measure(bodies, motions, frequencies, budget, measured, helps)
+        budget |= _measure(bodies, motions, frequencies, budget, measured, (stresses, richer))
         if outcome is not None and budget:
             result, written = outcome.result, bodies.written_scene
             complete: dict[str, Any] = budget | result.summary.get("budget", {})
@@ -249,7 +249,7 @@ def _measure(
     The model's error is measured if the scene asks for it, or if `budget` lacks it and `cache` is not None; the mesh's
     error if there is a cache and the scene has no tolerance or budget.  Where the model's error is known, the stress in
     walls at pads stands beside it.  The cache keeps what takes longest.  `helps` are done when another process has
-    stored the richer model there, and the local stress.
+    stored the local stress, and the richer model there.
     """
     comm, clock, scene = next(iter(bodies.built.values())).model.comm, bodies.clock, bodies.written_scene
     is_wanted, of_mesh, of_model = scene.compare.richer not in ("auto", "none"), dict[str, Any](), dict[str, Any]()
@@ -259,7 +259,13 @@ def _measure(
         if cache is not None and scene.goal is None:
             response = None if motions.reduced is None else motions.reduced.first.response
             of_mesh = measure_mesh(scene, bodies.system, response, comm, cache)
-        wait(filter(None, helps))
+        wait(filter(None, helps[:1]))
+        states = None
+        if motions.reduced is not None:
+            states = other_runs.states_under_load(bodies.scene, bodies.system, motions.reduced.first)
+        walls = _stress_at_pads(bodies, motions, states)
+        play = _play(bodies, motions, walls)
+        wait(filter(None, helps[1:]))  # last, as it takes longest
         if is_wanted or "model" not in budget:
             with_full = "full" in scene.compare.against and "full" not in motions.references.missing
             responses = {} if motions.reduced is None else motions.responses
@@ -267,11 +273,7 @@ def _measure(
             cache = cache or next(iter(bodies.caches.values()), None)
             of_model = {"model": measure_model(scene, comm, cache, of_run if with_full else None)}
         model = {**budget, **of_model}.get("model", {})
-        states = None
-        if motions.reduced is not None:
-            states = other_runs.states_under_load(bodies.scene, bodies.system, motions.reduced.first)
-        walls = _stress_at_pads(bodies, motions, states)
-        return {**of_mesh, "model": model | walls, **_play(bodies, motions, walls)}
+        return {**of_mesh, "model": model | walls, **play}
 
 
 def _stress_at_pads(bodies: Bodies, motions: Motions, states: Mapping[str, BodyStates] | None) -> Summary:

@@ -130,6 +130,16 @@ class Member:
         return rings
 
     @property
+    def pad_positions(self) -> dict[str, list[Interval]]:
+        """Ranges in m of the positions of pads of joints over the simulated time, by the names of the pads' rows."""
+        positions = dict[str, list[Interval]]()
+        for seat in self._seats:
+            if seat.ring.faces is not None:
+                for name, _, _ in body_ring(seat.ring, ring_name(self.scene, seat.ring)).named_pads:
+                    positions.setdefault(name, []).append(seat.positions)
+        return positions
+
+    @property
     def pads(self) -> tuple[PadRing, ...]:
         """Rings of pads on the ground, and those on faces in both joints, which move along the section."""
         return (*self.part.pads, *(pads.ring for pads in self.moving_pads.values()))

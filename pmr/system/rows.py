@@ -37,6 +37,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
 
+from pmr.errors import BEYOND_ENDS
 from pmr.files.arrays import Array, Indices
 from pmr.scene.signals.base import Interval
 from pmr.system.polynomials import clip_to_domain, common_breaks, interval_around, refine_table, same_degree
@@ -102,6 +103,14 @@ class Row:
     def _count(self) -> int:
         """Number K of carriers."""
         return int(self.carriers.shape[0])
+
+    def within(self, ranges: Sequence[Interval]) -> Row:
+        """Row that is zero, and touches no further carriers, on intervals outside all `ranges` of s in m."""
+        slack = BEYOND_ENDS * (self.breaks[-1] - self.breaks[0])
+        begin, end = self.breaks[:-1] - slack, self.breaks[1:] + slack
+        inside = np.any([(low <= end) & (begin <= high) for low, high in ranges], axis=0)[:, None]
+        touched = np.where(inside, self.touched, self.touched[inside.argmax()])
+        return replace(self, touched=touched, coefficients=self.coefficients * inside)
 
     def weights(self, s: ArrayLike, derivative: int = 0) -> sp.csr_matrix:
         """Weights b(s) at s (T,) in m, or their derivative of the order `derivative` with respect to s: sparse (T, K).

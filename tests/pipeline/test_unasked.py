@@ -53,9 +53,9 @@ class AtOnce(Executor):
 def test_a_run_measures_its_model_and_mesh_last_and_the_next_one_finds_both(tmp_path: Path, monkeypatch) -> None:
     before, reduced, helper, reduce_scene = [], [], AtOnce(), pipeline.reduce_scene
 
-    def count_reductions(one, *more):
+    def count_reductions(one, *more, **options):
         reduced.append(one.only_section.body.model)
-        return reduce_scene(one, *more)
+        return reduce_scene(one, *more, **options)
 
     monkeypatch.setattr(pipeline, "reduce_scene", count_reductions)
     result = run(
@@ -69,7 +69,7 @@ def test_a_run_measures_its_model_and_mesh_last_and_the_next_one_finds_both(tmp_
     assert first["model"]["beside"] == "coarse shell" and 0.1 < first["model"]["beam"] < 0.5
     assert 0.0 < first["mesh"]["beam"] < 1e-3 and first["mesh_reason"] is None
     assert 0.0 < first["mesh"]["frequency"] < 1e-3 and first["mesh_not_covered"] == ["stresses"]
-    monkeypatch.setattr(pipeline, "reduce_scene", lambda *_: pytest.fail("what was measured is made again"))
+    monkeypatch.setattr(pipeline, "reduce_scene", lambda *_, **__: pytest.fail("what was measured is made again"))
     again = run(scene(), measures=tmp_path, helper=helper).result.summary["budget"]
     assert again["model"]["frequency"] == pytest.approx(first["model"]["frequency"], rel=1e-9)
     assert helper.models == ["shell"]

@@ -7,6 +7,7 @@ from scipy.interpolate import PPoly
 
 from pmr.fullmodel.pads import slider_row
 from pmr.models.beam2d import Beam2D
+from pmr.scene.signals.base import Interval
 from pmr.scene.structures import Profile
 from pmr.system.polynomials import evaluate, stack_tables
 from pmr.system.rows import (
@@ -51,6 +52,17 @@ def test_entries_are_the_polynomial_of_their_interval() -> None:
     assert dense(row, 0.7)[dofs] == pytest.approx(expected) and np.count_nonzero(dense(row, 0.7)) == 4
     slope = sum((3 - p) * row.coefficients[p, 1] * x ** (2 - p) for p in range(3))
     assert dense(row, 0.7, derivative=1)[dofs] == pytest.approx(slope)
+
+
+def test_a_row_within_ranges_is_zero_elsewhere_and_touches_no_carriers_there() -> None:
+    row = carried_row()
+    within = row.within([Interval(0.1, 0.2), Interval(0.0, 0.4 - 1e-12)])  # up to a break, but for round-off
+    for s in (0.0, 0.3, 0.7):
+        assert np.array_equal(dense(within, s), dense(row, s))
+    assert not dense(within, 1.2).any() and not np.isin(4, within.touched)
+    last = row.within([Interval(1.2, 1.5)])
+    assert np.array_equal(dense(last, 1.3), dense(row, 1.3)) and not dense(last, 0.7).any()
+    assert not np.isin([0, 1], last.touched).any()
 
 
 @pytest.mark.parametrize("s", [0.0, 0.2, 0.4, 0.77, 1.3, 1.5])
