@@ -29,7 +29,7 @@ The names of this module stay the same; everything else may change between versi
 
 from typing import TYPE_CHECKING
 
-from pmr.errors import FORMER, lazy_names
+from pmr.errors import FORMER, declared_names, lazy_names
 
 if TYPE_CHECKING:
     from pmr.compare.simulated import simulate, simulate_with_states
@@ -48,35 +48,13 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-#: Module of each public name, imported when the name is first used, since FEniCSx takes seconds and may be absent.
-_PLACES = {
-    "ConvergenceError": "pmr.errors:ConvergenceError",
-    "InputError": "pmr.errors:InputError",
-    "Observer": "pmr.observe.observer:Observer",
-    "PositionObserver": "pmr.observe.position:PositionObserver",
-    "ReducedModel": "pmr.system.reduced_model:ReducedModel",
-    "Response": "pmr.results:Response",
-    "RunResult": "pmr.results:RunResult",
-    "SimulationError": "pmr.errors:SimulationError",
-    "Stepper": "pmr.simulation.native.stepper:Stepper",
-    "System": "pmr.system.system:System",
-    "from_matrices": "pmr.files.matrices:from_matrices",
-    "full_model": "pmr.pipeline:full_model",
-    "linearize": "pmr.observe.linear:linearize",
-    "load_scene": "pmr.scene:load_any",
-    "project": "pmr.system.body:projected",
-    "reduce": "pmr.pipeline:reduce",
-    "run": "pmr.pipeline:run",
-    "simulate": "pmr.compare.simulated:simulate",
-    "simulate_with_states": "pmr.compare.simulated:simulate_with_states",
-}
 __all__ = [
     "ConvergenceError", "InputError", "Observer", "PositionObserver", "ReducedModel", "Response", "RunResult",
     "SimulationError", "Stepper", "System", "from_matrices", "full_model", "linearize", "load_scene", "project",
     "reduce", "run", "simulate", "simulate_with_states",
 ]  # fmt: skip
-__getattr__ = lazy_names("pmr", _PLACES, former=FORMER)
+__getattr__ = lazy_names("pmr", declared_names(__file__), former=FORMER)  # FEniCSx takes seconds, and may be absent
 
 
 def __dir__() -> list[str]:
-    return sorted([*_PLACES, "__version__"])
+    return sorted([*__all__, "__version__"])

@@ -5,6 +5,7 @@ Text of unknown origin is made safe for terminals, pages and drawings.  Public n
 
 from __future__ import annotations
 
+import ast
 import copyreg
 import re
 import sys
@@ -155,6 +156,16 @@ class FormerName(NamedTuple):
 
 #: Present names of objects of `pmr`, by the public names that they had in earlier versions.
 FORMER: Mapping[str, FormerName] = {}
+
+
+def declared_names(file: str) -> dict[str, str]:
+    """Objects, as ``module:name``, that a package imports for type checkers alone, by their names in the package.
+
+    `file` is the source of the package, in which they stand under ``if TYPE_CHECKING``.
+    """
+    blocks = (node for node in ast.parse(Path(file).read_text(encoding="utf-8")).body if isinstance(node, ast.If))
+    imports = [node for block in blocks for node in block.body if isinstance(node, ast.ImportFrom)]
+    return {name.asname or name.name: f"{node.module}:{name.name}" for node in imports for name in node.names}
 
 
 def lazy_names(

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from pmr.errors import lazy_names
+from pmr.errors import declared_names, lazy_names
 
 if TYPE_CHECKING:
     from pmr.fem.compat import versions as fenicsx_versions
@@ -11,14 +11,5 @@ if TYPE_CHECKING:
 
 __all__ = ["Outcome", "fenicsx_versions", "framed_body", "full_model", "held_body", "reduce", "run"]
 
-#: Module of each name, imported when the name is first used, so that versions are known without numerical packages.
-_PLACES = {
-    "Outcome": "pmr.pipeline.scenes:Outcome",
-    "fenicsx_versions": "pmr.fem.compat:versions",
-    "framed_body": "pmr.reduction.held_body:framed_body",
-    "full_model": "pmr.pipeline.scenes:full_model",
-    "held_body": "pmr.reduction.held_body:held_body",
-    "reduce": "pmr.pipeline.scenes:reduce",
-    "run": "pmr.pipeline.scenes:run",
-}
-__getattr__ = lazy_names("pmr.pipeline", _PLACES)
+#: Versions are known without numerical packages.
+__getattr__ = lazy_names("pmr.pipeline", declared_names(__file__))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from pmr.errors import lazy_names
+from pmr.errors import declared_names, lazy_names
 from pmr.errors.environment import import_package
 
 if TYPE_CHECKING:
@@ -28,15 +28,5 @@ FORMULATIONS: dict[str, Formulation] = {
     "exudyn-callback": "callbacks",
 }
 
-_NAMES = {
-    "equations": ("NodeCoordinate",),
-    "formulations": ("Formulation",),
-    "free_base": ("OnBody",),
-    "hook": ("Hook", "add_hook"),
-    "items": ("add_pre_step_function",),
-    "simulator": ("add_sliding_body", "add_system", "simulate_system"),
-    "solver": ("add_drawing", "add_sensors"),
-}
-_PLACES = {name: f"{__name__}.{module}:{name}" for module, names in _NAMES.items() for name in names}
 #: An InputError is raised where Exudyn is not installed.
-__getattr__ = lazy_names(__name__, _PLACES, before=partial(import_package, "exudyn"))
+__getattr__ = lazy_names(__name__, declared_names(__file__), before=partial(import_package, "exudyn"))
