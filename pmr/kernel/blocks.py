@@ -34,8 +34,8 @@ from pmr.system.polynomials import (
     power_contributions,
     refine_table,
     same_degree,
-    select_columns,
-    select_rows,
+    shift_powers,
+    transpose,
 )
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Row, RowPolynomials
@@ -65,9 +65,8 @@ class Part:
         """Residual flexibility between the K carriers of the body; arrays of zeros for a body that has none."""
         carriers = self.body.carriers
         assert carriers is not None  # `System` checks this
-        K, i, o = len(carriers.values), len(self.body.input_names), len(self.body.outputs)
-        nothing = {"rows": (K, K), "inputs": (K, i), "outputs": (o, K), "direct": (o, i), "energy": (i, i)}
-        return carriers.flexibility or CarrierFlexibility(**{name: np.zeros(n) for name, n in nothing.items()})
+        i, o = len(self.body.input_names), len(self.body.outputs)
+        return carriers.flexibility or CarrierFlexibility.zero(len(carriers.values), i, o)
 
     @property
     def values(self) -> Array:
@@ -199,23 +198,14 @@ def _body_parts(system: System) -> tuple[Part, ...]:
 
 def _block_of_tables(system: System, part: Part) -> Block:
     """Block of a system that has a single body, `part`, and one path: the body's own tables describe all contacts."""
-    body, flexibility = part.body, part.body.flexibility
-    tables = (
-        [body.rows] if flexibility is None else [body.rows, flexibility.rows, flexibility.inputs, flexibility.outputs]
-    )
+    m, missing = len(system.contacts), round_up(part.body.size) - part.body.size
+    body = part.body.with_rows([part.body.row_names.index(contact.inner.row) for contact in system.contacts])
+    tables = [body.rows, body.residual.rows, body.residual.inputs, transpose(body.residual.outputs)]
     breaks = common_breaks(tables, body.domain)
-    rows = [body.row_names.index(contact.inner.row) for contact in system.contacts]
-    m, i, o = len(rows), len(body.input_names), len(body.outputs)
-    G, H, X = (_zeros(breaks, shape) for shape in ((m, m), (m, i), (m, o)))
-    if flexibility is not None:
-        G = refine_table(select_columns(select_rows(flexibility.rows, rows), rows), breaks)
-        H = refine_table(select_rows(flexibility.inputs, rows), breaks)
-        of_outputs = refine_table(select_columns(flexibility.outputs, rows), breaks)
-        X = PPoly(of_outputs.c.swapaxes(2, 3), breaks)
-    C = refine_table(select_rows(body.rows, rows), breaks)
-    C = PPoly(np.pad(C.c, ((0, 0), (0, 0), (0, 0), (0, round_up(body.size) - body.size))), breaks)
-    nothing = np.zeros(0, np.int64)
-    return Block(part, 0, np.arange(m), nothing, C, G, _zeros(breaks, (m, 0)), H, X)
+    C, G, H, X = (refine_table(table, breaks) for table in tables)
+    C = PPoly(np.pad(C.c, ((0, 0), (0, 0), (0, 0), (0, missing))), breaks)
+    staying = PPoly(np.zeros((1, len(breaks) - 1, m, 0)), breaks)
+    return Block(part, 0, np.arange(m), np.zeros(0, np.int64), C, G, staying, H, X)
 
 
 def _block_on_path(
@@ -285,10 +275,7 @@ def _row_on_path(system: System, side: Side) -> Row:
     row, place = _modal_row(system, side), side.place
     c, breaks, touched = row.coefficients, row.breaks, row.touched
     if place.rate < 0.0:  # intervals are reversed: each begins at its former end
-        shifted, h = c.copy(), np.diff(breaks)[:, None]
-        for last in range(len(c), 1, -1):
-            for p in range(1, last):
-                shifted[p] += shifted[p - 1] * h
+        shifted = shift_powers(c, np.diff(breaks)[:, None])
         c, breaks, touched = shifted[:, ::-1], breaks[::-1], touched[::-1]
     powers = place.rate ** np.arange(len(c) - 1, -1, -1.0)
     return replace(
@@ -297,11 +284,6 @@ def _row_on_path(system: System, side: Side) -> Row:
         touched=touched,
         coefficients=np.ascontiguousarray(side.sign * c * powers[:, None, None]),
     )
-
-
-def _zeros(breaks: Array, shape: tuple[int, ...]) -> PPoly:
-    """Piecewise polynomial that is zero on the `breaks` (k + 1,), with values of the given shape."""
-    return PPoly(np.zeros((1, len(breaks) - 1, *shape)), breaks)
 
 
 MAGIC = b"PMRSYS3\n"

@@ -109,6 +109,11 @@ class CarrierFlexibility:
     direct: Array  # O R B (o, i) m/N
     energy: Array  # B^T R B (i, i) m/N
 
+    @classmethod
+    def zero(cls, K: int, i: int, o: int) -> CarrierFlexibility:
+        """Flexibility of zeros between K carriers, i inputs and o outputs."""
+        return cls(*map(np.zeros, ((K, K), (K, i), (o, K), (o, i), (i, i))))
+
     def tables(self, C: RowPolynomials) -> Flexibility:
         """Tables over the path for rows with the weights C on these carriers, all at the same path coordinate."""
         outputs = transpose(C.times(self.outputs.T))

@@ -208,14 +208,21 @@ def refine_table(table: PPoly, breaks: Array, degree: int | None = None) -> PPol
     coefficients of powers that the table lacks; None keeps the table's degree.
     """
     source = interval_around(breaks, table.x)
-    c = table.c[:, source].copy()
-    x = (breaks[:-1] - table.x[source]).reshape(-1, *[1] * (c.ndim - 2))
-    # Taylor shift by repeated synthetic division (Knuth, TAOCP 2, 4.6.4).
+    c = shift_powers(table.c[:, source], (breaks[:-1] - table.x[source]).reshape(-1, *[1] * (table.c.ndim - 2)))
+    missing = 0 if degree is None else degree + 1 - len(c)
+    return PPoly(np.concatenate([np.zeros((missing, *c.shape[1:])), c]), breaks)
+
+
+def shift_powers(c: Array, x: Array) -> Array:
+    """Coefficients of the polynomials with coefficients c (powers, ...), highest first, about places further on by x.
+
+    By repeated synthetic division (Knuth, TAOCP 2, 4.6.4).  The shape of x is broadcast to that of ``c[0]``.
+    """
+    c = c.copy()
     for last in range(len(c), 1, -1):
         for p in range(1, last):
             c[p] += c[p - 1] * x
-    missing = 0 if degree is None else degree + 1 - len(c)
-    return PPoly(np.concatenate([np.zeros((missing, *c.shape[1:])), c]), breaks)
+    return c
 
 
 def interval_around(fine: Array, coarse: Array) -> Indices:

@@ -165,6 +165,15 @@ class ReducedModel:
         return 0 if answers is None else answers.turned.shape[1]
 
     @property
+    def residual(self) -> Flexibility:
+        """Residual flexibility; zeros on the breaks of the rows for a model without it."""
+        if self.flexibility is not None:
+            return self.flexibility
+        m, i, o = len(self.row_names), len(self.input_names), len(self.outputs)
+        tables = (PPoly(np.zeros((1, len(self.rows.x) - 1, *shape)), self.rows.x) for shape in ((m, m), (m, i), (o, m)))
+        return Flexibility(*tables, np.zeros((o, i)), np.zeros((i, i)))
+
+    @property
     def row_compliance(self) -> Array:
         """Compliance 1/k (m,) of each row's pad, in m/N; 0 where the row is rigid."""
         return np.zeros(len(self.row_names)) if self.pads is None else self.pads

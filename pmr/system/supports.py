@@ -26,7 +26,7 @@ from scipy.sparse.linalg import spsolve
 
 from pmr.files.arrays import Array
 from pmr.system.body import SlidingBody, Trajectory
-from pmr.system.carriers import CarrierFlexibility, Flexibility
+from pmr.system.carriers import CarrierFlexibility
 from pmr.system.polynomials import (
     add_tables,
     apply_table,
@@ -125,29 +125,17 @@ def with_support_forces(modal: ReducedModel, X: Array, rows: tuple[int, ...], su
     i, o = len(modal.input_names), len(modal.outputs)
     if modal.carriers is None:
         pressed = select_columns(supports.rows, list(rows))
-        flexibility = modal.flexibility or _no_flexibility(modal)
+        flexibility = modal.residual
         breaks = common_breaks([flexibility.outputs, pressed], modal.domain)
         c = same_degree(refine_table(flexibility.outputs, breaks).c, refine_table(pressed, breaks).c)
         direct = np.vstack([flexibility.direct, supports.inputs])
         with_pressed = replace(flexibility, outputs=PPoly(np.concatenate(c, axis=2), breaks), direct=direct)
         return replace(modal, outputs=outputs, flexibility=with_pressed)
     carriers = modal.carriers
-    K = len(carriers.values)
-    residual = carriers.flexibility or CarrierFlexibility(
-        *(np.zeros(shape) for shape in ((K, K), (K, i), (o, K), (o, i), (i, i)))
-    )
+    residual = carriers.flexibility or CarrierFlexibility.zero(len(carriers.values), i, o)
     residual = replace(
         residual,
         outputs=np.vstack([residual.outputs, supports.carried.T]),
         direct=np.vstack([residual.direct, supports.inputs]),
     )
     return replace(modal, outputs=outputs, carriers=replace(carriers, flexibility=residual))
-
-
-def _no_flexibility(body: ReducedModel) -> Flexibility:
-    """Residual flexibility of zeros for a body that has none, on the breaks of the body's rows."""
-    m, i, o = len(body.row_names), len(body.input_names), len(body.outputs)
-    rows, inputs, outputs = (
-        PPoly(np.zeros((1, len(body.rows.x) - 1, *shape)), body.rows.x) for shape in ((m, m), (m, i), (o, m))
-    )
-    return Flexibility(rows, inputs, outputs, np.zeros((o, i)), np.zeros((i, i)))
