@@ -87,7 +87,7 @@ def write_matlab(npz_path: Path, target: Path, options: Options) -> Path:
     `npz_path` is the file of the model.  The written file also has all names, and the two errors of interpolation
     (`interpolation_error`).  Unless the options give the grid, it is refined by factors of two, from `PLACES` points to
     `MOST_PLACES` at most, until the errors are at most `CLOSE`.  Larger errors of the interpolation are logged as a
-    warning.  Raises errors as `pmr.export.state_space.saved_state_space`.
+    warning.  Raises errors as `pmr.export.state_space.state_space`.
     """
     system = saved_system(npz_path, options)
     s = path_positions(system, options.at)
@@ -202,7 +202,7 @@ def write_modelica(npz_path: Path, target: Path, options: Options) -> Path:
 
     `npz_path` is the file of the system, from which the state space is computed.  The block is named like the file
     `target`, which has to end in .mo; its variables are named as an FMU names them.
-    Raises InputError as `pmr.export.state_space.saved_state_space`, or if Modelica does not allow the file's name.
+    Raises InputError as `pmr.export.state_space.state_space`, or if Modelica does not allow the file's name.
     """
     name = target.stem
     if not (name.isascii() and name.isidentifier()) or name in RESERVED or target.suffix != ".mo":

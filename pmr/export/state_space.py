@@ -197,15 +197,6 @@ class _HeldSystem:
 PLACES = 21
 
 
-def saved_state_space(npz_path: Path, options: Options) -> StateSpace:
-    """State space of the system in the file `npz_path`, at the places and for the section that `options` select.
-
-    Raises the errors of `saved_system`, `path_positions` and `state_space`.
-    """
-    system = saved_system(npz_path, options)
-    return state_space(system, path_positions(system, options.at), npz_path.name)
-
-
 def saved_system(npz_path: Path, options: Options) -> System:
     """System in the file `npz_path` or, if `options` name one, a section of it alone.
 
@@ -307,7 +298,7 @@ def write_dmig(npz_path: Path, target: Path, options: Options) -> Path:
     The path `target` is returned.  A field holds at least ten digits; the remainder of each matrix is written as a
     second matrix, so that their sum, as Nastran takes it (``K2GG = K1, KL1``), has all digits.
 
-    Raises InputError as `saved_state_space`.
+    Raises InputError as `state_space`.
     """
     return _write(npz_path, target, options, _dmig_deck)
 
@@ -322,7 +313,8 @@ def write_output4(npz_path: Path, target: Path, options: Options) -> Path:
 
 def _write(npz_path: Path, target: Path, options: Options, lines: Callable[[StateSpace], Iterator[str]]) -> Path:
     """Write the lines that `lines` yields from the state space of the system in `npz_path`, and return `target`."""
-    space = saved_state_space(npz_path, options)
+    system = saved_system(npz_path, options)
+    space = state_space(system, path_positions(system, options.at), npz_path.name)
     write_text(target, "\n".join([*lines(space), ""]))
     return target
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -75,13 +75,13 @@ def read_cards(path: Path) -> Iterator[Card]:
             data.append(DataLine(place, tuple(part.strip() for part in text.split(","))))
             continue
         if head:
-            yield _with_data(head, data)
+            yield replace(head, lines=tuple(data))
         head, data = _head(place, text), []
         if "INPUT" in head.options and head.keyword in WITH_FILES:
             listed = files.include(head, (path,))
             data = [DataLine(at, tuple(part.strip() for part in line.split(","))) for at, line in listed]
     if head:
-        yield _with_data(head, data)
+        yield replace(head, lines=tuple(data))
 
 
 @dataclass
@@ -149,11 +149,6 @@ def _head(place: Place, text: str) -> Card:
     keyword, *parts = (part.strip() for part in text[1:].split(","))
     options = {name.strip().upper(): value.strip().strip('"') for name, _, value in (o.partition("=") for o in parts)}
     return Card(place, " ".join(keyword.upper().split()), options, ())
-
-
-def _with_data(head: Card, data: Sequence[DataLine]) -> Card:
-    """Return the card `head` with its lines of `data`."""
-    return Card(head.place, head.keyword, head.options, tuple(data))
 
 
 Point = tuple[float, float, float]

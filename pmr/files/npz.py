@@ -71,7 +71,6 @@ def _replace_non_finite(data: Any) -> Any:
 
 
 HEADER = "header"
-OLD_HEADER = "header.json"  # text instead of an array, in results of tasks of version 1
 MOST_MEMBERS = 10_000
 LONGEST_HEADER = 10_000  # largest size of the header of one array in bytes
 #: Least share of an array's bytes that compression has to save, and number of entries by which the share is estimated.
@@ -102,11 +101,9 @@ def read(
     """
     try:
         with file.open("rb") as stream, zipfile.ZipFile(stream) as archive:
-            members = {
-                _array_name(info): info
-                for info in _checked_members(archive, os.fstat(stream.fileno()).st_size, expansion, room)
-            }
-            return {name: _read_array(archive, info) for name, info in members.items() if only is None or name in only}
+            members = _checked_members(archive, os.fstat(stream.fileno()).st_size, expansion, room)
+            named = {info.filename.removesuffix(".npy"): info for info in members}
+            return {name: _read_array(archive, info) for name, info in named.items() if only is None or name in only}
     except DamagedError:
         raise
     except _DAMAGE as error:
@@ -216,18 +213,11 @@ def _checked_members(archive: zipfile.ZipFile, size: int, expansion: float, room
     return members
 
 
-def _array_name(info: zipfile.ZipInfo) -> str:
-    """Return the name of the array that the member `info` of the archive contains."""
-    return HEADER if info.filename == OLD_HEADER else info.filename.removesuffix(".npy")
-
-
 def _read_array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
     """Read the array in a member of the archive, of the shape and type in the array's header.
 
     Raises DamagedError if the array's header does not agree with the member's size.
     """
-    if info.filename == OLD_HEADER:
-        return np.array(archive.read(info).decode())
     with archive.open(info) as stream:
         read_array: Any = np.lib.format.read_array  # NumPy 1.24 does not declare the size that it takes
         array: NDArray[Any] = read_array(stream, allow_pickle=False, max_header_size=LONGEST_HEADER)

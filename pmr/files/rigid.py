@@ -131,7 +131,7 @@ class Resistance:
     def grounded_nodes(self) -> NDArray[np.bool_]:
         """Mask (N,) of nodes with a row that resists a translation, as at supports and springs to ground."""
         grounded = np.zeros(len(self.points), dtype=bool)
-        grounded[self.node[self.forces.any(axis=1)]] = True
+        grounded[self.node[self._translations.sums.any(axis=1)]] = True
         return grounded
 
     @cached_property
@@ -162,7 +162,7 @@ class Resistance:
         The forces are zero along axes without a coordinate.
         """
         blocks, translations = np.zeros((len(self.points), 3, 3)), self.direction < 3
-        blocks[self.node[translations], self.direction[translations]] = self.forces[translations]
+        blocks[self.node[translations], self.direction[translations]] = self._translations.sums[translations]
         return blocks
 
     @cached_property
@@ -226,20 +226,6 @@ class Resistance:
         sizes = (abs(self.K) @ T).sum(axis=1)
         shares = np.abs(self.K @ T).max(axis=1)[sizes > 0.0] / sizes[sizes > 0.0]
         return max(1e-16, float(np.quantile(shares, 0.25)))
-
-    @property
-    def forces(self) -> Array:
-        """F (n, 3), in N/m for rows of displacements and in N m/m for rows of rotations."""
-        return self._translations[0]
-
-    @property
-    def moments(self) -> Array:
-        """Forces and moments G (n, 3) on each row of K when the body turns about x, y or z through the node of the row.
-
-        Rows of displacements are in N/rad, rows of rotations in N m/rad.  Entries within rounding are zero, except in
-        rows at nodes with supports.
-        """
-        return self._rotations[0]
 
     @property
     def dense(self) -> bool:

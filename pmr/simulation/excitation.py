@@ -176,9 +176,10 @@ class Excitation:
 
         The steps are those of the new grid.
         """
-        loads = {name: load.on_steps(stepping.step) for name, load in self.loads.items()}
-        terms = {name: term.on_steps(stepping.step) for name, term in self.terms.items()}
-        hoist = {name: signal.on_steps(stepping.step) for name, signal in self.hoist.items()}
+        loads, terms, hoist = (
+            {name: signal.on_steps(stepping.step) for name, signal in signals.items()}
+            for signals in (self.loads, self.terms, self.hoist)
+        )
         return replace(self, loads=loads, terms=terms, hoist=hoist, stepping=stepping)
 
     def _columns(self, signals: Iterable[SignalBase], t: Array | None = None) -> Array:
@@ -258,11 +259,6 @@ def first_moves(excitation: Excitation) -> Indices:
     The number is 0 for a path that never moves.
     """
     return np.concatenate([[0], np.argmax(excitation.s != excitation.s[0], axis=0)])
-
-
-def side_velocities(system: BodySystem[Body], excitation: Excitation) -> Array:
-    """Velocities (sides,) in m/s of the sides of all contacts at t = 0."""
-    return system.side_rates({name: float(path.rate(0.0)) for name, path in excitation.paths.items()})
 
 
 def hoist_signals(scene: Scene) -> dict[str, SignalBase]:

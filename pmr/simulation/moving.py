@@ -260,11 +260,6 @@ class MovingFrame:
         """Products of the inputs, then of the terms, then of what drives a hoist."""
         return (*self.inputs, *self.terms, *self.hoist)
 
-    @property
-    def load_numbers(self) -> slice:
-        """Slice of the loads among the drivers."""
-        return slice(len(self.paths), len(self.paths) + len(self.loads))
-
     def motions(self, excitation: Excitation, t: ArrayLike) -> Array:
         """Values, rates and second rates (3, n, ...) of the drivers in the scene at the times t (...) in s.
 

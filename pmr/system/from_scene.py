@@ -47,11 +47,9 @@ def system_of(scene: Scene, bodies: Mapping[str, SlidingBody]) -> System:
 
     `bodies` maps the names of the sections to their reduced or full models.
     """
+    system = System.of(bodies[ALONE]) if ALONE in bodies else System(bodies, contacts_of(scene, bodies))
     terms = partial(terms_of, scene)
-    hoist = hoist_of(scene)
-    if ALONE in bodies:
-        return replace(System.of(bodies[ALONE]), terms=terms(bodies), terms_of=terms, hoist=hoist)
-    return System(bodies, contacts_of(scene, bodies), terms=terms(bodies), terms_of=terms, hoist=hoist)
+    return replace(system, terms=terms(bodies), terms_of=terms, hoist=hoist_of(scene))
 
 
 def with_terms_of(scene: Scene, system: System) -> System:

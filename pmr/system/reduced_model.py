@@ -170,8 +170,10 @@ class ReducedModel:
         if self.flexibility is not None:
             return self.flexibility
         m, i, o = len(self.row_names), len(self.input_names), len(self.outputs)
-        tables = (PPoly(np.zeros((1, len(self.rows.x) - 1, *shape)), self.rows.x) for shape in ((m, m), (m, i), (o, m)))
-        return Flexibility(*tables, np.zeros((o, i)), np.zeros((i, i)))
+        rows, inputs, outputs = (
+            PPoly(np.zeros((1, len(self.rows.x) - 1, *shape)), self.rows.x) for shape in ((m, m), (m, i), (o, m))
+        )
+        return Flexibility(rows, inputs, outputs, np.zeros((o, i)), np.zeros((i, i)))
 
     @property
     def row_compliance(self) -> Array:

@@ -116,7 +116,7 @@ def read(path: Path) -> StoredSystem | ReducedModel:
         allowed = f"{missing_file_reason(path)}; `pmr run` writes system.npz, or reduced.npz of one body"
         raise InputError(str(path), "", None, allowed)
     try:
-        header = npz.pop_header(npz.read(path, *ROOM, only={npz.HEADER, npz.OLD_HEADER}))
+        header = npz.pop_header(npz.read(path, *ROOM, only={npz.HEADER}))
         if header["format"] == ONE_BODY:
             return ReducedModel.load(path)
         if header["format"] != FORMAT:

@@ -227,7 +227,7 @@ def reference(drivers: Drivers, scene: StoredScene) -> Reference:
     first = np.stack([inputs[0, 0], np.zeros(drivers.count)])
     if not drivers.shown_paths:
         first[0, : drivers.first_load_number] = [low for low, _ in drivers.data.rows.ranges]
-    first[0, drivers.first_load_number : drivers.first_motion_number] = first_loads(drivers, scene)
+    first[0, drivers.first_load_number :][: len(drivers.loads)] = first_loads(drivers, scene)
     if drivers.frame is not None:
         started = [drivers.names.index(name) for name in drivers.started]
         first[:, started] = drivers.frame.start[:2, started]
@@ -250,7 +250,7 @@ def first_loads(drivers: Drivers, scene: StoredScene) -> Array:
             zip(drivers.system.load_names, scene.first_loads.tolist(), strict=True)
         )
         return np.array([at[name] for name in drivers.loads])
-    return drivers.frame.start[0, drivers.frame.load_numbers]
+    return drivers.frame.start[0, drivers.first_load_number :][: len(drivers.loads)]
 
 
 class CubicSignal(SignalBase):

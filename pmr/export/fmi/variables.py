@@ -127,16 +127,11 @@ class Drivers:
         # a force along a ground axis has an input for each axis of the body
         of_parts = {name.rpartition(" ")[0]: unit for name, unit in of_inputs.items()}
         fixed_units = {GRAVITY: "m/s2"} if self.frame else {}
-        fixed_units |= {name: "N" for name in WIND} | {ROPE: ROPE_UNITS[self.is_wound]}
+        fixed_units |= {name: "N" for name in WIND} | {ROPE: ROPE_UNITS[self.system.hoist.is_wound]}
         fixed_units |= {
             f"{drive}{name}": unit for drive in (DRIVE, EXTENSION_DRIVE) for name, unit in DRIVE_UNITS.items()
         }
         return tuple(fixed_units.get(name) or of_inputs.get(name) or of_parts[name] for name in self.loads)
-
-    @property
-    def is_wound(self) -> bool:
-        """Whether the speed of a winch drives a hoist, and not the length of its rope."""
-        return self.system.hoist.is_wound
 
     @property
     def first_load_number(self) -> int:

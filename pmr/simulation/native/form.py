@@ -21,7 +21,7 @@ from pmr.kernel.state import StepError
 from pmr.scene.choice import SimulatorNeeds, refuse_unsupported
 from pmr.scene.keys import LUFFING
 from pmr.scene.signals import Constant, SignalBase
-from pmr.simulation.excitation import Excitation, side_positions, side_velocities, signals_in_order
+from pmr.simulation.excitation import Excitation, side_positions, signals_in_order
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.moving import MovingFrame
 from pmr.simulation.start import (
@@ -225,7 +225,8 @@ def begin(
             raise failed  # no other method finds the equilibrium of a rope
     arguments: tuple[Any, ...] = ("rest",)
     if initial:
-        x, x_rate = side_positions(system, excitation)[0], side_velocities(system, excitation)
+        rates = dict(zip(excitation.paths, excitation.rates[0].tolist(), strict=True))
+        x, x_rate = side_positions(system, excitation)[0], system.side_rates(rates)
         arguments = ("given", *start_modes(form, x, x_rate, initial))
     start(*arguments)
     return arguments

@@ -282,7 +282,8 @@ class Integrator:
             the state is not finite.
         """
         self.constraint.move(step)
-        pushing, ahead = self.constraint.pushing, self._predict(state)
+        pushing, added = self.constraint.pushing, Prediction.from_shares(self._factors, state.a, state.acceleration)
+        ahead = Prediction(state.q + self._factors.h * state.v + added.q, state.v + added.v, added.a)
         w, times, free = None, 0, None
         grip = state.grip
         rubbed = self._terms.pad_friction(self.constraint.rows, state.multipliers, grip)
@@ -322,11 +323,6 @@ class Integrator:
         v = ahead.v + self._v_gain * acceleration
         pushing.end_step(multipliers, self._factors)
         return Stepped(State(self._q_gain * b, v, a, acceleration, multipliers, pushing.share, grip), flag)
-
-    def _predict(self, state: State) -> Prediction:
-        """Prediction of the next state without the new acceleration."""
-        added = Prediction.from_shares(self._factors, state.a, state.acceleration)
-        return Prediction(state.q + self._factors.h * state.v + added.q, state.v + added.v, added.a)
 
     def _solve_without_contacts(self, scaled: Array, v: Array, f: Array) -> Array:
         """This rank's rows (n_local,) of the solution b_free without contact forces; overwritten by the next call.

@@ -17,7 +17,6 @@ rank; S^{-1} E is stored only if memory allows, and otherwise replaced by a seco
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -363,7 +362,10 @@ class BodyStep:
         """
         self._M, self._D, self._factor, self._v_gain = model.M, model.D, factor, v_gain
         self._is_rayleigh = model.rayleigh is not None
-        self._damped = _RayleighCoefficients.from_damping(model.rayleigh or Rayleigh(0.0, 0.0), v_gain, q_gain)
+        rayleigh = model.rayleigh or Rayleigh(0.0, 0.0)
+        # coefficients in S^-1 D w = S^-1 M (of_mass w) + at_once w for Rayleigh damping
+        self._at_once = rayleigh.beta / (q_gain + v_gain * rayleigh.beta)
+        self._of_mass = rayleigh.alpha - self._at_once * (1.0 + v_gain * rayleigh.alpha)
         self._B = local_csr(model.B)
         self._x, self._right = model.M.createVecs()
         self._b = self._right.duplicate()
@@ -375,28 +377,14 @@ class BodyStep:
         by their derivative by the step's new acceleration, and the predicted rates.  f (i,) are the loads.
         """
         w = self._v_gain * scaled - v
-        self._x.getArray()[:] = scaled + self._damped.of_mass * w
+        self._x.getArray()[:] = scaled + self._of_mass * w
         self._M.mult(self._x, self._right)
         if not self._is_rayleigh:
             self._x.getArray()[:] = w
             self._D.multAdd(self._x, self._right, self._right)
         self._right.getArray()[:] += self._B @ f
         self._factor.solve(self._right, self._b)
-        return np.asarray(self._b.getArray() + self._damped.at_once * w)
-
-
-@dataclass(frozen=True)
-class _RayleighCoefficients:
-    """Coefficients `of_mass` and `at_once` in S^-1 D w = S^-1 M (of_mass w) + at_once w for Rayleigh damping."""
-
-    of_mass: float
-    at_once: float
-
-    @classmethod
-    def from_damping(cls, rayleigh: Rayleigh, v_gain: float, q_gain: float) -> _RayleighCoefficients:
-        """Coefficients of a `rayleigh` damping with the gains dv = `v_gain` and dq = `q_gain`."""
-        at_once = rayleigh.beta / (q_gain + v_gain * rayleigh.beta)
-        return cls(rayleigh.alpha - at_once * (1.0 + v_gain * rayleigh.alpha), at_once)
+        return np.asarray(self._b.getArray() + self._at_once * w)
 
 
 def contact_frequency(system: FullSystem, x: Array, mass: BlockFactor) -> float:

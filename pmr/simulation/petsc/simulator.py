@@ -115,7 +115,9 @@ class _Run:
             run_identity = identity(self._system, self._excitation, self._at, recorder, self._initial)
             keeper = CheckpointFile(checkpoint, self._system, run_identity)
         checkpointed = keeper.load(recorder) if keeper else None
-        reached = checkpointed or self._starting_state()
+        reached = checkpointed or ReachedState(
+            0, 0.0, starting_state(self._system, self._at, self._initial, self._mass), self._lengths.parts
+        )
         steps = self._steps(reached, checkpointed is not None)
         preparation, begin = time.perf_counter() - self._begin, time.perf_counter()
         stride, state = max(1, T // REPORTS), reached.state
@@ -134,11 +136,6 @@ class _Run:
         m, contacts = self._contacts, history.contacts
         of_contacts = replace(contacts, forces=contacts.forces[:, :m], peaks=contacts.peaks[:, :m])
         return replace(history, contacts=of_contacts, supports=contacts.forces[:, m:])
-
-    def _starting_state(self) -> ReachedState:
-        """State at t = 0; errors as `starting_state`."""
-        state = starting_state(self._system, self._at, self._initial, self._mass)
-        return ReachedState(0, 0.0, state, self._lengths.parts)
 
     def _steps(self, reached: ReachedState, resumed: bool) -> DividedSteps:
         """Integrator of the steps from the reached state on, with the numbers of parts chosen at the beginning.
@@ -171,7 +168,7 @@ class _Run:
         except SimulationError as error:
             travelled = zip(self._excitation.paths, self._at.s[step], strict=True)
             at = ", ".join(f"{name} at {s:g} m" for name, s in travelled)
-            where = ", ".join(part for part in (f"step {step}", f"t = {self._at.t[step]:g} s", at) if part)
+            where = ", ".join(filter(None, (f"step {step}", f"t = {self._at.t[step]:g} s", at)))
             raise SimulationError(f"stopped at {where}: {error}") from None
 
 
