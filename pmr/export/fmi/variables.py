@@ -17,10 +17,9 @@ from pmr.kernel.further import AXES, ground_outputs
 from pmr.scene.built import force_name
 from pmr.scene.hoist import ROPE, WIND
 from pmr.scene.keys import LUFFING
-from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.modal import ModalForm, modal_form
-from pmr.simulation.moving import DRIVE, EXTENSION_DRIVE, GRAVITY, MovingFrame, read_scene
-from pmr.simulation.native.free_motion import stepped_frame
+from pmr.simulation.moving import DRIVE, EXTENSION_DRIVE, GRAVITY, MovingFrame
+from pmr.simulation.native.free_motion import stepped
 from pmr.system.body import force_outputs, names_of, units_of
 from pmr.system.contacts import ALONE, SLIDER, qualified_name
 from pmr.system.from_scene import combine_rings
@@ -55,16 +54,11 @@ class Drivers:
         If `reactions` is false, forces of rigid supports are no outputs, and pads of a ring are combined where the
         effect stays the same.  Where the luffing angle of the system's scene is free, all modes get inertia.
 
-        Raises InputError as `modal_form` and `stepped_frame`, and in two cases: the system has matrices of a moving
-        frame or of second order, but no scene with such a frame; or its paths are not those of the frame in this order.
+        Raises InputError as `modal_form` and `stepped`, and if the system's paths are not those of the frame in this
+        order.
         """
-        stored = read_scene(system, "system", free=True) if "scene" in system.provenance else None
-        if stored is not None and stored.luffs_freely:
-            system = with_all_inertia(system)
-        frame = stepped_frame(system, "system")
-        if frame is None:
-            system.ensure_without_terms("system")
-        elif frame.paths != tuple(path for path in system.paths if path != LUFFING):
+        system, _, frame = stepped(system, "system")
+        if frame is not None and frame.paths != tuple(path for path in system.paths if path != LUFFING):
             of_scene, of_pads = (", ".join(paths) or "none" for paths in (frame.paths, system.paths))
             raise InputError(
                 "system", "paths", of_scene, f"paths that pads travel on are allowed in the pads' order: {of_pads}"

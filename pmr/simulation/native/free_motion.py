@@ -45,7 +45,16 @@ from pmr.simulation.contact_step import contact_frequency_within, part_counts
 from pmr.simulation.excitation import Excitation, side_positions
 from pmr.simulation.frame_motion import ComputedMotion, MachineMotion, MotionSamples, with_computed_motion
 from pmr.simulation.free_base import with_all_inertia
-from pmr.simulation.moving import DRIVE, EXTENSION_DRIVE, GRAVITY, OF_FRAME, MovingFrame, held_at_start, read_scene
+from pmr.simulation.moving import (
+    DRIVE,
+    EXTENSION_DRIVE,
+    GRAVITY,
+    OF_FRAME,
+    MovingFrame,
+    StoredScene,
+    held_at_start,
+    read_scene,
+)
 from pmr.simulation.native.form import SystemForm, begin, path_text, step_failure
 from pmr.simulation.native.machine import CYLINDER_COLUMNS, Fields, MachineRun
 from pmr.simulation.stepping import TimeStepping
@@ -302,14 +311,22 @@ class LuffingRun(MachineRun):
         return motions
 
 
-def stepped_frame(system: System, source: str) -> MovingFrame | None:
-    """Frame of a system's scene for steps one by one, in which an angle or extension may be free.
+def stepped(system: System, source: str) -> tuple[System, StoredScene | None, MovingFrame | None]:
+    """System for steps one by one, in which an angle or extension may be free, its scene, and the frame that moves it.
 
-    None is returned if the system has no scene, or the scene no frame.  Raises the errors of `MovingFrame.from_system`;
-    an InputError that names `source` is also raised for a free angle on a base that is displaced.  With a free luffing
-    angle, all modes of the system need inertia.
+    With a free luffing angle, all modes get inertia.  Raises the errors of `MovingFrame.from_system`; an InputError
+    that names `source` is also raised for a free angle on a base that is displaced, and for a system with matrices of a
+    moving frame or of second order, but no scene with such a frame.
     """
     stored = read_scene(system, source, free=True) if "scene" in system.provenance else None
+    if stored is not None and stored.luffs_freely:
+        system = with_all_inertia(system)
+    frame = _stepped_frame(system, stored, source)
+    return system if frame else system.ensure_without_terms(source), stored, frame
+
+
+def _stepped_frame(system: System, stored: StoredScene | None, source: str) -> MovingFrame | None:
+    """Frame of a `stored` scene of a `system`; None without a scene, or if the scene has no frame."""
     if stored is None or stored.free_scene is None or stored.scene is None:
         return MovingFrame.from_system(system)
     scene, frame = stored.free_scene, stored.free_scene.present_frame

@@ -35,11 +35,10 @@ from pmr.scene.keys import LUFFING, SLIDER
 from pmr.scene.signals import Constant
 from pmr.simulation.contact_step import MOST_PARTS, contact_frequency, contact_frequency_within, part_counts
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.free_base import with_all_inertia
-from pmr.simulation.moving import StoredScene, read_scene
+from pmr.simulation.moving import StoredScene
 from pmr.simulation.native.driving import JUMP, Drivers, Motion, Values, number_of
 from pmr.simulation.native.form import SystemForm, begin, path_text, step_failure
-from pmr.simulation.native.free_motion import stepped_frame
+from pmr.simulation.native.free_motion import stepped
 from pmr.simulation.native.watched import watched_limits
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
@@ -122,22 +121,16 @@ class Stepper:
             raise InputError("stepper", "parts", parts, f"0 to {MOST_PARTS} are allowed")
         if not 0.0 <= rho_inf < 1.0:
             raise InputError("stepper", "rho_inf", rho_inf, "from 0 to less than 1 is allowed")
-        system = body if isinstance(body, System) else System.of(body)
-        scene = read_scene(system, "stepper", free=True) if "scene" in system.provenance else None
-        if scene is not None and scene.luffs_freely:
-            system = with_all_inertia(system)
+        system, scene, moving = stepped(body if isinstance(body, System) else System.of(body), "stepper")
         form = SystemForm.of(system)
         self._system, self._form, self._step, self._rho_inf = system, form, step, rho_inf
         self._ranges: dict[str, tuple[float, float]] = dict(system.ranges)
         if system.on_one_path:  # a body without a path has a position, too
             (body,) = system.bodies.values()
             self._ranges = dict.fromkeys(system.paths or (SLIDER,), body.domain)
-        moving = stepped_frame(system, "stepper")
         self._moved = {} if moving is None or moving.computed is None else moving.computed.moved
         self._computed = () if moving is None or moving.computed is None else tuple(moving.computed.outputs)
-        if moving is None:
-            system.ensure_without_terms("stepper")
-        elif set(moving.paths) != set(self._ranges) - {LUFFING}:
+        if moving is not None and set(moving.paths) != set(self._ranges) - {LUFFING}:
             allowed = f"{', '.join(moving.paths)} are allowed"
             raise InputError("stepper", "paths", ", ".join(self._ranges), allowed)
         kernel = form.kernel if moving is None else Kernel.of(system, form.forms, moving)

@@ -20,7 +20,7 @@ from pmr import System
 from pmr.export.fmi import fmu_contents
 from pmr.scene import Scene
 from pmr.simulation.moving import DRIVE, EXTENSION_DRIVE, read_scene
-from pmr.simulation.native.free_motion import stepped_frame
+from pmr.simulation.native.free_motion import stepped
 
 pytestmark = pytest.mark.slow  # booms are reduced
 
@@ -91,7 +91,8 @@ def said_by_run(scene: Scene) -> dict[str, float]:
 
 def said_by_stepper(system: System, caplog: pytest.LogCaptureFixture) -> dict[str, float]:
     """Times of the warnings of a stepper that the scene's motions drive."""
-    stored, frame = read_scene(system, "system", free=True), stepped_frame(system, "system")
+    _, stored, frame = stepped(system, "system")
+    assert stored is not None
     excitation, t = stored.excitation, stored.excitation.times
     paths, loads, started = list(excitation.paths), list(excitation.loads), set[str]()
     motions = {name: signal.value(t)[None] for name, signal in {**excitation.paths, **excitation.loads}.items()}
