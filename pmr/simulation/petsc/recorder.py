@@ -21,6 +21,7 @@ from pmr.simulation.petsc.rows import PathRows
 from pmr.simulation.petsc.start import SampledExcitation, State, Terms
 from pmr.simulation.stepping import TimeStepping, energy_round_off, energy_surplus, row_products
 from pmr.system.contacts import Friction
+from pmr.system.states import ContactHistory
 
 
 @dataclass(frozen=True)
@@ -53,19 +54,6 @@ class SolutionErrors:
 
 
 @dataclass(frozen=True)
-class ContactForces:
-    """Forces (T, m) in N of m contacts, positive where they push, at t and at most within the step that ends at t.
-
-    The two differ for contacts that only push.  `friction` (T, n) in N is that of the n pads that rub, along the boom
-    (`pmr.system.contacts`); None without any.
-    """
-
-    forces: Array
-    peaks: Array
-    friction: Array | None
-
-
-@dataclass(frozen=True)
 class WallTimes:
     """Wall times in s of the steps, those before an interruption included, and of what is computed before them.
 
@@ -87,7 +75,7 @@ class History:
         Path coordinates, in the order of the excitation.
     y : mapping of str to (T, o) array
         Outputs of each body.
-    contacts : ContactForces
+    contacts : ContactHistory
     supports : (T, h) array, N
         Multipliers of the supports that hold one coordinate, one body after the other (`FullSystem.with_supports`).
     errors : SolutionErrors
@@ -101,7 +89,7 @@ class History:
     t: Array
     s: Array
     y: Mapping[str, Array]
-    contacts: ContactForces
+    contacts: ContactHistory
     supports: Array
     errors: SolutionErrors
     energy: Energy
@@ -228,8 +216,10 @@ class Recorder:
             t=at.t,
             s=at.s,
             y={name: y[:, of] for name, of in zip(system.bodies, system.output_slices, strict=True)},
-            contacts=ContactForces(
-                forces, np.where(pushes, self.peaks, forces), None if self._friction is None else self.friction
+            contacts=ContactHistory(
+                forces=forces,
+                peaks=np.where(pushes, self.peaks, forces),
+                friction=None if self._friction is None else self.friction,
             ),
             supports=np.zeros((len(sums), 0)),
             errors=SolutionErrors(
