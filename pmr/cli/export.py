@@ -190,14 +190,14 @@ def matrices(
         pmr matrices boom.sti
     """
     from pmr.files.fit import UNCHECKED
-    from pmr.files.foreign import foreign_files, read_foreign
+    from pmr.files.foreign import MatrixNames, foreign_files, read_foreign
 
     if not stiffness.name:
         raise InputError("command line", "STIFFNESS", str(stiffness), "the name of a file is allowed")
     target = out_file or stiffness.with_name(f"{stiffness.stem}-matrices.npz")
     if target.suffix != ".npz":
         raise InputError("command line", "--out", str(target), "the name of an .npz file is allowed")
-    files = foreign_files(stiffness, mass, dofs, nodes, stiffness_name, mass_name, damping, damping_name)
+    files = foreign_files(stiffness, mass, dofs, nodes, damping, MatrixNames(stiffness_name, mass_name, damping_name))
     console.check_output_file(target, *(file for file in vars(files).values() if isinstance(file, Path)))
     body = read_foreign(files)
     amplitudes = f", {body.modal.sum()} of them modal amplitudes" if body.modal.any() else ""

@@ -46,7 +46,7 @@ def misfit(M: sp.csr_matrix, body: Resistance) -> Reason | None:
     """
     checks: tuple[Callable[[sp.csr_matrix, Resistance], Iterator[Reason]], ...] = (
         _vanishing_entries,
-        _negative_eigenvalues,
+        lambda M, body: _indefinite(M, body.K),
         _unknown_motions,
         _separate_parts,
         _missing_mass,
@@ -105,11 +105,6 @@ def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
                 f"a {what} at every coordinate is allowed: coordinate {at + 1} has {diagonal[at]:.3g}, others have "
                 f"{10.0 ** np.median(size):.3g}; what has none has to be condensed",
             )
-
-
-def _negative_eigenvalues(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
-    """Yield a reason about ``M`` or ``K`` for each of the two matrices that has negative eigenvalues."""
-    return _indefinite(M, body.K)
 
 
 def _indefinite(M: sp.csr_matrix, K: sp.csr_matrix) -> Iterator[Reason]:

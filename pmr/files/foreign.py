@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from os.path import isfile
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import scipy.io
@@ -29,6 +30,17 @@ from pmr.files.rigid import DIRECTIONS
 EMPTY_ROWS = 1_000_000
 
 
+class MatrixNames(NamedTuple):
+    """Names of matrices in files of Nastran that have several; empty for those that their first letters name."""
+
+    stiffness: str = ""
+    mass: str = ""
+    damping: str = ""
+
+
+UNNAMED = MatrixNames()
+
+
 @dataclass(frozen=True)
 class ForeignFiles:
     """Paths of the files in which another program stored its model."""
@@ -45,10 +57,8 @@ class ForeignFiles:
     #: File of the nodes and their groups: ``.inp`` with ``*NODE`` and ``*NSET``, ``.bdf`` with GRID and SET1 (the group
     #: of set 7 is ``set7``), or ``.csv`` with lines ``node,x,y,z`` that end with the names of the node's groups
     nodes: Path
-    stiffness_name: str = ""  #: Name of the stiffness in a file of Nastran with several matrices
-    mass_name: str = ""  #: Name of the mass in such a file
     damping: Path | None = None  #: File of the viscous damping, of a type that the stiffness may have; None: no damping
-    damping_name: str = ""  #: Name of the damping in a file of Nastran
+    names: MatrixNames = UNNAMED
 
 
 def foreign_files(
@@ -56,12 +66,10 @@ def foreign_files(
     mass: Path | None,
     dofs: Path | None,
     nodes: Path | None,
-    stiffness_name: str = "",
-    mass_name: str = "",
     damping: Path | None = None,
-    damping_name: str = "",
+    names: MatrixNames = UNNAMED,
 ) -> ForeignFiles:
-    """Return the files of a model, and the names of the matrices in these files.
+    """Return the files of a model, with the names of the matrices in these files.
 
     Mass, degrees of freedom (`dofs`) and nodes that are None are in the file `stiffness` itself if files of its format
     hold them: the mass in .op4, `dofs` in .mtx, all three in files of DMIG cards.  Otherwise each has a file of the
@@ -69,7 +77,6 @@ def foreign_files(
     has the nodes, if it exists.
 
     A damping is read only if its file or its name is given; a name alone is that of a matrix in `stiffness`.
-    `stiffness_name`, `mass_name` and `damping_name` are names of matrices in files of several.
     """
     suffix = stiffness.suffix.lower()
     combined = {".op4": ("mass",), ".mtx": ("dofs",), **dict.fromkeys(NASTRAN_SUFFIXES, ("mass", "dofs", "nodes"))}
@@ -81,16 +88,7 @@ def foreign_files(
         key: file or (stiffness if key in combined.get(suffix, ()) else stiffness.with_suffix(suffixes[key]))
         for key, file in paths.items()
     }
-    if damping is None and damping_name:
-        damping = stiffness
-    return ForeignFiles(
-        stiffness,
-        **resolved,
-        stiffness_name=stiffness_name,
-        mass_name=mass_name,
-        damping=damping,
-        damping_name=damping_name,
-    )
+    return ForeignFiles(stiffness, **resolved, damping=damping or (stiffness if names.damping else None), names=names)
 
 
 def read_foreign(files: ForeignFiles) -> GivenMatrices:
@@ -101,10 +99,9 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
     that fit the nodes are taken.  Raises InputError if a file is missing, of another kind or incomplete, or if the
     files do not fit each other.
     """
-    K = read_by_suffix(
-        files.stiffness, _MATRICES | _nastran_readers("K", files.stiffness_name, files.damping is not None)
-    )
-    M = read_by_suffix(files.mass, _MATRICES | _nastran_readers("M", files.mass_name))
+    names, damped = files.names, files.damping is not None
+    K = read_by_suffix(files.stiffness, _MATRICES | _nastran_readers("K", names.stiffness, damped))
+    M = read_by_suffix(files.mass, _MATRICES | _nastran_readers("M", names.mass))
     pairs, nodes = read_by_suffix(files.dofs, _DOFS), read_by_suffix(files.nodes, NODE_READERS)
     for file in (files.stiffness, files.mass):  # files whose entries name their nodes and directions
         if _is_labelled(file) and not np.array_equal(read_by_suffix(file, _DOFS), pairs):
@@ -112,7 +109,7 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
     if len(pairs) != K.shape[0]:
         allowed = f"{K.shape[0]} lines are needed, one for each row of {files.stiffness.name}"
         raise InputError(str(files.dofs), "", len(pairs), allowed)
-    on_rows = [K, M, *([] if files.damping is None else [_read_damping(files, pairs)])]
+    on_rows = [K, M, *([] if files.damping is None else [_read_damping(files, files.damping, pairs)])]
     if all(A.shape == K.shape for A in on_rows):  # what no matrix has does not exist, as a rotation of solids' nodes
         sizes = sum(np.asarray(abs(A).sum(axis=1)).ravel() for A in on_rows)
         used = np.flatnonzero((sizes > 0.0) | (pairs[:, 1] < 4))
@@ -164,15 +161,14 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
     return fitting[0]
 
 
-def _read_damping(files: ForeignFiles, pairs: Indices) -> sp.csr_matrix:
-    """Return the damping matrix (n, n) on the coordinates `pairs` (n, 2), node and direction of each.
+def _read_damping(files: ForeignFiles, path: Path, pairs: Indices) -> sp.csr_matrix:
+    """Return the damping (n, n) in the file `path` on the coordinates `pairs` (n, 2), node and direction of each.
 
     A file whose rows have no labels is returned in the size that it has.  If its entries state their node and
     direction, all other coordinates are not damped.  Raises InputError if the damping is structural, if it acts on
     other coordinates than the stiffness, or if a matrix is named of a file whose format has no names.
     """
-    path, name = files.damping, files.damping_name
-    assert path is not None
+    name = files.names.damping
     if name and path.suffix.lower() not in (*NASTRAN_SUFFIXES, ".op4"):
         allowed = f"only files of Nastran have matrices with names; leave it out for {path.name}"
         raise InputError("command line", "--damping-name", name, allowed)

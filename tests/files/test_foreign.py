@@ -14,7 +14,7 @@ import scipy.sparse as sp
 
 from pmr.errors import InputError
 from pmr.files import npz
-from pmr.files.foreign import ForeignFiles, foreign_files, read_foreign
+from pmr.files.foreign import ForeignFiles, MatrixNames, foreign_files, read_foreign
 from pmr.files.matrices import GivenMatrices
 from pmr.files.nastran import read_bulk
 
@@ -324,7 +324,7 @@ def with_damping(files: ForeignFiles, folder: Path) -> ForeignFiles:
         )
         text = files.stiffness.read_text().replace("ENDDATA", "")
         files.stiffness.write_text(f"{text}DMIG,BAAX,0,6,2,0\n{rows}DMIG,K4AAX,0,6,2,0\nDMIG,K4AAX,3,1,,3,1,1.0\n")
-        return foreign_files(files.stiffness, None, None, None, damping_name="baax")
+        return foreign_files(files.stiffness, None, None, None, names=MatrixNames(damping="baax"))
     return replace(files, damping=path)
 
 
@@ -377,7 +377,7 @@ def test_structural_damping_and_names_without_a_matrix_are_refused(tmp_path: Pat
         ("B", "the name of a matrix of the file is allowed, not B"),
     ):
         with pytest.raises(InputError, match=says):
-            read_foreign(replace(files, damping_name=name))
+            read_foreign(replace(files, names=MatrixNames(damping=name)))
     job, deck = tmp_path / "job_DMPS1.mtx", as_abaqus(tmp_path)
     job.write_text(deck.stiffness.read_text())
     with pytest.raises(InputError, match="job_DMPS1.mtx: viscous damping in N s/m is allowed"):
@@ -387,7 +387,9 @@ def test_structural_damping_and_names_without_a_matrix_are_refused(tmp_path: Pat
     with pytest.raises(InputError, match="node = 99: only coordinates of job_STIF2.mtx are allowed"):
         read_foreign(replace(deck, damping=job))
     with pytest.raises(InputError, match="only files of Nastran have matrices with names; leave it out for job.sti"):
-        read_foreign(foreign_files(as_calculix(tmp_path).stiffness, None, None, None, damping_name="BAAX"))
+        read_foreign(
+            foreign_files(as_calculix(tmp_path).stiffness, None, None, None, names=MatrixNames(damping="BAAX"))
+        )
 
 
 BULK = """GRID,1,,0.,0.,0.
@@ -479,8 +481,8 @@ def test_a_deck_with_axes_and_names_of_its_own_has_the_same_matrices(tmp_path: P
     (tmp_path / "job.bdf").write_text(control + "EIGRL,5,,,10\n" + bulk)
     assert read_foreign(foreign_files(tmp_path / "job.bdf", None, None, None)).size == one.size  # MAAX goes with KAAX
     with pytest.raises(InputError, match="the name of a matrix of the file is allowed, not mgg"):
-        read_foreign(foreign_files(tmp_path / "job.bdf", None, None, None, mass_name="mgg"))
-    read = read_foreign(foreign_files(tmp_path / "job.bdf", None, None, None, mass_name="maax"))
+        read_foreign(foreign_files(tmp_path / "job.bdf", None, None, None, names=MatrixNames(mass="mgg")))
+    read = read_foreign(foreign_files(tmp_path / "job.bdf", None, None, None, names=MatrixNames(mass="maax")))
     order = np.lexsort((one.direction, np.array(NUMBERS)[one.node]))
     for name in ("K", "M"):
         expected = getattr(one, name).toarray()[np.ix_(order, order)]

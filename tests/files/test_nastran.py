@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from superelements import bar, boundary, superelement
 
 from pmr import InputError
-from pmr.files.foreign import foreign_files, read_foreign
+from pmr.files.foreign import MatrixNames, foreign_files, read_foreign
 from pmr.files.labelled import UnreadableError, only_matrix, read_output4
 from pmr.files.matrices import GivenMatrices
 from pmr.files.nastran import read_bulk
@@ -56,7 +56,7 @@ def test_the_punch_of_a_superelement_is_read(tmp_path: Path, caplog: pytest.LogC
     assert read.mass == pytest.approx(part.mass, rel=1e-8) and read.centre == pytest.approx(part.centre, abs=1e-8)
     assert read.K.diagonal() == pytest.approx(part.K.diagonal(), rel=1e-8)
     assert caplog.messages == ["damping is not read: K4AAX, BAAX; --damping-name chooses a viscous one"]
-    damped = read_foreign(foreign_files(tmp_path / "part.pch", None, None, None, damping_name="BAAX"))
+    damped = read_foreign(foreign_files(tmp_path / "part.pch", None, None, None, names=MatrixNames(damping="BAAX")))
     assert damped.D is not None and damped.D.diagonal() == pytest.approx(1e-4 * part.K.diagonal(), rel=1e-8)
 
 
