@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.interpolate import PPoly
+from scipy.linalg import block_diag
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array
@@ -84,12 +85,12 @@ def extend_carriers(model: ReducedModel, count: int | None = None) -> ReducedMod
         raise ValueError(f"{count} enrichment modes of {available}: the model has no more")
     back = _select_modes(model.enrichment, slice(count))
     matrices = {name: _extend_matrix(A, back.matrices.get(name), count) for name, A in model.matrices.items()}
-    D = matrices[DAMPING] if DAMPING in matrices else _block_diagonal(model.D, back.damping)
+    D = matrices[DAMPING] if DAMPING in matrices else block_diag(model.D, np.diag(back.damping))
     return replace(
         model,
-        M=_block_diagonal(model.M, np.ones(count)),
+        M=block_diag(model.M, np.eye(count)),
         D=symmetric_part(D),
-        K=_block_diagonal(model.K, back.stiffness),
+        K=block_diag(model.K, np.diag(back.stiffness)),
         B=np.concatenate([model.B, back.B]),
         outputs=np.hstack([model.outputs, back.outputs]),
         matrices=matrices,
@@ -151,13 +152,6 @@ def _extend_port(model: ReducedModel, name: str, count: int) -> Array:
     return np.append(model.ports[name], beyond)
 
 
-def _block_diagonal(A: Array, diagonal: Array) -> Array:
-    """Matrix (n + k, n + k) with the block A (n, n), and with `diagonal` (k,) on the rest of its diagonal."""
-    result = np.diag(np.concatenate([np.zeros(len(A)), diagonal]))
-    result[: len(A), : len(A)] = A
-    return result
-
-
 def _join_modes(first: EnrichmentModes, second: EnrichmentModes) -> EnrichmentModes:
     """Enrichment modes of `first`, followed by those of `second`, with the `matrices` of `second`.
 
@@ -198,9 +192,8 @@ def yielding_rows(model: ReducedModel) -> list[int]:
 
     A row that the supports hold may have no flexibility on this body, because the contact gives way on its other body.
     """
-    assert model.flexibility is not None
     s = checked_positions(model)
-    G = np.einsum("tmm->tm", model.flexibility.rows(s)).max(axis=0, initial=0.0)
+    G = np.einsum("tmm->tm", model.residual.rows(s)).max(axis=0, initial=0.0)
     C = np.abs(model.rows(s)).max(axis=(0, 2), initial=0.0)
     still = (G <= HELD * G.max(initial=0.0)) & (C <= HELD * C.max(initial=0.0))
     return np.flatnonzero(~still).tolist()
@@ -219,16 +212,15 @@ def with_floor(model: ReducedModel) -> ReducedModel:
     there.  The stiffness C^T G^-1 C of such a row would drown the body's own stiffness in round-off.  With the floor,
     both round-off and the additional displacement of the row are about 1e-8 of the displacement.
     """
-    assert model.flexibility is not None
-    G, C = model.flexibility.rows, model.rows
+    residual, C = model.residual, model.rows
     of_modes = multiply_tables(C, C, np.linalg.pinv(model.K, rcond=1e-12, hermitian=True))
     s = np.sort(np.concatenate([C.x, checked_positions(model)]))
-    residual_part, held = (np.einsum("tmm->tm", table(s)) for table in (G, of_modes))
-    lacking = np.any(residual_part + model.row_compliance < FLOOR * held, axis=0)
+    G, held = (np.einsum("tmm->tm", table(s)) for table in (residual.rows, of_modes))
+    lacking = np.any(G + model.row_compliance < FLOOR * held, axis=0)
     if not lacking.any():
         return model
     floor = PPoly(of_modes.c * np.outer(lacking, lacking), of_modes.x)
-    return replace(model, flexibility=replace(model.flexibility, rows=add_tables(G, floor, FLOOR)))
+    return replace(model, flexibility=replace(residual, rows=add_tables(residual.rows, floor, FLOOR)))
 
 
 def check_independence(model: ReducedModel, numbers: list[int] | None = None) -> None:
@@ -238,11 +230,10 @@ def check_independence(model: ReducedModel, numbers: list[int] | None = None) ->
     k of the pads, is not positive definite.  The rows have the given `numbers`; None stands for all rows.  The ends of
     the path are not checked: there a slider may be on a support.
     """
-    assert model.flexibility is not None
     numbers = list(range(len(model.row_names))) if numbers is None else numbers
     names = [model.row_names[k] for k in numbers]
     for s in checked_positions(model) if numbers else ():
-        F = model.flexibility.rows(s) + np.diag(model.row_compliance)
+        F = model.residual.rows(s) + np.diag(model.row_compliance)
         dependence = dependence_of_flexibility(F[np.ix_(numbers, numbers)], names)
         if dependence.measure < INDEPENDENT:
             dependent = ", ".join(dependence.names)
