@@ -23,6 +23,8 @@
    largest. */
 #define PMR_CONVERGED 1e-11
 #define PMR_ACCEPTED 1e-8
+/* Omega^2 of rigid motions, over that of the stiffest mode, at most. */
+#define RIGID_MOTION 1e-9
 
 /* Sides that travel along one path on one body.  Their tables are polynomials in s between breaks, the highest power
    first: of C (rows, modes), G (rows, rows), S (rows, stays), H (rows, inputs) and X (rows, outputs), each row filled
@@ -84,6 +86,7 @@ struct pmr_system {
     const int32_t *row_modes;      /* (rows, 2): modes that a row touches */
     int32_t *input_modes;          /* (i, 2): modes that a load touches */
     int32_t *mode_inputs;          /* (r' / PMR_LANES, 2): loads that touch so many modes */
+    double *give;                  /* (r'): 1 / Omega^2, or 0 of rigid motions */
     const double *path_ends;       /* (P, 2) m */
     const pmr_block *block_list;
     const pmr_pair *pair_list;

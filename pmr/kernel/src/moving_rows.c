@@ -19,12 +19,33 @@ static moved polynomial(const double *c, int powers, int stride, moved x)
     return sum;
 }
 
+/* The same of `width` polynomials side by side, as many as registers have at most; how many these are. */
+INLINE int polynomials(const double *c, int powers, int stride, int width, moved x, moved *values)
+{
+    int n, p;
+    if (width < PMR_LANES) {
+        for (n = 0; n < width; n++) values[n] = polynomial(c + n, powers, stride, x);
+        return width;
+    }
+    for (n = 0; n < PMR_LANES; n += VL) {
+        vec value = {0.0}, rate = {0.0}, second = {0.0};
+        for (p = 0; p < powers; p++) {
+            second = second * x.at + rate * (2.0 * x.rate) + value * x.second;
+            rate = rate * x.at + value * x.rate;
+            value = value * x.at + CONST_LOOSE(c + (size_t)p * stride + n);
+        }
+        for (p = 0; p < VL; p++)
+            values[n + p] = (moved){((double *)&value)[p], ((double *)&rate)[p], ((double *)&second)[p]};
+    }
+    return PMR_LANES;
+}
+
 /* Tables of rows by order, NULL where an order is not asked for. */
 typedef struct {
     double *C[3], *H[3], *A[3]; /* (rows, r'), (rows, ip), (rows, mp) */
 } moved_tables;
 
-static void add_moved(double *const table[3], size_t at, double factor, moved value)
+INLINE void add_moved(double *const table[3], size_t at, double factor, moved value)
 {
     if (table[0]) table[0][at] += factor * value.at;
     if (table[1]) table[1][at] += factor * value.rate;
@@ -49,10 +70,10 @@ static void add_polynomials(double *const table[3], size_t at, const double *c, 
     for (; n < width; n++) add_moved(table, at + n, 1.0, polynomial(c + n, powers, stride, x));
 }
 
-/* Entries k, l and l, k of A. */
-static void add_both(const moved_tables *to, int mp, int k, int l, moved value)
+/* Entries k, l and l, k of A; `twice` where k is l and both are that one. */
+INLINE void add_both(const moved_tables *to, int mp, int k, int l, int twice, moved value)
 {
-    add_moved(to->A, (size_t)k * mp + l, k == l ? 2.0 : 1.0, value);
+    add_moved(to->A, (size_t)k * mp + l, twice ? 2.0 : 1.0, value);
     if (k != l) add_moved(to->A, (size_t)l * mp + k, 1.0, value);
 }
 
@@ -64,17 +85,21 @@ static void move_block(const pmr_state *st, int number, const double *of_A, move
     const int m = b->rows, w = b->modes, g = PMR_UP(m), t = PMR_UP(b->stays), i = PMR_UP(b->inputs);
     const double *C = in_interval(st, number, y->table_C, b->at_C, b->powers_C, m * w),
                  *H = in_interval(st, number, y->table_H, b->at_H, b->powers_H, m * i), *S = of_A + b->powers_G * m * g;
-    int k, n;
+    moved values[PMR_LANES];
+    int k, n, j, some;
     for (k = 0; k < m; k++) {
         add_polynomials(to->C, (size_t)on[k] * y->modes + b->first_mode, C + k * w, b->powers_C, m * w, w, x);
         add_polynomials(to->H, (size_t)on[k] * y->ip + b->first_input, H + k * i, b->powers_H, m * i, b->inputs, x);
-        for (n = 0; n <= k; n++) {
-            moved value = polynomial(of_A + k * g + n, b->powers_G, m * g, x);
-            if (n == k) value = times_moved(value, (moved){0.5, 0.0, 0.0});
-            add_both(to, y->mp, on[k], on[n], value);
+        for (n = 0; n <= k; n += some) {
+            some = polynomials(of_A + k * g + n, b->powers_G, m * g, g - n, x, values);
+            for (j = 0; j < some && n + j <= k; j++)
+                add_both(to, y->mp, on[k], on[n + j], k != n + j && on[k] == on[n + j], values[j]);
         }
-        for (n = 0; n < b->stays; n++)
-            add_both(to, y->mp, on[k], staying[n], polynomial(S + k * t + n, b->powers_S, m * t, x));
+        for (n = 0; n < b->stays; n += some) {
+            some = polynomials(S + k * t + n, b->powers_S, m * t, t - n, x, values);
+            for (j = 0; j < some && n + j < b->stays; j++)
+                add_both(to, y->mp, on[k], staying[n + j], on[k] == staying[n + j], values[j]);
+        }
     }
 }
 
@@ -84,13 +109,18 @@ static void move_pair(const pmr_state *st, int number, const double *tables, mov
     const pmr_block *one = y->block_list + y->pair_list[number].first,
                     *two = y->block_list + y->pair_list[number].second;
     const int p1 = one->powers_C, p2 = two->powers_C;
-    int k, l, p;
+    moved values[PMR_LANES];
+    int k, l, p, j, some;
     for (k = 0; k < one->rows; k++)
         for (l = 0; l < two->rows; l++) {
             const double *table = tables + (size_t)(k * two->rows + l) * p1 * p2;
+            const int a = y->block_rows[one->at_rows + k], b = y->block_rows[two->at_rows + l];
             moved sum = {0.0, 0.0, 0.0};
-            for (p = 0; p < p1; p++) sum = plus_moved(times_moved(sum, s), polynomial(table + p, p2, p1, t));
-            add_both(to, y->mp, y->block_rows[one->at_rows + k], y->block_rows[two->at_rows + l], sum);
+            for (p = 0; p < p1; p += some) {
+                some = polynomials(table + p, p2, p1, p1 - p, t, values);
+                for (j = 0; j < some; j++) sum = plus_moved(times_moved(sum, s), values[j]);
+            }
+            add_both(to, y->mp, a, b, a == b, sum);
         }
 }
 

@@ -79,17 +79,15 @@ static int solve_dense(int n, const double *A, double *x, double *room)
 }
 
 /* How far a unit force at contact k moves it by the system's elastic modes, those of rigid motions left out. */
-#define RIGID_MOTION 1e-9
 static double modal_flexibility(const pmr_state *st, int k)
 {
     const pmr_system *y = st->system;
     const double *row = st->C + (size_t)k * y->modes;
-    double stiffest = 0.0, flexibility = 0.0;
+    vec sum = {0.0};
     int n;
-    for (n = 0; n < y->modes; n++) stiffest = larger(stiffest, y->omega2[n]);
-    for (n = y->row_modes[2 * k]; n < y->row_modes[2 * k + 1]; n++)
-        if (y->omega2[n] > RIGID_MOTION * stiffest) flexibility += row[n] * row[n] / y->omega2[n];
-    return flexibility;
+    for (n = y->row_modes[2 * k]; n < y->row_modes[2 * k + 1]; n += VL)
+        sum += CV(row + n) * CV(row + n) * CONST_LOOSE(y->give + n);
+    return sum_of(sum);
 }
 
 /* Whether contact k is rigid: where the rows stand with a scheme without a step, whose A is F.  As F is semidefinite its

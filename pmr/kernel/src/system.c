@@ -467,13 +467,17 @@ static int find_spans(const pmr_system *y, pmr_observed *set)
     return !set->spans;
 }
 
-/* Which loads touch which modes. */
+/* Which loads touch which modes, and by how much modes give way. */
 static int find_touched(pmr_system *y)
 {
+    double stiffest = 0.0;
     int32_t k;
     y->input_modes = malloc(2 * sizeof(int32_t) * (y->inputs + 1));
     y->mode_inputs = malloc(2 * sizeof(int32_t) * (y->modes / PMR_LANES + 1));
-    if (!y->input_modes || !y->mode_inputs) return 1;
+    y->give = malloc(sizeof(double) * (y->modes + 1));
+    if (!y->input_modes || !y->mode_inputs || !y->give) return 1;
+    for (k = 0; k < y->modes; k++) stiffest = fmax(stiffest, y->omega2[k]);
+    for (k = 0; k < y->modes; k++) y->give[k] = y->omega2[k] > RIGID_MOTION * stiffest ? 1.0 / y->omega2[k] : 0.0;
     for (k = 0; k < y->inputs; k++) {
         int32_t *touched = y->input_modes + 2 * k;
         find_span(y->B + (size_t)k * y->modes, y->modes, 1, 1, touched);
@@ -513,6 +517,7 @@ void pmr_system_close(pmr_system *system)
     for (k = 0; k < 2; k++) free(system->observed[k].spans);
     free(system->input_modes);
     free(system->mode_inputs);
+    free(system->give);
     free(system);
 }
 
