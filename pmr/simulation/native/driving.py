@@ -124,7 +124,6 @@ class Drivers:
             self.take_path({name: of for name, of in by_name.items() if name in self._limits})
             self.take_loads({name: of for name, of in by_name.items() if name in self._limits_of_loads})
             self.take_frame({name: of for name, of in by_name.items() if name in self._limits_of_frame})
-            self.rows.fill(1)
 
     @property
     def path_coordinates(self) -> dict[str, float]:

@@ -247,10 +247,10 @@ class Stepper:
             if self._in_parts:
                 drivers.lead_rates(self._bound.rates)
             failed = self._advance()
-            if self._has_rates and not failed:
-                drivers.end_step()
         if failed:
             self._raise_failure(failed, self._step_text(1))
+        if self._has_rates:
+            drivers.end_step()
         if failed := self._observe():
             if failed > 0:
                 self._raise_failure(failed, f"the outputs of {self._step_text(0)}")
