@@ -437,7 +437,8 @@ def _check_facing(scene: Scene, built: Mapping[str, AssembledBody]) -> None:
     """Raise an `InputError` if a contact between two of the bodies `built` resists a displacement that both share.
 
     The faces that such a contact joins are not parallel, as where a file has another axis upwards.  The displacements
-    are those along y and z that all bodies have.  Collective.
+    are those along y and z that all bodies have.  Contacts of clamped bodies, which have none near the clamp, are not
+    looked at.  Collective.
     """
     models, structural = models_of(built), {name: body.structure.model for name, body in built.items()}
     system, positions = FullSystem(models, contacts_of(scene, models)), _checked_positions(scene)
@@ -446,8 +447,9 @@ def _check_facing(scene: Scene, built: Mapping[str, AssembledBody]) -> None:
     measured = _contact_measures(system, bodies, positions, shifts)[0].reshape(len(system.contacts), len(bodies), 6)
     across = [k for k in (1, 2) if all(DIRECTIONS[k] in model.directions for model in structural.values())]
     shared, size = np.abs(measured[..., across].sum(axis=1)), np.abs(measured[..., :3]).max(axis=(1, 2))
+    clamped = {name for name, body in built.items() if body.structure.clamps}
     for contact, is_turned in zip(system.contacts, np.any(shared > TURNED * size[:, None], axis=1), strict=True):
-        if is_turned and contact.outer is not None:
+        if is_turned and contact.outer is not None and not clamped & {contact.inner.body, contact.outer.body}:
             inner, outer = contact.inner.body, contact.outer.body
             allowed = (
                 f"faces of {inner} and {outer} that are parallel are allowed, but those at the pad {contact.name} are "
