@@ -29,6 +29,7 @@ from pmr.reduction.basis import Basis
 from pmr.reduction.snapshots import Snapshots
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE
+from pmr.scene.members import members
 from pmr.system.attachment import simulated_model
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
@@ -159,7 +160,8 @@ class SystemCache:
 
     def _system_files(self, scene: Scene) -> SystemFiles:
         """Paths of the files of a scene's system."""
-        path = scene.travel if ALONE in scene.bodies else None  # joints are part of the structure
+        # joints are part of the structure, but the end of the simulated time decides how far pads get
+        path = scene.travel if ALONE in scene.bodies else [member.pad_positions for member in members(scene)]
         files = [sorted(part.file_digests.items()) for part in scene.sections]
         request = {"scene": structure_text(scene), "path": path, "files": files}
         return SystemFiles(self._file("system", request), self._file("unheld", request | {"end": scene.time.end}))

@@ -9,6 +9,7 @@ import pmr
 from pmr.compare.model_part import Motion
 from pmr.fem.compat import MPI
 from pmr.pipeline import model_errors as pipeline
+from pmr.reduction.cache import SystemCache
 
 pytest.importorskip("gmsh")
 CELLS = {"size": 0.2, "along": 0.4}
@@ -29,6 +30,16 @@ def test_rows_within_reach_are_zero_between_two_joints_and_change_no_motion() ->
     assert rows[0].at(between).toarray().any() and not rows[1].at(between).toarray().any()
     motions = [Motion.compute(scene, of.system).response.displacement for of in (whole, within)]
     assert motions[1] == pytest.approx(motions[0], rel=1e-9, abs=1e-9 * np.abs(motions[0]).max())
+
+
+def test_a_stored_system_serves_no_scene_in_which_pads_get_farther(tmp_path: Path) -> None:
+    cache = SystemCache(tmp_path, "", MPI.COMM_SELF)
+    long, *others = (
+        pmr.load_scene("boom_three", ["section.mesh.elements=6", *changes])
+        for changes in ([], ["time.end=2.0"], ["time.step=0.01"])
+    )
+    cache.system_of(long, lambda: pipeline.reduce_scene(long, MPI.COMM_SELF, reach=True).system)
+    assert [cache.has_system(scene) for scene in (long, *others)] == [True, False, True]
 
 
 @pytest.mark.slow
