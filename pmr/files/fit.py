@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 
 from pmr.files.arrays import Array, Mask
 from pmr.files.reasons import ALIKE, Reason, check_density, check_speed, lone_turned_nodes, point_text
-from pmr.files.rigid import DIRECTIONS, ROUNDING_OF_POINTS, Resistance, rigid_motions
+from pmr.files.rigid import DIGITS, DIRECTIONS, ROUNDING_OF_POINTS, Resistance, rigid_motions
 
 #: Number of steps of Lanczos' method for the least eigenvalue of a matrix with a diagonal of ones, and the least
 #: eigenvalue that rounding may explain.
@@ -30,6 +30,9 @@ LEAST_DAMPING = 1e-9
 #: Number of powers of ten by which a diagonal entry may be smaller than the median entry; still smaller entries are
 #: negligible in double precision, and so are their squares.
 VANISHING = 30
+#: Share of rows that are rounded to too few digits above which K is refused, and least force of such a row under a
+#: translation over the sum of the magnitudes of its terms.
+ROUNDED_ROWS, ROUNDED = 0.05, 1e-12
 #: Largest number of coordinates for which all eigenvalues of K are computed, which takes half a second.
 DENSE_ALWAYS = 1000
 #: Warning about matrices that can't be checked against their nodes.
@@ -46,6 +49,7 @@ def misfit(M: sp.csr_matrix, body: Resistance) -> Reason | None:
     """
     checks: tuple[Callable[[sp.csr_matrix, Resistance], Iterator[Reason]], ...] = (
         _vanishing_entries,
+        _few_digits,
         lambda M, body: _indefinite(M, body.K),
         _unknown_motions,
         _separate_parts,
@@ -105,6 +109,25 @@ def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
                 f"a {what} at every coordinate is allowed: coordinate {at + 1} has {diagonal[at]:.3g}, others have "
                 f"{10.0 ** np.median(size):.3g}; what has none has to be condensed",
             )
+
+
+def _few_digits(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
+    """Yield a reason about ``K`` if its entries are rounded to so few digits that they resist a translation.
+
+    Such forces look like springs to ground, some of them with a negative stiffness.
+    """
+    if body.digits >= DIGITS:
+        return
+    T = body.motions[:, :3]
+    forces, sizes = np.abs(body.K @ T), abs(body.K) @ T
+    rounded = (forces > ROUNDED * sizes) & (forces <= 10.0**-body.digits * sizes)
+    if np.mean(rounded.any(axis=1)) > ROUNDED_ROWS:
+        springs = np.abs(np.diag(T.T @ (body.K @ T))).max()
+        yield Reason(
+            "K",
+            f"entries of {DIGITS + 1} digits or more are allowed: these have {body.digits + 1}, whose rounding acts as "
+            f"springs to ground of up to {springs:.2g} N/m",
+        )
 
 
 def _indefinite(M: sp.csr_matrix, K: sp.csr_matrix) -> Iterator[Reason]:

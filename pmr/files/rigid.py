@@ -36,6 +36,8 @@ DENSE = 3000
 #: is for entries, which files state with nine to sixteen digits.  The second pair is for positions of nodes, which are
 #: known to a thousandth of a cell's size or better.
 ROUNDING, ROUNDING_OF_POINTS = (1e-13, 1e-8), (1e-11, 1e-3)
+#: Least number of digits behind the point to which files state entries.
+DIGITS = 8
 #: Rounding is estimated as this multiple of a quartile, over rows, of the sum of a row's entries as a share of the sum
 #: of their magnitudes.  It is the lower quartile of all rows for the rounding of entries, and the upper quartile of
 #: rows without a support for the rounding of positions.
@@ -125,7 +127,7 @@ class Resistance:
     def _translations(self) -> RoundedSums:
         """F (n, 3) with entries within rounding set to zero, and the rounding (n,) of each row."""
         T = self.motions[:, :3]
-        return _remove_rounding(self.K @ T, (abs(self.K) @ T).sum(axis=1), ROUNDING, 0.25)
+        return _remove_rounding(self.K @ T, (abs(self.K) @ T).sum(axis=1), self._limits(ROUNDING), 0.25)
 
     @cached_property
     def grounded_nodes(self) -> NDArray[np.bool_]:
@@ -206,7 +208,7 @@ class Resistance:
         """
         sums, sizes = self.sums_of_moments
         near_supports = (self.grounded_nodes & ~self.spring_nodes)[self.node]
-        cleaned, noise = _remove_rounding(sums, sizes, ROUNDING_OF_POINTS, 0.75, ~near_supports)
+        cleaned, noise = _remove_rounding(sums, sizes, self._limits(ROUNDING_OF_POINTS), 0.75, ~near_supports)
         return RoundedSums(np.where(near_supports[:, None], sums, cleaned), noise)
 
     @cached_property
@@ -240,15 +242,27 @@ class Resistance:
         return np.asarray(np.linalg.eigvalsh(self.K.toarray() * scale * scale[:, None]))
 
     @cached_property
+    def digits(self) -> int:
+        """Number of digits behind the point to which a sample of K's entries is written, from 5 to 16.
+
+        Entries in single precision have 7.
+        """
+        sample = self.K.data[np.linspace(0, self.K.nnz - 1, min(self.K.nnz, 500)).astype(int)]
+        single = 7 if np.all(sample.astype(np.float32) == sample) else 16
+        return next((d for d in range(5, single) if all(float(f"{x:.{d}e}") == x for x in sample.tolist())), single)
+
+    def _limits(self, limits: tuple[float, float]) -> tuple[float, float]:
+        """Return the least and largest rounding `limits` with the least one not below that of the digits of K."""
+        return max(limits[0], 0.5 * 10.0 ** -max(self.digits, DIGITS)), limits[1]
+
+    @cached_property
     def least_energy(self) -> float:
         """Energy of a motion of unit size above which the motion takes energy beyond the rounding of K.
 
         K is scaled to a diagonal of ones.  The limit follows from the digits to which K is written.  If no motion is
         free to these digits, the limit is at least `CONDENSED`, that of a condensed matrix.
         """
-        sample = self.K.data[np.linspace(0, self.K.nnz - 1, min(self.K.nnz, 500)).astype(int)].tolist()
-        digits = next((d for d in range(5, 16) if all(float(f"{x:.{d}e}") == x for x in sample)), 16)
-        energy = 10.0 * 10.0**-digits + 1e-13 * self.K.shape[0]
+        energy = 10.0 * 10.0**-self.digits + 1e-13 * self.K.shape[0]
         return energy if self.scaled_eigenvalues[0] < energy else max(energy, CONDENSED)
 
     def _held_by_energy(self, motions: Array) -> Array:
