@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.files.arrays import Array
@@ -351,20 +350,20 @@ def _term_arrays(system: System, rows: Arrangement) -> Arrays:
     """
     r = rows.parts[-1].modes.stop
     where = {
-        name: range(part.modes.start, part.modes.start + part.body.size)
+        name: np.arange(part.modes.start, part.modes.start + part.body.size)
         for name, part in zip(system.bodies, rows.parts, strict=True)
     }
     keys, values, counts = list[NDArray[np.int64]](), [np.zeros((0, LANES))], [0]
     for term in system.terms:
+        at = np.concatenate([where[name] for name in term.bodies])
+        blocks, of_row = np.unique(at // LANES, return_inverse=True)
         count = 0
-        for name, A in term.scatter(where, r).matrices.items():
-            A = A.tocsr()
-            A.data[np.abs(A.data) <= NEGLIGIBLE * np.abs(A.data).max(initial=0.0)] = 0.0
-            A.eliminate_zeros()
-            tall = sp.csr_matrix(A).tobsr((LANES, 1))
-            block = np.repeat(np.arange(r // LANES), np.diff(tall.indptr))
-            keys.append((2 * block + (name == "damping")) * r + tall.indices)
-            values.append(tall.data[:, :, 0])
+        for name, A in term.arrays.items():
+            tall = np.zeros((len(blocks), LANES, len(at)))
+            tall[of_row, at % LANES] = np.where(np.abs(A) > NEGLIGIBLE * np.abs(A).max(initial=0.0), A, 0.0)
+            block, column = np.nonzero(tall.any(axis=1))
+            keys.append((2 * blocks[block] + (name == "damping")) * r + at[column])
+            values.append(tall[block, :, column])
             count += len(block)
         counts.append(count)
     registers, at = np.unique(np.concatenate([np.zeros(0, np.int64), *keys]), return_inverse=True)

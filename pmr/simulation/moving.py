@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import TypeAdapter
+from pydantic import ConfigDict, TypeAdapter
 
 from pmr.errors import InputError, escape_controls
 from pmr.files.arrays import Array
@@ -38,7 +38,7 @@ from pmr.simulation.stepping import TimeStepping
 from pmr.system.contacts import ALONE
 from pmr.system.system import System
 
-_SIGNAL: TypeAdapter[Any] = TypeAdapter(Signal)
+_SIGNAL: TypeAdapter[Any] = TypeAdapter(Signal, config=ConfigDict(defer_build=True))
 
 
 @dataclass(frozen=True)

@@ -198,20 +198,24 @@ def _describe_needed_step(f: float) -> str:
 def _overshoot(signal: SignalBase, stepping: TimeStepping) -> list[float]:
     """Largest overshoot of a signal at its breaks beyond its values at the neighbouring steps, with the time in s.
 
-    The overshoot is a share of the signal's whole range; both are 0 if the signal has no breaks or is constant.
+    The overshoot is a share of the signal's whole range.  Both are 0 if the share is at most `UNSEEN`.
     """
     steps, h, breaks = stepping.steps, stepping.step, np.array(signal.breaks)
     breaks = breaks[(breaks > 0.0) & (breaks < stepping.end)]
-    low, high = signal.bounds(0.0, stepping.end)
-    if not len(breaks) or high <= low:
+    if not len(breaks):
         return [0.0, 0.0]
     x = breaks / h
     first, last = np.ceil(x - 1e-9) - 1.0, np.floor(x + 1e-9) + 1.0  # a break on a step lies between its neighbours
-    around = signal.value(h * np.clip([first, np.clip(np.round(x), first, last), last], 0, steps))
-    at_breaks = np.stack([signal.value(breaks), signal.value(np.nextafter(breaks, -np.inf))])
+    beside = h * np.clip([first, np.clip(np.round(x), first, last), last], 0, steps)
+    values = signal.value(np.vstack([beside, breaks, np.nextafter(breaks, -np.inf)]))
+    around, at_breaks = values[:3], values[3:]
     beyond = np.maximum(at_breaks - around.max(axis=0), around.min(axis=0) - at_breaks).max(axis=0)
     worst = int(np.argmax(beyond))
-    return [float(max(beyond[worst], 0.0) / (high - low)), float(breaks[worst])]
+    least = float(np.ptp(values))  # of the whole range, for which signals may be evaluated at thousands of times
+    if beyond[worst] <= UNSEEN * least:
+        return [0.0, 0.0]
+    low, high = signal.bounds(0.0, stepping.end)
+    return [float(beyond[worst]) / max(high - low, least), float(breaks[worst])]
 
 
 @dataclass(frozen=True)

@@ -350,7 +350,7 @@ class _BodyRows:
         self._body, self._carriers = body, body.carriers
         self._size = len(body.carriers.values)  # number of carriers: the body's own, then sums of them
         self._parts = list[tuple[Indices, Indices, Array]]()
-        self._rows = dict[tuple[object, ...], Row]()
+        self._rows, self._own = dict[tuple[object, ...], Row](), dict[str, Row]()
 
     def measures(self, names: Sequence[str]) -> Array | None:
         """Values (rows, any) of the rows with these `names` on modes, flexibility and inputs, for comparing the rows.
@@ -430,8 +430,10 @@ class _BodyRows:
         return replace(self._body, row_names=names, carriers=CarrierRows.from_rows(rows, P @ old.values, flexibility))
 
     def _row(self, name: str) -> Row:
-        """Row of the body called `name`."""
-        return self._carriers.row(self._body.row_names.index(name), name)
+        """Row of the body called `name`; always the same object, which computes its entries once."""
+        if name not in self._own:
+            self._own[name] = self._carriers.row(self._body.row_names.index(name), name)
+        return self._own[name]
 
 
 def _carrier_offsets(rows: Sequence[Row]) -> list[int] | None:

@@ -92,7 +92,7 @@ class Row:
         lowered = self.coefficients[:-1] * np.arange(degree, 0.0, -1.0)[:, None, None]
         return replace(self, coefficients=lowered if degree else np.zeros_like(self.coefficients))
 
-    @property
+    @cached_property
     def entries(self) -> sp.csr_matrix:
         """Coefficients as a sparse matrix (powers k, K): for each power, highest first, one row per interval."""
         powers, k, d = self.coefficients.shape

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from pmr.errors import InputError, missing_file_reason
 from pmr.files import npz
@@ -63,6 +63,8 @@ class _Header:
     ropes.  Version 3 stores all arrays of the models in ``on_modes``.  Version 2 has no such models, and version 1 has
     no terms either.
     """
+
+    __pydantic_config__ = ConfigDict(defer_build=True)
 
     bodies: tuple[str, ...]
     contacts: tuple[Contact, ...]

@@ -26,6 +26,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy.linalg
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
@@ -94,9 +95,8 @@ class Term:
 
         `motions` maps each body's name to V (n, r), with which the old coordinates are q = V p.
         """
-        V = sp.block_diag([sp.csr_matrix(motions[name]) for name in self.bodies], format="csr")
-        products = {key: V.T @ (A @ V) for key, A in self.matrices.items()}
-        projected: dict[str, Any] = {key: A.toarray() if sp.issparse(A) else A for key, A in products.items()}
+        V = scipy.linalg.block_diag(*(motions[name] for name in self.bodies))
+        projected: dict[str, Any] = {key: np.asarray(V.T @ (A @ V)) for key, A in self.matrices.items()}
         return replace(self, **projected, supports={})
 
     def scatter(self, numbers: Mapping[str, Sequence[int] | Indices], size: int) -> Term:
