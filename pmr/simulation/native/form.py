@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from pmr.errors import InputError, SimulationError
-from pmr.files.arrays import Array
+from pmr.files.arrays import Array, Mask
 from pmr.kernel._native import lib
 from pmr.kernel.blocks import round_up
 from pmr.kernel.data import system_in_modes
@@ -125,9 +125,16 @@ class SystemForm:
         rigid at the first step count as rigid.  `rho_inf` is the spectral radius of the time integration at infinite
         frequency.
         """
-        needs = needs_of(self.modal, self.assembly.contact_rows(x[0], effects=False).rigid, x, rho_inf)
+        if (place := x[0].tobytes()) not in self._rigid:
+            self._rigid[place] = self.assembly.contact_rows(x[0], effects=False).rigid
+        needs = needs_of(self.modal, self._rigid[place], x, rho_inf)
         refuse_unsupported("march", needs)
         return needs
+
+    @cached_property
+    def _rigid(self) -> dict[bytes, Mask]:
+        """Masks (m,) of the rigid contacts of the `modal` system, by the bytes of their places; empty at first."""
+        return {}
 
     @cached_property
     def combined(self) -> CombinedRings:
