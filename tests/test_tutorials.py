@@ -105,6 +105,7 @@ def test_a_crane_from_an_empty_folder(
     largest = max(error for error in mesh.values() if isinstance(error, float))  # "probes" has them by name
     assert largest <= 0.05 and f"by up to {100.0 * largest:.1f} %" in page
     walls, beams = model["wall_stress"]["value"], first["max_von_mises"]["reduced"]
+    assert f"the {1e-6 * model['wall_stress']['even']:.0f} MPa that the walls have" in page
     assert f"{1e-6 * walls:.0f} MPa in walls" in page and f"{1e-6 * beams:.0f} MPa of the beams" in page
     luffing = first["luffing_cylinder"]["force"]
     assert f"up to {1e-3 * luffing['max']:.0f} kN, at {luffing['t_max']:.2f} s and a boom length" in page
@@ -138,7 +139,8 @@ def test_a_load_chart_from_an_empty_folder(
     assert (
         stable["figures"]["never.stability"] == stable["figures"]["points"] == 600
     )  # slewed by 0, 45, ..., 180 degrees
-    walls = sum(stable["figures"][f"governs.walls at pads of {name}"] for name in ("middle", "fly"))
+    ends = [f"{name} {end}" for name in ("middle", "fly") for end in ("tail", "mouth")]
+    walls = sum(stable["figures"][f"governs.walls at pads of {end}"] for end in ends)
     points, cylinder = stable["figures"]["points"], stable["figures"]["governs.luffing cylinder"]
     assert f"Walls at pads govern at {walls} of its {points} points, because" in page
     assert f"The luffing cylinder governs at the other {cylinder}." in page and walls + cylinder == points

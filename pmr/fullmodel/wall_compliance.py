@@ -28,7 +28,7 @@ from pmr.fem.distributed import free_objects, gather
 from pmr.fem.factor import BLOCK, factor_for_columns
 from pmr.files import npz
 from pmr.files.arrays import Array
-from pmr.fullmodel.pads import Pad, under_pad
+from pmr.fullmodel.pads import Pad, under_even_pad, under_pad
 from pmr.fullmodel.structure import Clamp, Structure, couple, structural_model
 from pmr.fullmodel.walls import Sliding, Standing, Walls
 from pmr.models import DIRECTIONS, StructuralModel
@@ -82,9 +82,9 @@ class SlidingCompliance:
 
 
 class WallCompliance(NamedTuple):
-    """The walls' compliance (m, m) under m fixed pads and ends, and that of each ring of sliding pads."""
+    """The walls' compliance under m fixed pads and ends, and that of each ring of sliding pads."""
 
-    standing: Array
+    standing: Array  # (m, m) m/N, of ends that turn rad/N and rad/(N m)
     sliding: list[SlidingCompliance]
 
 
@@ -163,9 +163,10 @@ class HeldModel:
         free_objects(full.K)
 
     def pads(self, pads: Sequence[Pad], u: Array) -> sp.csr_matrix:
-        """Rows (p k, n) of the normal displacement under k pads after the pads slid by each of p distances `u` (p,) m.
+        """Rows (p k, n) of the mean normal displacement under k pads that have slid by p distances `u` (p,) in m.
 
-        The k rows of one distance follow each other.
+        The rows act on the n coordinates of the held model; the k rows of one distance follow each other.  Raises an
+        `InputError` if a pad leaves its face.
         """
         means = [sp.csr_matrix((0, self._T.shape[1]))]
         means += [under_pad(pad, self._model, pad.at + u) @ self._T for pad in pads]
@@ -173,7 +174,10 @@ class HeldModel:
         return sp.vstack(means, "csr")[order]
 
     def motions(self, ends: Sequence[tuple[str, str]]) -> sp.csr_matrix:
-        """Rows (m, n) that measure the motion of m ends, each a group with a direction such as ``("tip", "y")``."""
+        """Rows (m, n) that measure the mean motion of m ends in m or rad, each a pair such as ``("tip", "y")``.
+
+        A pair is the name of a group and the direction along or about which it moves.
+        """
         rows = [self._model.motion(end)[[DIRECTIONS.index(d)]] @ self._T for end, d in ends]
         return sp.csr_matrix(sp.vstack([sp.csr_matrix((0, self._T.shape[1])), *rows]))
 
@@ -189,8 +193,13 @@ class HeldModel:
         return x
 
     def under_pads(self, pads: Sequence[Pad]) -> Array:
-        """Displacements (c, k) of the model's own c coordinates under a unit force on each of k pads alone."""
-        return np.asarray(self._T @ self._displacements(self.pads(pads, np.zeros(1))))
+        """Displacements (c, 2 k) of the model's own c coordinates under 1 N outwards on each of k pads alone.
+
+        In the first k columns the pressure is largest in the middle of the pad, as that of
+        `pmr.fullmodel.pads.under_pad`; in the last k it is even.  Raises an `InputError` if a pad leaves its face.
+        """
+        even = sp.vstack([under_even_pad(pad, self._model) for pad in pads]) @ self._T
+        return np.asarray(self._T @ self._displacements(sp.vstack([self.pads(pads, np.zeros(1)), even], "csr")))
 
     def compliance(self, loaded_rows: sp.csr_matrix, rows: sp.csr_matrix) -> Array:
         """Compliance (m, f): what `rows` (m, n) measure, in m or rad, under 1 N or 1 N m on each of f `loaded_rows`.
@@ -242,7 +251,7 @@ def _smooth(values: Array) -> Array:
 
 
 def beam_of(body: PlateBody) -> Beam3D:
-    """Beam of a box, whose compliance is subtracted from that of the shell."""
+    """Beam of a box in `ELEMENTS` elements, whose compliance and stress are subtracted from those of the shell."""
     line = Beam3DBody(
         length=body.box.length, profile=body.profile, material=body.material, shear=True, elements=ELEMENTS
     )
@@ -250,7 +259,7 @@ def beam_of(body: PlateBody) -> Beam3D:
 
 
 def shell_of(body: PlateBody) -> Shell:
-    """Shell of a box, meshed by gmsh."""
+    """Shell of a box, meshed by gmsh; raises an `InputError` if the box can't be drawn with its cells."""
     with TemporaryDirectory() as folder:
         write_shell(body.box, Path(folder, "walls.msh"))
         mesh = read_mesh(Path(folder, "walls.msh"), ("triangle",))

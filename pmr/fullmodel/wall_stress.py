@@ -6,14 +6,16 @@ The local stress :math:`\sigma_k` of pad k is that of a shell of a piece of the 
 
 .. math:: \sigma(p) = S(p)\, F(x_p) - \sum_k f_k\, \sigma_k(p)
 
-Left out are the shear of transverse forces, which is small in walls that bend, and rings of pads nearby.
+Left out are the shear of transverse forces, which is small in walls that bend, and rings of pads nearby.  The pressure
+of a pad is taken to be largest in its middle, as that of all pads of `pmr` is; all stresses are stated a second time
+for an even one (`pmr.fullmodel.pads.under_even_pad`).
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import NamedTuple, TypeVar
 
@@ -33,7 +35,7 @@ from pmr.results.field_stress import FORCES, PLANE, von_mises
 from pmr.scene.built import PadRing
 from pmr.scene.choice import traits_of
 from pmr.scene.joints import BoomSection
-from pmr.scene.members import Member, body_ring, member_at, members, seats
+from pmr.scene.members import Member, body_ring, member_at, members, name_in_scene, seats
 from pmr.scene.scene import Scene
 from pmr.scene.signals.base import Interval
 
@@ -72,13 +74,20 @@ class Estimate(NamedTuple):
         return cls(fine + change, abs(change) + margin * abs(fine + change))
 
 
+class ByPressure(NamedTuple):
+    """The same value for two distributions of the pressure under a pad, which have the same resultant force."""
+
+    middle: Estimate  # with the pressure largest in the middle of the pad
+    even: Estimate
+
+
 @dataclass(frozen=True)
 class RingStress:
     """Local stresses of k pads, each with 1 N outwards alone, at P points on both faces of the walls around them."""
 
     points: Array  # (P, 3) m: x from the middle of the pads, y and z
     thickness: Array  # (P,) m
-    unit: Array  # (k, P, 3) Pa/N: along, across and shear
+    unit: Array  # (2, k, P, 3) Pa/N: along, across and shear, by the pressure in the order of `ByPressure`
     on_edge: Array  # (P,): 1 where two walls meet, else 0
 
     def margin(self, point: int) -> float:
@@ -86,17 +95,23 @@ class RingStress:
         return EDGE_MARGIN if self.on_edge[point] else MARGIN
 
 
-def estimates_of_pads(coarse: RingStress, fine: RingStress) -> list[Estimate]:
-    """Largest von Mises stress in Pa/N of each pad alone, from the stresses on two meshes."""
+def estimates_of_pads(coarse: RingStress, fine: RingStress) -> list[ByPressure]:
+    """Largest von Mises stress in Pa/N of each of k pads alone, from the stresses on two meshes."""
     on_coarse, on_fine = (von_mises(stress.unit, PLANE) for stress in (coarse, fine))
     return [
-        Estimate.from_meshes(float(first.max()), float(second[point]), fine.margin(point))
-        for first, second, point in zip(on_coarse, on_fine, on_fine.argmax(axis=1).tolist(), strict=True)
+        ByPressure(*(_largest(first, second, fine) for first, second in zip(*of_pad, strict=True)))
+        for of_pad in zip(on_coarse.swapaxes(0, 1), on_fine.swapaxes(0, 1), strict=True)
     ]
 
 
+def _largest(on_coarse: Array, on_fine: Array, fine: RingStress) -> Estimate:
+    """Largest of the stresses at the points of a coarse mesh and at those (P,) of a fine one, which `fine` has."""
+    point = int(on_fine.argmax())
+    return Estimate.from_meshes(float(on_coarse.max()), float(on_fine[point]), fine.margin(point))
+
+
 class SectionPiece:
-    """A piece of a section around pads of one size, as a shell on two meshes."""
+    """A piece of a section around pads of one size, as a shell on two meshes, and the local stresses of pads on it."""
 
     def __init__(self, part: BoomSection, length: float, width: float) -> None:
         """Choose the meshes for pads of this `length` and `width` in m.
@@ -123,7 +138,10 @@ class SectionPiece:
         return [PieceMesh(body, self.beam) for body in self.bodies]
 
     def place(self, x: Array) -> Array:
-        """Return the places (...) in m on the piece that stand for places x (...) in m on the section."""
+        """Return the places (...) in m on the piece that stand for places x (...) in m on the section.
+
+        They are as far from the nearer end as x is, or in the middle of the piece if both ends are farther away.
+        """
         middle, ahead = self.length / 2.0, self.section.length - x
         return np.where(x < middle, x, np.where(ahead < middle, self.length - ahead, middle)).round(9)
 
@@ -174,9 +192,12 @@ class PieceBeam:
         self._held, self._rows = HeldModel(line, body), line.section_forces()
 
     def section_forces(self, pads: Sequence[Pad], x: Array) -> Array:
-        """Section forces (k, 6, P) under 1 N of each of k pads at the places x (P,) in m."""
+        """Section forces (2 k, 6, P) in N and N m at the places x (P,) in m, under 1 N outwards on each of k pads.
+
+        They are in the order of `FORCES`, first with the pressure largest in the middle of pads, then with an even one.
+        """
         forces, names = self._rows.rows @ self._held.under_pads(pads), np.array(self._rows.names)
-        result = np.zeros((len(pads), len(FORCES), len(x)))
+        result = np.zeros((2 * len(pads), len(FORCES), len(x)))
         for number, name in enumerate(FORCES):
             if np.any(of := names == name):
                 at, values = mean_by_place(self._rows.x[of], forces[of].T)
@@ -201,6 +222,7 @@ class PieceMesh:
         """Return the local stresses of pads, at points near the pads.
 
         At each point, the stress of at least one pad is no less than the share `STORED` of this pad's largest stress.
+        All `pads` are at one place along the piece.  Raises an `InputError` if a pad leaves its face.
         """
         rows, fits = self._rows, self._fits
         stress = rows.evaluate(self._held.under_pads(pads).T)
@@ -215,7 +237,8 @@ class PieceMesh:
         size = von_mises(unit, PLANE)
         near = np.any(size >= STORED * size.max(axis=1)[:, None], axis=0)
         points[:, 0] -= pads[0].at
-        return RingStress(points[near], thickness[near], unit[:, near], np.tile(self._on_edge, 2)[near])
+        by_pressure = unit[:, near].reshape(2, len(pads), -1, 3)
+        return RingStress(points[near], thickness[near], by_pressure, np.tile(self._on_edge, 2)[near])
 
     def destroy(self) -> None:
         """Free the memory of the model."""
@@ -224,8 +247,6 @@ class PieceMesh:
 
 #: Places along its range at which a ring that slides on a section is looked at.
 PLACES = 3
-#: Share by which yield forces of pads that are mirror images of each other may differ.
-ROUND_OFF = 1e-6
 
 
 @dataclass(frozen=True)
@@ -264,7 +285,7 @@ AnyRing = TypeVar("AnyRing", LoadedRing, SeatedRing)
 class WallPeak:
     """Largest von Mises stress in the walls of a section at a ring of pads."""
 
-    stress: Estimate  # Pa
+    stress: ByPressure  # Pa
     state: int  # number of the time
     position: Array  # (3,) m on the section
 
@@ -273,7 +294,10 @@ def wall_peak(part: BoomSection, states: SectionStates, rings: Sequence[LoadedRi
     """Return the largest von Mises stress in the walls at the pads of a section at all times.
 
     The time of the peak is found with each ring at the nearest of up to `PLACES` places along its way.  The stress at
-    this time is then computed with the ring at its true place.  None is returned if there are no pads.  Not collective.
+    this time is then computed with the ring at its true place.  Times are those of the largest stress with a pressure
+    that is largest in the middle of pads, as are `state` and `position`.  With an even pressure the stress is the
+    largest one of all rings, each at its time.  None is returned if there are no pads.  Not collective.
+
     Raises an `InputError` as `SectionPiece` and its method `stresses` do.
     """
     best: WallPeak | None = None
@@ -290,11 +314,16 @@ def wall_peak(part: BoomSection, states: SectionStates, rings: Sequence[LoadedRi
                 largest[numbers] = [of.max() for of in _combined(factors, fine, ring, states, numbers.tolist())]
             state = int(largest.argmax())
             on_meshes = piece.stresses(ring.pads, float(places[state]))
-            combined = [next(_combined(piece.factors(stress), stress, ring, states, [state])) for stress in on_meshes]
-            at, (coarse, fine_value) = int(combined[-1].argmax()), (float(of.max()) for of in combined)
-            estimate = Estimate.from_meshes(coarse, fine_value, on_meshes[-1].margin(at))
-            if best is None or estimate.value > best.stress.value:
-                best = WallPeak(estimate, state, on_meshes[-1].points[at] + [ring.x[state], 0.0, 0.0])
+            combined = [
+                [next(_combined(piece.factors(on), on, ring, states, [state], pressure)) for on in on_meshes]
+                for pressure in range(len(ByPressure._fields))
+            ]
+            stress = ByPressure(*(_largest(coarse, fine, on_meshes[-1]) for coarse, fine in combined))
+            even = stress.even if best is None else max(stress.even, best.stress.even)
+            if best is None or stress.middle.value > best.stress.middle.value:
+                at = on_meshes[-1].points[combined[0][-1].argmax()]
+                best = WallPeak(stress, state, at + [ring.x[state], 0.0, 0.0])
+            best = replace(best, stress=best.stress._replace(even=even))
         piece.destroy()
     return best
 
@@ -308,51 +337,64 @@ def _by_size(rings: Iterable[AnyRing]) -> dict[tuple[float, float], list[AnyRing
 
 
 def _combined(
-    factors: Array, stress: RingStress, ring: LoadedRing, states: SectionStates, numbers: Sequence[int]
+    factors: Array,
+    stress: RingStress,
+    ring: LoadedRing,
+    states: SectionStates,
+    numbers: Sequence[int],
+    pressure: int = 0,
 ) -> Iterator[Array]:
     """Yield the von Mises stress (P,) in Pa at the points of `stress`, at each of the times with these `numbers`.
 
     The stress is that of the section forces in `states`, with the `factors` of the section's piece, and the local
-    stress of the pads of `ring`.
+    stress of the pads of `ring`, whose `pressure` is that with this number in `ByPressure`.
     """
     layers, layer = np.unique(stress.points[:, 0], return_inverse=True)
     for state in numbers:
         forces = states.at(state, np.clip(ring.x[state] + layers, *states.x[[0, -1]]))[:, layer]
         of_section = np.einsum("psc,cp->ps", factors, forces)
-        yield von_mises(of_section - np.einsum("k,kps->ps", ring.forces[state], stress.unit), PLANE)
+        yield von_mises(of_section - np.einsum("k,kps->ps", ring.forces[state], stress.unit[pressure]), PLANE)
 
 
 @dataclass(frozen=True)
 class YieldForce:
-    """Force of a joint's pad at which walls reach their yield stress, with the names of the section and the pad."""
+    """Force of a pad at which walls reach their yield stress, with the name of the section whose walls they are."""
 
-    force: float  # N
-    section: str
-    pad: str
+    force: float  # N, with the pressure largest in the middle of the pad
     error: float  # N: error bar of `force` by the cells of the walls
+    even: float  # N, with an even pressure; perhaps in the walls of the other section
+    section: str
 
 
 def yield_forces(scene: Scene) -> dict[str, YieldForce]:
-    """Return the smallest force of a pad at which the walls that it touches begin to yield, by section with a joint.
+    """Return the force of each pad of a joint at which the walls that it touches begin to yield, by the pad's name.
 
-    Pads between a single body and the ground stand under the name of the body.  Each pad acts alone: the stress of the
-    whole section, of which bending is the largest part, comes on top.  Left out are joints that touch a section without
-    even walls (`BoomSection.has_even_walls`) or without a yield stress.
+    Names are such as ``fly tail bottom left``.  The force is the smallest one of both sections that the pad touches and
+    of up to `PLACES` places along its way.  Each pad acts alone: the stress of the whole section, of which bending is
+    the largest part, comes on top.  Left out are joints that touch a section without even walls
+    (`BoomSection.has_even_walls`) or without a yield stress, and pads on the ground.
 
     Raises an `InputError` as `SectionPiece` and its method `stresses` do.
     """
-    least, lacking = dict[int, YieldForce](), set[int]()
+    least, lacking = dict[str, YieldForce](), set[int]()
+    joints = dict[str, int]()
     for number, part in enumerate(scene.sections):
         material = part.body.material
         if not part.has_even_walls or material is None or material.yield_stress is None:
             lacking |= {number, number + 1}
             continue
         for largest in largest_pad_stresses(scene, number):
-            allowed = material.yield_stress / largest.stress.value
-            if largest.joint not in least or allowed < (1.0 - ROUND_OFF) * least[largest.joint].force:
-                error = allowed * largest.stress.error / largest.stress.value
-                least[largest.joint] = YieldForce(allowed, part.name, largest.pad, error)
-    return {scene.sections[k].name: least[k] for k in sorted(least) if k not in lacking}
+            middle, force = largest.stress.middle, material.yield_stress / largest.stress.middle.value
+            here = YieldForce(
+                force,
+                force * middle.error / middle.value,
+                material.yield_stress / largest.stress.even.value,
+                part.name,
+            )
+            former, joints[largest.pad] = least.get(largest.pad, here), largest.joint
+            even = min(former.even, here.even)
+            least[largest.pad] = replace(min(former, here, key=lambda of_place: of_place.force), even=even)
+    return {pad: least[pad] for pad in sorted(least) if joints[pad] not in lacking | {0}}
 
 
 def store_stresses(scene: Scene) -> None:
@@ -368,15 +410,17 @@ def store_stresses(scene: Scene) -> None:
 
 @dataclass(frozen=True)
 class PadStress:
-    """Largest local von Mises stress in Pa/N of a pad, at one place along a section."""
+    """Largest local von Mises stress of a pad that presses alone, at one place along a section."""
 
     joint: int  # number of the section whose joint it is; 0: the pad is between the body and the ground
-    pad: str
-    stress: Estimate
+    pad: str  # its name in the whole scene, such as ``fly tail bottom left``
+    stress: ByPressure  # Pa/N
 
 
 def largest_pad_stresses(scene: Scene, number: int) -> Iterator[PadStress]:
-    """Yield the stress of each pad on section `number`, at up to `PLACES` places along its range.
+    """Yield the largest stress of each pad of a scene on section `number`, at each of up to `PLACES` places.
+
+    The places are spread evenly over the range along which the pad slides on this section.
 
     Raises an `InputError` as `SectionPiece` and its method `stresses` do.
     """
@@ -395,7 +439,8 @@ def _seated_rings(member: Member) -> Iterator[SeatedRing]:
     """Yield the rings of pads on a section: of joints if the section has one, else those on the ground."""
     for seat in seats(member.scene, member.number):
         if seat.ring.faces is not None:
-            yield SeatedRing(seat.joint, _pads_of(body_ring(seat.ring, seat.key.partition("[")[0])), seat.positions)
+            name = name_in_scene(member.scene.names[seat.joint], seat.key, seat.ring)
+            yield SeatedRing(seat.joint, _pads_of(body_ring(seat.ring, name)), seat.positions)
     for ring in () if member.has_joint else member.part.pads:
         first, last = member.travel if ring.moving else (0.0, 0.0)
         yield SeatedRing(0, _pads_of(ring), Interval(ring.at + first, ring.at + last))

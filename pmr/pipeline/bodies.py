@@ -298,10 +298,10 @@ def stress_at_pads(
     ``wall_stress`` is the largest von Mises stress at the times of `states`, which are those of the reduced bodies, the
     same on every rank, from which `recovered` was recorded.  Its keys are ``value`` and its ``error`` by the meshes of
     the walls in Pa, ``t`` in s, ``position`` in m, ``section``, ``region``, and ``yield`` in Pa if the walls have a
-    yield stress.  ``wall_stress_missing`` has the reason, by the name of each section with pads whose walls are not
-    looked at.  ``pad_yield`` has the force of a joint's pad at which walls begin to yield
-    (`pmr.fullmodel.wall_stress.yield_forces`), by the name of the joint's section.  Entries without content are left
-    out.
+    yield stress; ``even`` and ``even_error`` are the largest stress, which may be at other pads, and its error if the
+    pressure of pads is even.  ``wall_stress_missing`` has the reason, by the name of each section with pads whose walls
+    are not looked at.  ``pad_yield`` has the force of each pad of a joint at which walls begin to yield, as the dict of
+    a `pmr.fullmodel.wall_stress.YieldForce`, by the name of the pad.  Entries without content are left out.
     """
     from pmr.fullmodel.wall_stress import wall_peak, yield_forces  # FEniCSx, which given matrices do without
 
@@ -326,8 +326,10 @@ def stress_at_pads(
             peaks |= {} if peak is None else {part.name: peak}
     entries: dict[str, Any] = {"wall_stress_missing": missing} if missing else {}
     if peaks:
-        name = max(peaks, key=lambda name: peaks[name].stress.value)
-        entries["wall_stress"] = _peak_entry(scene.bodies[name], peaks[name], float(states[name].t[peaks[name].state]))
+        name = max(peaks, key=lambda name: peaks[name].stress.middle.value)
+        entry = _peak_entry(scene.bodies[name], peaks[name], float(states[name].t[peaks[name].state]))
+        even = max(peak.stress.even for peak in peaks.values())
+        entries["wall_stress"] = entry | {"even": even.value, "even_error": even.error}
     try:
         forces = comm.bcast(call_on_first_rank(comm, lambda: yield_forces(scene))) if len(scene.sections) > 1 else {}
     except UNNEEDED as error:
@@ -348,8 +350,8 @@ def _peak_entry(part: BoomSection, peak: WallPeak, t: float) -> dict[str, Any]:
     off_mid = {side.name: abs(float((peak.position[1:] - side.start) @ side.normal)) for side in flat}
     off_face = {side.name: abs(off_mid[side.name] - side.thickness / 2.0) for side in flat}  # at an edge not the same
     entry = {
-        "value": peak.stress.value,
-        "error": peak.stress.error,
+        "value": peak.stress.middle.value,
+        "error": peak.stress.middle.error,
         "t": t,
         "position": peak.position.tolist(),
         "section": part.name,

@@ -254,15 +254,14 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
             used += f", {format_percent((shell['value'] + most) / allowed)} with "
             used += "the errors of this mesh and of the pad forces" if by_pads is not None else "this error alone"
     contains = f"{WALL_STRESS_PARTS}{play_clause(result, 'wall_stress')}"
-    by_mesh = " (error by the mesh of the walls)" if "error" in shell else ""
+    by_mesh = ", with errors by the mesh of the walls" if "error" in shell else ""
     text = f"{wall_stress_words(shell)}{by_mesh}{used}; {peak_place_clause(result, at)}; {contains}"
     return largest_value("wall_stress", f"{text}{_missing_clause(result.summary)}", share)
 
 
 #: What the stress in walls at pads takes for granted, and what it contains.
 WALL_STRESS_PARTS = (
-    "the pressure of pads is taken to be largest in their middle; on boxes that were tried, an even one bent walls by "
-    "22 to 38 % less; "
+    "the pressure of pads is taken to be largest in their middle, unless it is said to be even; "
     "this stress contains that of the whole section and the bending of walls under pads, but no welds"
 )
 

@@ -15,7 +15,6 @@ from pmr.report.sentences import LargestValue, LargestValues, extreme_clause, la
 from pmr.report.subject import (
     drive_of,
     has_free_luffing,
-    joint_section,
     luffing_support_names,
     play_clause,
     shown_force_name,
@@ -290,21 +289,17 @@ def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestVal
     shares = {
         name: (extremes.size / limit["force"], limit)
         for name, extremes in forces.items()
-        if (limit := limits.get(joint_section(result, name))) is not None
+        if (limit := limits.get(name)) is not None
     }
     if shares:
         pad = max(shares, key=lambda name: shares[name][0])
         share, limit = shares[pad]
         force = format_quantity(limit["force"], "N")
-        bar = (
-            f" ± {format_quantity(limit['error'], 'N')} (error by the mesh of the walls)" if limit.get("error") else ""
-        )
+        bar = f" ± {format_quantity(limit['error'], 'N')} (error by the mesh of the walls)"
         text = f"{format_percent(share)} of {force}{bar}, {pad}, {extreme_clause(result, forces[pad].largest)}; "
-        text += f"{force} is the force of one pad alone at which the walls of {limit['section']} begin to yield at the "
-        text += (
-            "edge of the pad, where walls are weakest along this joint, with the largest pressure in the middle of the "
-            "pad; it leaves out the bending of the whole section"
-        )
+        text += f"{force} is the force of this pad alone at which the walls of {limit['section']} begin to yield at "
+        text += "the weakest place along its way, with the largest pressure in the middle of the pad; with an even "
+        text += f"pressure it is {format_quantity(limit['even'], 'N')}; it leaves out the bending of the whole section"
         yield largest_value("pad_force", text, share, "largest share of the pad force at which walls yield")
 
 

@@ -81,12 +81,17 @@ def wall_place_words(walls: Summary) -> str:
 
 
 def wall_stress_words(walls: Summary) -> str:
-    """Words for the largest stress in walls (`pmr.results.quantities.wall_stress`): its value and error bar.
+    """Words for the largest stress in walls (`pmr.results.quantities.wall_stress`) and its error bar.
 
-    Files of earlier versions have no bar, and a value that is a lower bound.
+    The largest stress with an even pressure of pads, which may be at other pads, follows in brackets.  Files of earlier
+    versions have neither this nor a bar, and a value that is a lower bound.
     """
     value = format_quantity(walls["value"], "Pa")
-    return f"{value} ± {format_quantity(walls['error'], 'Pa', 2)}" if "error" in walls else f"at least {value}"
+    words = f"{value} ± {format_quantity(walls['error'], 'Pa', 2)}" if "error" in walls else f"at least {value}"
+    if "even" not in walls:
+        return words
+    even = f"{format_quantity(walls['even'], 'Pa')} ± {format_quantity(walls['even_error'], 'Pa', 2)}"
+    return f"{words} ({even} if pads press evenly)"
 
 
 def direction_words(result: RunResult, direction: str) -> str:
@@ -258,12 +263,6 @@ def rings_of(part: BoomSection) -> list[PadRing | JointPads]:
 def has_pushing_pads(result: RunResult) -> bool:
     """Whether any pad is unilateral: such a pad can only push, and may lift off."""
     return any(ring.unilateral for part in result.scene.bodies.values() for ring in rings_of(part))
-
-
-def joint_section(result: RunResult, pad: str) -> str:
-    """Name of the section that slides on the pad called `pad`, at its tail or at the mouth; empty for other names."""
-    names = [name for name in result.scene.names if f"{pad} ".startswith((f"{name} tail ", f"{name} mouth "))]
-    return max(names, key=len, default="")
 
 
 def has_free_luffing(result: RunResult) -> bool:

@@ -303,6 +303,15 @@ def body_ring(ring: PadRing | JointPads, name: str) -> PadRing:
     )
 
 
+def name_in_scene(body: str, key: str, ring: PadRing | JointPads) -> str:
+    """Return the name of a ring of pads in the whole scene, such as ``fly tail``.
+
+    `body` is the name of the body that has the ring, and `key` that of the ring there, such as ``joint.tail[0]``.
+    """
+    end = key.partition("[")[0].removeprefix("joint.").removeprefix("pads")
+    return " ".join(filter(None, (body, end, ring.name)))
+
+
 class PadOnFace(NamedTuple):
     """Pad on a face of the body: its ring, and the name of the face."""
 
@@ -326,8 +335,7 @@ def pads_on_faces(scene: Scene) -> dict[str, PadOnFace]:
     for body, part in scene.bodies.items():
         for key, ring in part.keyed_rings.items():
             if ring.faces is not None:
-                end = key.partition("[")[0].removeprefix("joint.").removeprefix("pads")
-                named = body_ring(ring, " ".join(filter(None, (body, end, ring.name))))
+                named = body_ring(ring, name_in_scene(body, key, ring))
                 pads |= {name: PadOnFace(ring, face) for name, face, _ in named.named_pads}
     return pads
 

@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.errors.environment import is_installed
-from pmr.results.quantities import DIRECTION, resultant_name, stress_remark
+from pmr.results.quantities import DIRECTION, matches_pattern, resultant_name, stress_remark
 from pmr.scene import Scene
 from pmr.scene.choice import has_unlike_side_walls, is_planar, lateral_load_reasons
 from pmr.scene.frame import Frame
@@ -137,17 +137,17 @@ def _winds(scene: Scene, frame: Frame) -> dict[str, float | None]:
 
 
 class WallLimit(NamedTuple):
-    """Limit on the forces of the pads of a joint, by which the walls of a section begin to yield."""
+    """Limit on the forces of the pads at one end of a joint, by which the walls of a section begin to yield."""
 
-    name: str  # section whose joint it is
-    pads: list[str]  # patterns of names of its pads, in quotes
+    name: str  # section whose joint it is, and the end
     force: float  # N, less its error bar
     error: float  # N: the error bar
+    even: float  # N: the force if the pads press evenly
     section: str  # section whose walls yield
 
 
 def _wall_limits(scene: Scene) -> Iterator[WallLimit]:
-    """Yield a limit of a chart for each joint of beams whose walls' stress at pads can be computed.
+    """Yield a limit of a chart for each end of a joint of beams whose walls' stress at pads can be computed.
 
     If FEniCSx is not installed or walls can't be computed, a warning is logged and nothing is yielded.
     """
@@ -163,11 +163,12 @@ def _wall_limits(scene: Scene) -> Iterator[WallLimit]:
     except InputError as error:
         logger.warning("walls at pads are not limited: %s", error.allowed)
         return
-    for name, at_yield in forces.items():
-        joint = scene.joint(scene.names.index(name))
-        ends = [end for end, rings in (("tail", joint.tail), ("mouth", joint.mouth)) if any(r.faces for r in rings)]
-        pads, bar = [json.dumps(f"{name} {end} *") for end in ends], at_yield.error
-        yield WallLimit(name, pads, at_yield.force - bar, bar, at_yield.section)
+    for name in [f"{section} {end}" for section in scene.names for end in ("tail", "mouth")]:
+        of_pads = [force for pad, force in forces.items() if matches_pattern((f"{name} *",), pad)]
+        if of_pads:
+            least = min(of_pads, key=lambda of_pad: of_pad.force - of_pad.error)
+            even = min(of_pad.even for of_pad in of_pads)
+            yield WallLimit(name, least.force - least.error, least.error, even, least.section)
 
 
 class SupportLimit(NamedTuple):

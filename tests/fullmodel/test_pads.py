@@ -11,7 +11,7 @@ from gathering import gathered
 from pmr import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.actions import Action, PadForce, Weight
-from pmr.fullmodel.pads import Pad, Pads, Support, fixed_pad, moving_pad, restrain
+from pmr.fullmodel.pads import Pad, Pads, Support, fixed_pad, moving_pad, restrain, under_even_pad
 from pmr.fullmodel.structure import Structure, structural_model
 from pmr.models import StructuralModel
 from pmr.models.beam2d import Beam2D
@@ -73,6 +73,31 @@ def test_a_pad_measures_the_mean_of_a_parabola_without_a_ripple() -> None:
     spread = [applied(row, s, w) - s**2 for s in np.linspace(*TRAVEL, 77)]
     step = 0.3 / 10
     assert spread == pytest.approx(np.full(77, (2 * step) ** 2 / 3 + step**2 / 6), rel=1e-9)
+
+
+@pytest.mark.parametrize("make", MODELS.values())
+@pytest.mark.parametrize(
+    ("face", "across", "width", "across_to"),
+    [("bottom", 0.06, 0.08, 3e-3), ("left", -0.15, 0.08, 3e-3), ("left", -0.16, 0.08, 0.04), ("top", 0.0, 0.3, 0.08)],
+)
+def test_an_even_pad_measures_the_mean_over_its_area(
+    make: Callable[[], StructuralModel], face: str, across: float, width: float, across_to: float
+) -> None:
+    """Rigid motions and parabolas along the axis but for round-off, parabolas across to a share.
+
+    The sides of pads cut skewed cells, but for sides that are on an edge of the face.
+    """
+    model, (axis, sign, _) = make(), FACES[face]
+    pad = Pad("p", face, at=0.77, across=across, width=width)
+    row = under_even_pad(pad, model)
+    place, normal = np.zeros(3), sign * np.eye(3)[axis]
+    place[0], place[3 - axis] = pad.at, across
+    expected = np.concatenate([normal, np.cross(place, normal)])
+    assert (row @ model.rigid_motions())[0] == pytest.approx(expected, abs=1e-12)
+    if isinstance(model, Shell):
+        points, on = model.nodes.points, sign * (model.nodes.component == axis)
+        assert row @ (on * (points[:, 0] - pad.at) ** 2) == pytest.approx(0.3**2 / 12.0, rel=1e-9)
+        assert row @ (on * (points[:, 3 - axis] - across) ** 2) == pytest.approx(width**2 / 12.0, rel=across_to)
 
 
 def test_a_row_is_twice_continuously_differentiable(model: StructuralModel) -> None:

@@ -14,6 +14,7 @@ from pmr.fem.compat import MPI
 from pmr.fullmodel import wall_stress
 from pmr.fullmodel.pads import Pad
 from pmr.fullmodel.wall_stress import (
+    ByPressure,
     Estimate,
     LoadedRing,
     RingStress,
@@ -46,7 +47,8 @@ def test_rings_have_places_and_forces_of_pads_and_the_largest_stress_of_all_sect
             raise InputError("body", "pads", None, "a pad on its face is allowed")
         box = part.body.box  # at the left edge of the bottom wall, on its outer face
         place = np.array([1.0, box.width / 2.0, -(box.height + box.sides[0].thickness) / 2.0])
-        return WallPeak(Estimate(2e8 if part.name == middle else 1e8, 3e6), 1, place)
+        middle_pressed = Estimate(2e8 if part.name == middle else 1e8, 3e6)
+        return WallPeak(ByPressure(middle_pressed, Estimate(1.5e8 if part.name == middle else 1.6e8, 2e6)), 1, place)
 
     monkeypatch.setattr(wall_stress, "wall_peak", wall_peak)
     monkeypatch.setattr(wall_stress, "yield_forces", lambda scene: {})
@@ -55,6 +57,7 @@ def test_rings_have_places_and_forces_of_pads_and_the_largest_stress_of_all_sect
     assert entries["wall_stress_missing"] == {base: "a pad on its face is allowed"}
     found = entries["wall_stress"]
     assert (found["value"], found["error"], found["section"], found["region"]) == (2e8, 3e6, middle, "bottom")
+    assert (found["even"], found["even_error"]) == (1.6e8, 2e6)
     assert found["t"] == pytest.approx(0.1)
 
     response = simulated.response
@@ -86,7 +89,7 @@ def test_stresses_stored_before_a_run_are_all_that_it_looks_at(
 
     def stresses(piece: SectionPiece, pads: list[Pad], place: float) -> list[RingStress]:
         looked_at.add((piece.length, place, *((pad.on, pad.across, pad.length, pad.width) for pad in pads)))
-        stress = np.ones((len(pads), 1, 3))
+        stress = np.ones((2, len(pads), 1, 3))
         at_one_point = RingStress(np.array([[0.0, 0.1, 0.1]]), np.array([0.006]), stress, np.zeros(1))
         return [at_one_point, at_one_point]
 
