@@ -14,7 +14,8 @@ from cffi import FFI
 SOURCES = Path(__file__).parent / "src"  # from the root of a checkout where setup.py reads this file
 #: Files that are compiled by themselves; all other files are included by avx2.c and baseline.c (variant.c).
 FILES = ("block.c", "system.c", "signals.c", "frame.c", "ground.c", "bank.c", "dispatch.c", "avx2.c", "baseline.c")
-FLAGS = ["-std=gnu11", "-O2", "-ffp-contract=fast", "-fvisibility=hidden", "-Wall", "-Wextra"]
+#: Python's own flags let indices of loops wrap around, which costs a twentieth of a step.
+FLAGS = ["-std=gnu11", "-O2", "-fno-wrapv", "-ffp-contract=fast", "-fvisibility=hidden", "-Wall", "-Wextra"]
 BEGIN, END = "/* ---- from here on cffi reads this file: declarations only ---- */", "/* ---- up to here ---- */"
 
 

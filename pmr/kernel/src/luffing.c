@@ -13,6 +13,7 @@ static void lay_out_luffing(const pmr_system *y, pmr_state *st, room *r)
     ms->own = y->boom;
     ms->own.motions = steps.motions, ms->own.rates = steps.rates, ms->own.base_motion = steps.base_motion;
     ms->own.external = steps.external, ms->own.weight = steps.weight, ms->own.drive = steps.drive;
+    ms->saved = st->began; /* so that trials need not save it again */
     ms->answer = st->answer, ms->answer_drift = st->answer_drift;
     ms->machine = &ms->own;
     ms->state = st;

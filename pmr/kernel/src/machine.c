@@ -441,9 +441,9 @@ static void lay_out_machine(pmr_machine_run *ms, const pmr_state *st, const pmr_
     int o;
     if (taken) ms = taken;
 #define ROOM(field, count) ms->field = take_room(r, (size_t)(count), sizeof(double))
-    ROOM(saved, st->stepped);
     ROOM(tried, end_size(y, st, machine));
     if (machine != &y->boom) {
+        ROOM(saved, st->stepped);
         ROOM(answer, end_size(y, st, machine));
         ROOM(answer_drift, end_size(y, st, machine));
     }

@@ -285,7 +285,7 @@ static int make_step(pmr_state *st, int given_level, const pmr_course *course)
         st->progress.came = -1;
     else if (st->progress.active >= 0)
         st->progress.came = st->progress.active;
-    if (is_iterated(y)) memcpy(st->began, st->mark, st->stepped * sizeof(double));
+    if (is_iterated(y) && !st->run) memcpy(st->began, st->mark, st->stepped * sizeof(double));
     for (;;) {
         if (course->samples && st->settings.parts[level] > 1 && course->per % st->settings.parts[level]) {
             st->progress.level = level;
