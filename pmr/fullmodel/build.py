@@ -47,8 +47,7 @@ logger = logging.getLogger(__name__)
 
 #: A motion is free if singular values of what holds it are below this share of the largest; pads are exact to 1e-12.
 FREE = 1e-7
-#: Largest share of its own measure that a contact of two bodies may have of a displacement that both share: the sine of
-#: the angle between the faces that a pad joins.
+#: Largest angle in rad between the faces of two bodies that a pad joins.
 TURNED = 5e-2
 #: A row is round-off if it measures less than this share of the sum of the magnitudes of its terms.
 ROUND_OFF = 1e-9
@@ -434,23 +433,24 @@ def _free_motion_sentence(built: Mapping[str, AssembledBody], free: FreeMotions)
 
 
 def _check_facing(scene: Scene, built: Mapping[str, AssembledBody]) -> None:
-    """Raise an `InputError` if a contact between two of the bodies `built` resists a displacement that both share.
+    """Raise an `InputError` if a pad joins faces of two of the bodies `built` that are not parallel.
 
-    The faces that such a contact joins are not parallel, as where a file has another axis upwards.  The displacements
-    are those along y and z that all bodies have.  Contacts of clamped bodies, which have none near the clamp, are not
-    looked at.  Collective.
+    So it is where a file has another axis upwards.  The normals are the directions along which the pad measures
+    displacements of each body; next to a clamp it measures a part of them.  Collective.
     """
     models, structural = models_of(built), {name: body.structure.model for name, body in built.items()}
     system, positions = FullSystem(models, contacts_of(scene, models)), _checked_positions(scene)
     bodies = {name: RigidBody.from_model(model, structural[name]) for name, model in models.items()}
     shifts = {name: _shifts(ahead) for name, ahead in positions.tails.items()}
     measured = _contact_measures(system, bodies, positions, shifts)[0].reshape(len(system.contacts), len(bodies), 6)
-    across = [k for k in (1, 2) if all(DIRECTIONS[k] in model.directions for model in structural.values())]
-    shared, size = np.abs(measured[..., across].sum(axis=1)), np.abs(measured[..., :3]).max(axis=(1, 2))
-    clamped = {name for name, body in built.items() if body.structure.clamps}
-    for contact, is_turned in zip(system.contacts, np.any(shared > TURNED * size[:, None], axis=1), strict=True):
-        if is_turned and contact.outer is not None and not clamped & {contact.inner.body, contact.outer.body}:
-            inner, outer = contact.inner.body, contact.outer.body
+    shared = [k for k in range(3) if all(DIRECTIONS[k] in model.directions for model in structural.values())]
+    for contact, of_bodies in zip(system.contacts, measured[..., shared], strict=True):
+        if contact.outer is None or contact.kind != "pad":
+            continue
+        inner, outer = contact.inner.body, contact.outer.body
+        normals = [of_bodies[scene.names.index(name)] for name in (inner, outer)]
+        size = float(np.prod(np.linalg.norm(normals, axis=1)))
+        if normals[0] @ normals[1] > -np.cos(TURNED) * size:  # of opposite signs: a pad measures the difference
             allowed = (
                 f"faces of {inner} and {outer} that are parallel are allowed, but those at the pad {contact.name} are "
                 "not; do both bodies have x along the boom and z upwards?"
