@@ -259,7 +259,7 @@ def beam_of(body: PlateBody) -> Beam3D:
 
 
 def shell_of(body: PlateBody) -> Shell:
-    """Shell of a box, meshed by gmsh; raises an `InputError` if the box can't be drawn with its cells."""
+    """Shell of a box, which gmsh meshes with the sizes of cells in `body.box`."""
     with TemporaryDirectory() as folder:
         write_shell(body.box, Path(folder, "walls.msh"))
         mesh = read_mesh(Path(folder, "walls.msh"), ("triangle",))
