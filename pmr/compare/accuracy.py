@@ -108,8 +108,8 @@ class Search:
     def __init__(self, scene: Scene, models: Mapping[str, ReducedModel]) -> None:
         """Begin the search with `models`, the reductions of the bodies by name, and find the trial that is run.
 
-        It is a trial that meets the scene's tolerance or, if there is a budget, the one with the smallest error within
-        it.  If none meets the tolerance, it is the one that comes closest.  Errors as the class says.
+        Without a budget, this trial meets the scene's tolerance, or comes closest to it if no trial does.  With a
+        budget, it has the smallest error that the budget allows.  The errors are those that the class states.
         """
         begin, self.scene = time.perf_counter(), scene
         if why := reason_without_estimate(models):

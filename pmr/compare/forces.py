@@ -79,7 +79,11 @@ def histories(scene: Scene, response: Response) -> History:
 
 
 def _pad_rows(scene: Scene, loads: Mapping[str, Extremes]) -> Iterator[dict[str, Any]]:
-    """Yield rows of ``pads`` in summary.json from the extremes `loads` of the pads' forces, by name."""
+    """Yield rows of ``pads`` in summary.json from the extremes `loads` of the pads' forces, by name.
+
+    The row of a pad on a face has its largest ``pressure`` in Pa, too, and the ``allowed_pressure`` if the scene has
+    one.
+    """
     on_faces = pads_on_faces(scene)
     for name, extremes in loads.items():
         row: dict[str, Any] = {"name": name, **extremes.summary()}

@@ -74,7 +74,8 @@ class Simulations:
     def simulated_system(self, system: System, excitation: Excitation) -> SimulatedSystem:
         """The system under the excitation, with the motion and response of the first simulator if it kept the motion.
 
-        The excitation then has that simulator's parts of each step.
+        With a motion, the excitation has the times of that simulator, which may have divided steps into parts; without
+        one, it is unchanged.
         """
         if self.first.run is None:
             return SimulatedSystem(system, excitation, form=self.form)

@@ -251,9 +251,9 @@ class Runs:
         return sample
 
     def band(self) -> float:
-        """Frequency in Hz above which 1 % of the tip's motion lies in the last run, by its RMS; 0 if nothing moves.
+        """Frequency in Hz above which the tip's motion in the last run has 1 % of its RMS; 0 if nothing moves.
 
-        If the tip does not move, as on a support, it is the frequency for all displacements.
+        If the tip does not move, since it stands on a support, all displacements take its place.
         """
         of, stepping = self._stepped, self.last_grid
         if self._last is None:

@@ -307,9 +307,10 @@ class Trials:
         return {kind: np.inf if run_error is None else run_error.error_of(kind) for kind in self.wanted}
 
     def is_settled(self, sizes: Sizes, steps: int) -> bool:
-        """Whether runs with more than `steps` steps approach each other, in all wanted kinds of outputs.
+        """Return whether finer time steps than these `steps` bring the runs of these `sizes` closer to each other.
 
-        Only to be called after `step_errors` for the same sizes and steps.
+        This is asked of all wanted kinds of outputs.  It is False if the error of the step could not be computed.  Only
+        to be called after `step_errors` for the same sizes and steps.
         """
         run_error = self._step_errors[sizes, steps]
         return run_error is not None and run_error.settled and not set(run_error.unsettled) & set(self.wanted)

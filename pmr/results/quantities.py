@@ -11,7 +11,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from fnmatch import fnmatchcase
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -627,7 +626,7 @@ def von_mises_stress(components: Array, names: Sequence[str]) -> Array:
 
 def matches_pattern(patterns: Sequence[str], name: str) -> bool:
     """Return whether a name fits one of the patterns, in which ``*`` stands for any text."""
-    return any(fnmatchcase(name, pattern) for pattern in patterns)
+    return any(re.fullmatch(".*".join(map(re.escape, pattern.split("*"))), name) for pattern in patterns)
 
 
 #: Keys of the quantities in which models are compared, in the order in which errors are named.

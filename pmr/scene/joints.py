@@ -327,7 +327,11 @@ class OneBody(SceneTable):
 
     @property
     def length(self) -> float:
-        """Length of the body in m; for a mesh file the length of the observed range, extended to x = 0."""
+        """Length of the body in m.
+
+        For a mesh file it is the distance from x = 0, or from the first observed station if that lies below 0, to the
+        last one; 0 without stations.
+        """
         observed = self.observe.stations or (0.0,)
         return self.body.length or observed[-1] - min(observed[0], 0.0)
 

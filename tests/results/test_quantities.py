@@ -8,7 +8,7 @@ import pytest
 
 from pmr import Response
 from pmr.results import Energy
-from pmr.results.quantities import LIMITED, QUANTITIES, Columns, support_names
+from pmr.results.quantities import LIMITED, QUANTITIES, Columns, matches_pattern, support_names
 from pmr.results.response import KINDS, Extreme, Extremes
 from pmr.scene.run_settings import OutputKind
 
@@ -101,3 +101,17 @@ def test_forces_below_a_billionth_of_the_largest_are_round_off() -> None:
     assert held.force_floor == pytest.approx(4e-5, rel=1e-12)
     assert held.clear_round_off(np.array([0.0, 3.36e-5, 0.0])).tolist() == [0.0] * 3
     assert held.clear_round_off(np.array([0.0, 4.1e-5, 0.0])).tolist() == [0.0, 4.1e-5, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "name", "fits"),
+    [
+        ("jib *", "jib pad 1", True),
+        ("*pad 1", "jib pad 1", True),
+        ("jib [1]", "jib [1]", True),
+        ("jib [1]", "jib 1", False),
+        ("jib ?", "jib 2", False),
+    ],
+)
+def test_a_star_alone_stands_for_any_text_in_a_pattern(pattern: str, name: str, fits: bool) -> None:
+    assert matches_pattern([pattern], name) is fits

@@ -69,7 +69,7 @@ START = DATA["start"]  # (n,) coordinates at t = 0
 
 
 def rows_at(s):
-    """Namespace of the contacts' matrices with the paths at s (P,) m.
+    """Namespace of the contacts' matrices with the P paths at the positions in the list s in m.
 
     C (m, n) are displacements of the m contacts by the coordinates, H (m, i) by the inputs and F (m, m) by the
     contacts' own forces.  X (o, m) are displacements of the outputs by these forces.

@@ -245,7 +245,9 @@ def limit_grid(study: FinishedStudy, names: list[str], parts: Parts) -> Grid:
 def error_bar_grids(study: FinishedStudy, names: list[str], parts: Parts) -> list[Grid]:
     """List with one table of the error bars of the limits `names`, and of the bars' parts, as shares of the load.
 
-    Limits that no load of the chart reaches have no row.  The list is empty if no error bars were asked for.
+    The bars are half widths.  Each cell has the median over all points of the chart at which a load reaches the limit;
+    the last column has the largest total.  Limits that no load of the chart reaches have no row.  The list is empty if
+    the study has no error bars.
     """
     if not study.study_file["error_bars"]:
         return []

@@ -246,7 +246,11 @@ def largest_value_block(runs: Sequence[RunRecord]) -> Block | None:
 
 
 def largest_values(runs: Sequence[RunRecord]) -> dict[str, list[str]]:
-    """Cells of every run, by quantity, for the quantities in `ROWS` that at least one of the runs has."""
+    """List the largest absolute value of every run as text with its unit, by quantity.
+
+    Quantities whose name begins with "lowest" have the lowest value.  Quantities of `ROWS` that no run has are left
+    out; a dash stands for a run that does not have one.
+    """
     cells = {}
     for word, (names, unit) in ROWS.items():
         values = [_extreme_amount(run, names, min if word.startswith("lowest") else max) for run in runs]

@@ -166,9 +166,11 @@ class _Joint:
         return self._base.answering.response(s).select(self._on)
 
     def forces_and_stiffness(self, t: float, z: Array) -> ForcesAndStiffness:
-        """Force (N,) and stiffness (N, N) from the energy stored by the node w, and from the stiffness that holds w.
+        """Force (N,) on the coordinates z (N,) at t s, and stiffness (N, N); z begins with the node's displacement w.
 
-        z (N,) are the coordinates at t s, w first.  The node w is held in directions without flexibility.
+        The force is minus the derivative of the elastic energy of w, which depends on the extensions, too.  In
+        directions in which the boom has no flexibility, a stiff spring holds w.  The stiffness leaves out the second
+        derivatives of the energy by the extensions.
         """
         w, along, e, K = z[:3], self._base.paths.along, self._scale, np.zeros((len(z),) * 2)
         response = self._responses(self._base.split_displacements(t, z[6:]).s)

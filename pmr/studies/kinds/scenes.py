@@ -217,11 +217,12 @@ def body_figures(summary: Summary) -> dict[str, Scalar]:
     """Return columns of the table about bodies, from the summary of a run.
 
     - ``stress.<region>...``: the columns of `stress_figures`.
-    - ``mass`` in kg of all bodies with the masses attached to them, and ``mass.<body>`` in kg of each body.
+    - ``mass`` in kg of all bodies, and ``mass.<body>`` of each body of several, with the masses attached to them.
     - ``damage.<probe>``: damage by fatigue.
-    - ``utilisation``: the largest stress as a share of the yield stress, at ``utilisation_t`` in s, in
-      ``utilisation_section`` at ``utilisation_{x,y,z}`` in m.
-    - ``beam_forces.<quantity>.{min,t_min,x_min,max,...}``: section forces in N; ``beam_moments.<quantity>...`` in N m.
+    - ``utilisation``: the reduced model's largest stress as a share of the yield stress, at ``utilisation_t`` in s, at
+      ``utilisation_{x,y,z}`` in m, and of several bodies in ``utilisation_section``.
+    - ``beam_forces.<quantity>.{min,t_min,x_min,max,...}``: the reduced model's section forces in N;
+      ``beam_moments.<quantity>...`` in N m.  The quantity's name begins with that of its section if there are several.
 
     Columns about which the summary has nothing are left out.
     """
