@@ -244,12 +244,12 @@ def simulate(model: Model, scene: MotionScene, out_dir: Folder = None, overrides
     from pmr.results import RESULT_FILES
     from pmr.results.quantities import QUANTITIES
     from pmr.results.tables import reaction_table, write_tables
-    from pmr.scene.tomlfiles import scene_name
+    from pmr.scene.tomlfiles import result_name
     from pmr.system.system import System
 
     finish_swap(model.parent)
     system, file = System.load(model), console.scene_file(scene)
-    loaded, folder = scenes.load_any(file, overrides or ()), out_dir or Path("reports", scene_name(scene))
+    loaded, folder = scenes.load_any(file, overrides or ()), out_dir or Path("reports", result_name(scene))
     if folder.resolve() == model.parent.resolve():
         raise InputError("command line", "--out", str(folder), "a folder other than the model's is allowed")
     console.prepare_folder(folder, RESULT_FILES)

@@ -48,7 +48,7 @@ def observe(
     from pmr.observe.measured import Observation, ObserverFile, read_measurements
     from pmr.report.observation import write_report
     from pmr.scene import load_any
-    from pmr.scene.tomlfiles import scene_name
+    from pmr.scene.tomlfiles import result_name
     from pmr.system.system import System
 
     environment.check_report()  # before the work, not after it
@@ -61,7 +61,7 @@ def observe(
     data = read_measurements(measured, estimator.units)
     true = {} if truth is None else read_measurements(truth, estimator.units)
     observation = Observation.compute(estimator, data, leave_out, true, loaded.title)
-    folder = out_dir or Path("reports", scene_name(scene))
+    folder = out_dir or Path("reports", result_name(scene))
     files, figures = observation.write(folder), observation.summary()
     table = Table("estimate at the end", "value", "standard deviation", title_justify="left")
     for name, last in figures["last"].items():
@@ -99,7 +99,7 @@ def identify(
     import pmr
     from pmr.observe.identify import SHARES, FrequencyTable
     from pmr.scene import load_any
-    from pmr.scene.tomlfiles import scene_name
+    from pmr.scene.tomlfiles import result_name
 
     table, file, changes = FrequencyTable.read(measured), scene_file(scene), list(overrides or ())
     start = _starts(fit)
@@ -109,7 +109,7 @@ def identify(
         return pmr.reduce(load_any(file, [*changes, *fitted])).system
 
     result = table.identify(reduce_with, start)
-    folder = out_dir or Path("reports", f"identify_{scene_name(scene)}")
+    folder = out_dir or Path("reports", f"identify_{result_name(scene)}")
     fitted, figures = folder / "fitted.toml", folder / "identify.json"
     base = f"extends = {json.dumps(os.path.relpath(file, folder))}"
     write_text(fitted, "\n".join([base, *map(_toml_line, [*changes, *result.overrides()]), ""]))

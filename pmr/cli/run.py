@@ -92,12 +92,12 @@ def run(
     from pmr import scene as scenes
     from pmr.scene.choice import traits_of
     from pmr.scene.members import members
-    from pmr.scene.tomlfiles import scene_name
+    from pmr.scene.tomlfiles import result_name
 
     changes = [*(overrides or ())]
     if simulators is not None:
         changes.append(f"simulation.simulators={json.dumps([name.strip() for name in simulators.split(',')])}")
-    names = [scene_name(file) for file in scene_files]
+    names = [result_name(file) for file in scene_files]
     files = [console.scene_file(file) for file in scene_files]
     by_tolerance = {} if tolerance is None else {file: _tolerance_overrides(tolerance, file) for file in files}
     loaded = [

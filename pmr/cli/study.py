@@ -63,7 +63,7 @@ def study(
 
         mpiexec -n 9 python -m mpi4py.futures -m pmr study coordinates    (8 workers)
     """
-    from pmr.scene.tomlfiles import experiments
+    from pmr.scene.tomlfiles import experiments, result_name
     from pmr.studies import call
     from pmr.studies.call import compute_results, save
     from pmr.studies.study import TABLES
@@ -76,7 +76,7 @@ def study(
             out.text(name)
         return
     environment.check_report()  # before the work, not after it
-    folder = out_dir or Path("reports", study_file.stem)
+    folder = out_dir or Path("reports", result_name(study_file))
     try:
         with _worker_pool(jobs) as pool:
             if pool is None:
@@ -243,11 +243,11 @@ def chart(
     from pmr.scene import load_any
     from pmr.scene.choice import traits_of
     from pmr.scene.members import members
-    from pmr.scene.tomlfiles import scene_name
+    from pmr.scene.tomlfiles import result_name
     from pmr.studies.chart_draft import chart_study_text, check_chart, usual_load, words_of_usual_load
 
     file = console.scene_file(scene)
-    folder = out_dir or Path("reports", f"chart_{scene_name(scene)}")
+    folder = out_dir or Path("reports", f"chart_{result_name(scene)}")
     written = folder / STUDY
     loaded, largest = None if written.exists() else load_any(file), up_to
     if loaded is not None:

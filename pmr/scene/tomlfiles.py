@@ -55,13 +55,14 @@ def resolve_path(path: Path, within: str) -> Path:
     return path if is_usable else workflow(str(path)) or path  # reading it reports the error
 
 
-def scene_name(path: Path) -> str:
-    """Return the name of the scene at `path`, after which results and rows of tables are named.
+def result_name(path: Path) -> str:
+    """Return the name of the scene or study at `path`, after which results and rows of tables are named.
 
-    It is the name of the file without its ending, but for a folder, or for ``scene.toml`` in it, that of the folder.
+    It is the name of the file without its ending, but for a folder, or for ``scene.toml`` or ``study.toml`` in it, that
+    of the folder.
     """
     folder = path if isdir(path) else path.parent
-    return (folder.resolve().name if isdir(path) or path.name == "scene.toml" else "") or path.stem
+    return (folder.resolve().name if isdir(path) or path.name in ("scene.toml", "study.toml") else "") or path.stem
 
 
 #: The file (or option) in which each key of the merged data was written.

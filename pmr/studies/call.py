@@ -20,7 +20,7 @@ from pydantic import BaseModel, Field
 
 from pmr.errors import InputError, duration_text, environment, similar_name_hint
 from pmr.scene.keys import SceneTable
-from pmr.scene.tomlfiles import Change, Dialect, TomlFile, override
+from pmr.scene.tomlfiles import Change, Dialect, TomlFile, override, result_name
 from pmr.studies import kinds
 from pmr.studies.study import RunRecord, Store, StudyBase, StudyResults
 from pmr.studies.tasks import Failure, Plan, Task, open_tasks
@@ -206,7 +206,7 @@ COLLECTION = "collection"
 
 
 class Collection(SceneTable):
-    """Several studies in one call: their `files`, and keys to `change` in each, by the file's name without suffix."""
+    """Several studies in one call: their `files`, and keys to `change` in each, by the names of the studies."""
 
     kind: Literal["collection"] = Field(description="Several studies in one call")
     title: str = Field(description="For reports")
@@ -285,7 +285,7 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Project:
         part = _plan_study("", file)
         return Project(part.study.title, part.study.kind, (part,))
     collection = file.validate(Collection)
-    names = [entry.stem for entry in collection.files]
+    names = [result_name(entry) for entry in collection.files]
     if len(set(names)) != len(names):
         raise InputError(file.origin("files"), "files", names, "names must differ")
     unknown = sorted(set(collection.change) - set(names))

@@ -21,7 +21,7 @@ from pmr.cli.console import scene_file, study_file
 from pmr.errors import InputError
 from pmr.fullmodel.wall_stress import YieldForce
 from pmr.scene.members import member_at, members
-from pmr.scene.tomlfiles import scene_name
+from pmr.scene.tomlfiles import result_name
 from pmr.simulation.frame import load_signals
 from pmr.studies import call
 from pmr.system.from_scene import force_names
@@ -354,9 +354,8 @@ def test_a_chart_of_a_folder_has_its_name(tmp_path: Path, monkeypatch: pytest.Mo
     _only_write_charts(monkeypatch)
     monkeypatch.chdir(tmp_path)
     run_command("new", "crane", "mine")
-    assert [scene_name(Path(of)) for of in ("mine", "mine/scene.toml", "mine/other.toml", "crane")] == [
-        *["mine"] * 2, "other", "crane",
-    ]  # fmt: skip
+    paths = [Path(of) for of in ("mine", "mine/scene.toml", "mine/study.toml", "mine/other.toml", "crane")]
+    assert [result_name(path) for path in paths] == ["mine", "mine", "mine", "other", "crane"]
     run_command("chart", "mine", "--up-to", "20000")
     study = call.load(tmp_path / "reports" / "chart_mine" / "chart.toml").parts[0].study
     limits = [(limit.of, limit.most, limit.factor) for limit in study.limits]

@@ -94,6 +94,14 @@ def test_a_collection_plans_its_studies(folder: Path) -> None:
     assert keys(study(folder, text), "change.one.grid.time.end=[1.0]") == ["end=1.0", "modes=5", "modes=6"]
 
 
+def test_a_file_study_in_a_folder_has_the_name_of_the_folder(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        study(tmp_path / name, GOOD)
+    parts = call.load(study(tmp_path, COLLECTION.replace(".toml", "/study.toml"))).parts
+    assert [part.name for part in parts] == ["one", "two"]
+
+
 def test_some_runs_of_a_collection_alone(folder: Path) -> None:
     project = call.load(study(folder, COLLECTION + "[change.two]\ngrid.reduction.modes = [5, 6]\n"))
     assert project.runs == ("one/paper_simple", "two/modes=5", "two/modes=6")

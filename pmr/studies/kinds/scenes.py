@@ -24,7 +24,7 @@ from pmr.results.tables import force_extremes, probe_extremes, reaction_extremes
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE, SceneTable, qualified_name
 from pmr.scene.model_ladder import candidate_scenes
-from pmr.scene.tomlfiles import Change, scene_name
+from pmr.scene.tomlfiles import Change, result_name
 from pmr.studies import tasks
 from pmr.studies.study import StudyBase
 from pmr.studies.tasks import KEY, Arguments, Needs, Plan, Scalar, Task, TaskResult, task_key
@@ -124,7 +124,7 @@ class Study(StudyBase):
         """
         runs, common = [], dict[str, Task]()
         for file, point in self._run_points():
-            key = task_key(",".join(point.words) or scene_name(file))
+            key = task_key(",".join(point.words) or result_name(file))
             scene = _varied_scene(file, point, key)
             arguments, needs = tasks.scene_arguments(scene), dict[str, Task]()
             second_order = scene.frame is not None and scene.frame.second_order
@@ -139,7 +139,7 @@ class Study(StudyBase):
     def _run_points(self) -> Iterator[tuple[Path, ScenePoint]]:
         """Yield the scene's file and the changes of each run."""
         for file in self.scenes:
-            of_scene: dict[str, Scalar] = {"scene": scene_name(file)} if len(self.scenes) > 1 else {}
+            of_scene: dict[str, Scalar] = {"scene": result_name(file)} if len(self.scenes) > 1 else {}
             for i, case in enumerate(self.cases or [None]):
                 named: dict[str, Scalar] = of_scene | ({"case": case.name} if case else {})
                 before = [Change(self.change, "change")]
