@@ -130,7 +130,11 @@ def describe_study(file: Path) -> dict[str, str]:
 
 
 def describe_model(model: ReducedModel) -> dict[str, str]:
-    """Return lines, by name, about a reduced model: its body, coordinates, paths, inputs and outputs."""
+    """Return lines, by name, about a reduced model.
+
+    They are its coordinates and section, scene, basis, inputs, outputs, rows with their range of s, rows left out,
+    ports if there are any, and the versions of the programs that made it.
+    """
     import numpy as np
 
     low, high = model.domain

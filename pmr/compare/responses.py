@@ -321,9 +321,9 @@ def memory_warnings(scene: Scene, size: int, outputs: int) -> list[str]:
 def check_memory(scene: Scene, size: int, outputs: int, free: int | None, tell: bool = True) -> None:
     """Raise an InputError, with the number of steps that fits, if histories do not fit into `free` bytes of memory.
 
-    Histories of less than `NOTABLE_BYTES` are not checked, and nothing is checked if `free` is None (unknown).  If
-    `tell` is true, a warning is logged for larger histories that fit.  `size` is the number of coordinates, and
-    `outputs` the number of outputs, of all full models together.
+    Histories of less than `NOTABLE_BYTES` are not checked, and all others fit if `free` is None (unknown).  If `tell`
+    is true, a warning is logged for those that fit.  `size` is the number of coordinates, and `outputs` the number of
+    outputs, of all full models together.
     """
     for message in memory_warnings(scene, size, outputs):
         total = needed_bytes(scene, size, outputs)

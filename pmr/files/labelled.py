@@ -168,11 +168,12 @@ WORDS = {1: 1, 2: 2}
 
 
 def _read_text4(lines: Sequence[str]) -> dict[str, sp.csr_matrix]:
-    """Read the matrices (any shape) of the `lines` of an OUTPUT4 text, by name.
+    """Read the real matrices (any shape) of the `lines` of an OUTPUT4 text, by name, up to the first blank line.
 
-    Integers have 8 or 16 digits, numbers the width of the header.  A column lists its numbers from one row on, or,
-    where that row is 0, strings of numbers with a row each.  Raises UnreadableError with the number of the line that
-    has another form.
+    Integers have 8 or 16 digits, and numbers the width that the header states.  A column is one run of numbers from the
+    row on that it states.  If that row is 0, or the header's number of rows is negative, it is several runs, each with
+    its own first row.  Raises UnreadableError with the number of a line that has another form, and for complex
+    matrices.
     """
     matrices, at = dict[str, sp.csr_matrix](), 0
 

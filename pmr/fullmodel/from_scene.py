@@ -62,7 +62,8 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
     By default the observed stations are the nodes of a beam without the last one, which is the tip.  Of more than
     `MOST_OBSERVED` nodes every second, third and so on is taken.
 
-    Raises an `InputError` if the mesh can't be read or drawn, or lacks a group.
+    Raises an `InputError` if the mesh can't be read or drawn or lacks a group, or if the model needs FEniCSx and that
+    is not installed.
     """
     if traits_of(member).needs_fenicsx:
         check_fenicsx(model_of(member))

@@ -435,12 +435,12 @@ def _moments(weights: Array, offsets: Array, ends: Indices) -> Array:
 
 
 def _correct_weights(weights: Array, offsets: Array, ends: Indices, moments: Array) -> Array:
-    """Weights (q,) times a parabola at each station, so that their moments are those of the exact integral.
+    """Return `weights` (q,) times a parabola at each station, so that their moments are those of the exact integral.
 
-    The parabola is one of the offsets from the station.  After this the weights of each station add up to one, their
-    centroid is zero, and their spread along the axis is 1/6 as that of the hat.  The correction is as small as the
-    error of the quadrature.  Uncorrected weights would make rows ripple for motions that have no ripple.  `weights`,
-    `offsets` and `ends` are those of `_moments`, and `moments` (9, K) is its result.
+    The parabola is a function of the offsets from the station.  At each station the result adds up to one, its centroid
+    is at the station, and its second moment along the axis is 1/6, which is that of the hat.  The correction is as
+    small as the error of the quadrature.  Uncorrected weights would make rows ripple for motions that have no ripple.
+    `weights`, `offsets` and `ends` are those of `_moments`, and `moments` (9, K) is its result.
     """
     targets = np.array([1.0, 0.0, 0.0, 1.0 / 6.0])
     parabolas = np.linalg.pinv(moments.T[:, _PRODUCTS], rcond=1e-12, hermitian=True) @ targets

@@ -223,7 +223,10 @@ class DutyTable:
 
 
 def extensions_text(parameters: Mapping[str, Any]) -> str:
-    """Return the extensions in m of a row of a chart as text, from the parameters of the row's run."""
+    """Return the extensions in m of a row of a chart as text with their names, such as "fly 3.2 + middle 0".
+
+    `parameters` are the extensions of the row's run, by names such as ``extension.fly``; None stands for 0.
+    """
     return " + ".join(f"{name.removeprefix('extension.')} {float(out or 0.0):.4g}" for name, out in parameters.items())
 
 

@@ -391,9 +391,11 @@ class Limit(SceneTable):
         return at.ground
 
     def check(self, scene: Scene) -> None:
-        """Raise InputError if the limit names a probe, contact, function or quantity that the scene lacks.
+        """Raise InputError if the scene lacks what the limit needs.
 
-        No model is built, so names that only a model knows are not checked.
+        That is a probe, contact, function or quantity that the limit names, the frame's cylinder or ground, a body with
+        a field of stress, or an allowed pressure of a pad if the limit takes its value from the scene.  No model is
+        built, so names that only a model knows are not checked.
         """
         if self.of in ("luffing", "luffing-pull") and (scene.frame is None or scene.frame.cylinder is None):
             allowed = "a scene with frame.cylinder is allowed, which says where its hinges are"

@@ -230,7 +230,7 @@ class CarrierRows:
 
     @cached_property
     def _sparse_values(self) -> sp.csr_matrix:
-        """The array `values` as a sparse matrix, which the rows of the method `row` have as carriers."""
+        """The array `values` as a sparse matrix; it is the carriers of each row that the method `row` returns."""
         return sp.csr_matrix(self.values)
 
     def polynomials(self, breaks: Array) -> RowPolynomials:

@@ -192,7 +192,7 @@ def _contradiction(header: _Header, models: list[ReducedModel], on_modes: list[R
 
 
 def _mismatch(model: ReducedModel, on_modes: ReducedModel) -> str | None:
-    """Reason, in words, why `on_modes` can't be `model` without its cylinder modes and modes without inertia.
+    """Return in words why `on_modes` is not `model` after removal of its cylinder modes and modes without inertia.
 
     None is returned if `on_modes` can be that model.
     """

@@ -125,7 +125,10 @@ def _definitions(study: FinishedStudy, parts: Parts) -> Iterator[tuple[str, str]
 
 
 def _cell_text(study: FinishedStudy, table: LeastLoads, chart: LoadChart, error: Array, number: int) -> str:
-    """Text under a pointer on a cell of the chart: position, load, and the load at which each limit is reached.
+    """Text under a pointer on a cell of the chart: position, load, and the load of each limit.
+
+    A cell that no limit bounds has the study's largest load instead, and one that is not permitted the names of the
+    limits that are passed without a load.
 
     The cells are counted by `number`: all angles of the first reach, then those of the next one.  `error` (E, A) are
     error bars in kg.

@@ -329,8 +329,8 @@ def _value_grid(runs: Sequence[RunRecord], pattern: re.Pattern[str], base: str) 
 def _row_name(name: str, base: str) -> str:
     """Title of a table's row of values with the unit `base`: the key `name` itself, except for frequencies in Hz.
 
-    The key of a frequency has its place on the path and its number, such as ``s_min.2``, from which follows "frequency
-    2, s least".
+    The key of a frequency, such as ``s_min.2``, states a place on the path and the number of the frequency; its title
+    is "frequency 2, s least".
     """
     if base != "Hz":
         return name

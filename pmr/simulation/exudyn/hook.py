@@ -53,7 +53,7 @@ class Hook:
 def add_hook(mbs: exu.MainSystem, items: SystemItems, loads: tuple[str, str, str], mass: float) -> Hook:
     """Add a point of mass `mass` in kg at the point where three of the boom's loads act.
 
-    The hook starts with the velocity of this point, and where the point is without the hook's force.
+    The hook starts at the place that this point has while the hook does not pull on it, and with the point's velocity.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def add_hook(mbs: exu.MainSystem, items: SystemItems, loads: tuple[str, str, str
     Raises
     ------
     InputError
-        If the boom stands on the ground, or the model has no such inputs at one point.
+        If the boom stands on the ground or has friction, or if the model has no such inputs at one point.
     """
     base = items.parts.base
     if base is None:

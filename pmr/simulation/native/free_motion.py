@@ -371,9 +371,9 @@ LUFFING_REASONS = {
 
 
 def cylinder_numbers(cylinder: Fields) -> Array:
-    """Numbers (k,) of a cylinder in the order of the kernel's ``pmr_actuator``, from this structure's ``foot`` on.
+    """Numbers (k,) of a cylinder: fields of the kernel's structure ``pmr_actuator``, from ``foot`` to the last.
 
-    `cylinder` has the values of the structure's fields by name; fields that are missing are zero.
+    `cylinder` has values of these fields by name; fields that are missing are zero.
     """
     first = ffi.offsetof("pmr_actuator", "foot")
     return np.frombuffer(ffi.buffer(ffi.new("pmr_actuator *", cylinder))[first:])

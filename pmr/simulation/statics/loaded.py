@@ -435,11 +435,11 @@ class LoadedStructure:
         return state
 
     def _nearest_loose(self, closed: Mask, load: float, refuse: bool = False) -> int | None:
-        """Number of the nearest contact without play of a body that floats on the contacts in the mask `closed` (m,).
+        """Return the number of the contact to close next, if the contacts in the mask `closed` (m,) leave a body free.
 
-        None if no body floats, or if the `load` in kg moves the body away from all contacts, beyond their clearances.
-        If `refuse` is true, an InputError is raised for a body that floats within the play of contacts that do not
-        touch.
+        It is the nearest one of the open contacts of this body that touch, as they have no play.  None if no body is
+        free, or if the `load` in kg moves it far beyond the clearance of one of its contacts.  If all open contacts of
+        the body have play, an InputError is raised if `refuse` is true, and None is returned otherwise.
         """
         e, o = self._first_order.equations, len(self.equations.outputs) + len(closed)
         if Form(self.equations.unstressed, closed).held:

@@ -163,7 +163,7 @@ class HookInputs:
 
     @classmethod
     def from_system(cls, system: System) -> HookInputs:
-        """Inputs of the weight of `HOOK`, and of `SIDEWAYS` if that weight has none sideways."""
+        """Inputs of the weight of `HOOK`; if none of them acts sideways, the first input of `SIDEWAYS` is added."""
         inputs = {name.rpartition(" ")[2]: k for k, name in enumerate(system.input_names) if HOOK in name}
         for k, name in enumerate(system.input_names):
             if SIDEWAYS in name:
