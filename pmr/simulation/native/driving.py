@@ -45,6 +45,7 @@ class Drivers:
 
     `names` are the names of paths, of loads with their numbers, and of motions of the frame (None without a frame).
     `ranges` are the smallest and largest coordinate of each path in m.  `in_parts` says whether steps are divided.
+    Motions that are `free` are computed: what is given for them counts at the start alone.
 
     Raises InputError for a number out of its range or not finite, for an unknown name, and for a path that is missing
     at the start.
@@ -58,6 +59,7 @@ class Drivers:
         ranges: Mapping[str, tuple[float, float]],
         step: float,
         in_parts: bool,
+        free: Collection[str] = (),
     ) -> None:
         """Bind the drivers to the arrays `motions` (3, n) and `rows` (n,), which the kernel reads.
 
@@ -78,10 +80,11 @@ class Drivers:
         self._angles = {of_frame + k: name for k, name in enumerate(frame or ()) if name not in AXES}
         #: names, by number, of drivers that have inertia in the frame and no warning yet of a missing second rate
         self._unwarned = (dict(enumerate(self.paths)) | self._angles) if self._in_frame else {}
-        self._book = np.zeros((5, motions.shape[1]))  # of `pmr_compare_rates`
+        self._book, self._free = np.zeros((5, motions.shape[1])), free  # the book is that of `pmr_compare_rates`
         if in_parts or self._in_frame:
-            self._book[4, : len(self.paths)] = [COMPARED * (high - low) for low, high in self._ranges]
-            self._book[4, [*self._angles]] = COMPARED * WHOLE_TURN
+            sizes = [high - low for low, high in self._ranges] + [WHOLE_TURN] * len(self._angles)
+            for (k, name), size in zip([*enumerate(self.paths), *self._angles.items()], sizes, strict=True):
+                self._book[4, k] = 0.0 if name in free else COMPARED * size
         self._compare_rates = partial(
             lib.pmr_compare_rates, motions.shape[1], step, *map(pointer, (motions, self._book))
         )
@@ -99,17 +102,17 @@ class Drivers:
             name: (k, *(turn if k in self._angles else unlimited)) for name, k in self._frame_numbers.items()
         }
 
-    def take_all(self, motions: Array, names: Sequence[str], free: Collection[str]) -> None:
+    def take_all(self, motions: Array, names: Sequence[str]) -> None:
         """Take the `motions` (3, n) of a frame: values, rates and second rates of all n `names`, in their order.
 
-        The step has to take all three numbers of each.  Motions that are `free` are computed, and their columns have no
-        effect.  Errors and warnings are those of motions that are taken by their names.
+        The step has to take all three numbers of each.  Columns of motions that are free have no effect.  Errors and
+        warnings are those of motions that are taken by their names.
         """
         if self._all is None:
             limits = np.full((5, len(names)), np.nan)
             of_all = self._limits | self._limits_of_loads | self._limits_of_frame
             for k, name in enumerate(names):
-                if name not in free:
+                if name not in self._free:
                     limits[:, k] = *of_all[name][1:], LEFT_OUT if k in self._unwarned else LARGEST
             room = np.zeros((3, len(names)))
             pointers = map(pointer, (room, limits, self.motions))
@@ -120,7 +123,9 @@ class Drivers:
             raise InputError("stepper", "s", motions.shape, allowed)
         room[:] = motions
         if take() >= 0:  # one by one, for a message about the one that is beyond a limit
-            by_name = {name: tuple(of) for name, of in zip(names, room.T.tolist(), strict=True) if name not in free}
+            by_name = {
+                name: tuple(of) for name, of in zip(names, room.T.tolist(), strict=True) if name not in self._free
+            }
             self.take_path({name: of for name, of in by_name.items() if name in self._limits})
             self.take_loads({name: of for name, of in by_name.items() if name in self._limits_of_loads})
             self.take_frame({name: of for name, of in by_name.items() if name in self._limits_of_frame})

@@ -162,7 +162,7 @@ class Stepper:
         #: names of all motions of a boom in a frame, in the order in which `step` takes them as an array
         self.motion_names = () if moving is None else moving.drivers
         self._free = (*self._moved, *([LUFFING] if self._computed and not self._moved else ()))
-        self._drivers = Drivers(bound.motions, bound.rows, driven, self._ranges, step, not undivided)
+        self._drivers = Drivers(bound.motions, bound.rows, driven, self._ranges, step, not undivided, self._free)
         self._drivers.take_path(s)
         self._check_followers()
         if scene is not None and moving is None:
@@ -226,7 +226,7 @@ class Stepper:
             if not self.motion_names or F is not None or frame is not None:
                 allowed = "an array of all motions is allowed by itself, for a boom in a frame"
                 raise InputError("stepper", "s", s.shape, allowed)
-            drivers.take_all(s, self.motion_names, self._free)
+            drivers.take_all(s, self.motion_names)
             failed = self._advance_all()
         else:
             if type(F) is float and self._load >= 0 and F - F == 0.0:  # F - F is NaN unless F is finite

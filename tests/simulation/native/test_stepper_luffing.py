@@ -99,6 +99,13 @@ def test_the_angle_is_given_at_the_start_alone() -> None:
         begun.step({}, {"luffing drive force": 1.0})
 
 
+def test_a_free_angle_is_not_compared_with_its_rate_at_the_start(caplog: pytest.LogCaptureFixture) -> None:
+    stepper = stepped("opening", frame={"luffing": (0.3, 1.0)})
+    for _ in range(100):
+        stepper.step({})
+    assert not [line for line in caplog.messages if "rates lead" in line]
+
+
 def test_the_rate_at_the_start_is_that_of_the_scene() -> None:
     scene = free_boom.scene(*KEYS[:-1], "frame.luffing_rate=0.02", DRIVES["opening"])
     system = with_all_inertia(pmr.reduce(scene).system)
