@@ -207,12 +207,14 @@ class Study(StudyBase):
     def _payload_figures(self, results: StudyResults) -> dict[str, Scalar]:
         """Return the payload of the scene's run, and the posture of this run in which the chart allows least.
 
-        The keys are those in the docstring of `Study`.  There are none if the scene has no payload or is not valid
-        without `change`, and only ``payload`` if no posture of the run is in the chart.
+        The keys are those in the docstring of `Study`.  If no posture of the run is in the chart, ``payload`` is the
+        only key.  There are none if the scene has no payload, or if without `change` it is not valid or does not
+        prescribe luffing angle and extensions.
         """
         with suppress(InputError):
             scene, done = scenes.load_any(self.scene), [run for run in results.runs if run.status == "done"]
-            if payload := payload_of(scene):
+            luffing = None if scene.frame is None else scene.frame.luffing_signal
+            if luffing is not None and not scene.free_extensions and (payload := payload_of(scene)):
                 loads = LeastLoads.from_rows([results.arrays(run.key) for run in done], len(self.slewing))
                 at = least_allowed(scene, loads, [run.parameters for run in done], self.up_to)
                 if at is None:
@@ -251,12 +253,12 @@ class Study(StudyBase):
             else ""
         )
         lacking, run = errors_not_covered(table["not_covered"]), self._payload_figures(results)
-        payload, allowed = (float(run.get(key) or 0.0) for key in ("payload", "payload.load"))
+        payload, allowed = float(run.get("payload") or 0.0), float(run.get("payload.load", np.inf) or 0.0)
         lifted = (
             f"; the scene's run lifts {payload:.10g} kg, and the chart allows {np.floor(allowed):.0f} kg in one of "
         )
         lifted += f"its postures, by {run.get('payload.limit')}"
-        more = lifted if 0.0 < allowed < payload else ""
+        more = lifted if allowed < payload else ""
         return f"{first}{carried} {where}, by all limits{less}; errors that no bar contains: {lacking}{more}"
 
     @property

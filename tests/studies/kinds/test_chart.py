@@ -298,6 +298,33 @@ def test_who_waits_is_told_what_it_carries(small: StudyResults, folder: Path, mo
     assert said == f"{unmet}; only buckling of the boom was evaluated; [[limits]] of the study adds others"
 
 
+@pytest.mark.parametrize(("allowed", "is_said"), [(0.0, True), (400.0, True), (500.0, False)])
+def test_the_terminal_says_that_a_run_lifts_more_than_is_allowed(
+    allowed: float, is_said: bool, small: StudyResults, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where the boom is not permitted even empty."""
+    figures = {"payload": 500.0, "payload.load": allowed, "payload.limit": "tip"}
+    monkeypatch.setattr(Study, "_payload_figures", lambda self, results: figures)
+    line = call.load(folder / "study.toml").parts[0].study.summary_line(small)
+    assert (
+        line.endswith(f"lifts 500 kg, and the chart allows {allowed:.0f} kg in one of its postures, by tip") is is_said
+    )
+
+
+def test_a_payload_is_judged_only_where_its_scene_prescribes_the_motion(
+    small: StudyResults, folder: Path, tmp_path: Path
+) -> None:
+    """Without the study's `change` a scene may have no frame, or compute its luffing angle."""
+    study, angle = call.load(folder / "study.toml").parts[0].study, 'luffing = { kind = "constant", amount = 30.0 }'
+    laden = SCENE + 'masses = [{ name = "payload", on = "tip", mass = 100.0, payload = true }]\n'
+    free = laden.replace(angle, 'luffing = "free"\nluffing_start = 30.0').replace(", stiffness = 1e8", "")
+    still = laden.replace(laden[laden.index("[frame]") : laden.index("[section]")], "")
+    for name, text, count in (("laden", laden, 6), ("free", free, 0), ("still", still, 0)):
+        (tmp_path / f"{name}.toml").write_text(text)
+        figures = study.model_copy(update={"scene": tmp_path / f"{name}.toml"}).figures(small)
+        assert sum(key.startswith("payload") for key in figures) == count
+
+
 def test_the_report_shows_the_picture_with_values_at_the_pointer(small: StudyResults, folder: Path) -> None:
     text = render_studies(folder)
     assert text.count("<title>radius") == 12
