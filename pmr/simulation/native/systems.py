@@ -121,6 +121,9 @@ class March:
             self._zero = self._frame.motions(excitation, 0.0).ravel()
         else:
             self._zero = self.sample_drivers(0, 0, 1)[0] if self._signals is None else self._signals.at(0.0)[0]
+        if initial is None and excitation.start == "equilibrium" and system.hoist and excitation.resting is not None:
+            still = March(form, excitation.resting).state  # the kernel alone finds the equilibrium of a rope
+            initial = form.initial_states(still.z, still.v)
         try:
             self._begun = begin(form, self._start, excitation, initial)
         except StepError as error:

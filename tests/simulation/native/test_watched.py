@@ -19,8 +19,11 @@ import pmr
 from pmr import System
 from pmr.export.fmi import fmu_contents
 from pmr.scene import Scene
+from pmr.simulation.excitation import Excitation
 from pmr.simulation.moving import DRIVE, EXTENSION_DRIVE, read_scene
-from pmr.simulation.native.free_motion import stepped
+from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.free_motion import stepped, with_free_motion
+from pmr.simulation.native.systems import simulate_form
 
 pytestmark = pytest.mark.slow  # booms are reduced
 
@@ -137,6 +140,18 @@ def test_steppers_and_fmus_say_what_a_run_says(name: str, caplog: pytest.LogCapt
     for version in ("2", "3"):
         assert said_by_fmu(system, tmp_path, version) == pytest.approx(expected, rel=1e-9)
     assert said_by_stepper(system, caplog) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("rope", [(), (HOIST + LOWERED,)], ids=["without a hoist", "with a hoist"])
+def test_a_run_out_of_balance_begins_in_the_equilibrium_of_a_stepper(rope: tuple[str, ...]) -> None:
+    """The first acceleration, with which the boom is let go, does not bend it before."""
+    scene = boom(*FREE, f"{FORCE}1.5e4", "start='equilibrium'", *rope)()
+    moved, system = with_free_motion(scene, pmr.reduce(scene).system)
+    found = simulate_form(SystemForm.of(system), Excitation.from_scene(moved)).forces[0]
+    expected = pmr.Stepper(system, scene.time.step, {"fly": scene.paths["fly"].value(0.0)}).forces
+    assert dict(zip(system.contact_names, found, strict=True)) == pytest.approx(
+        expected, abs=1e-9 * np.abs(found).max()
+    )
 
 
 def test_a_displacement_too_large_for_the_theory_has_one_warning(caplog: pytest.LogCaptureFixture) -> None:
