@@ -198,7 +198,8 @@ def _describe_needed_step(f: float) -> str:
 def _overshoot(signal: SignalBase, stepping: TimeStepping) -> list[float]:
     """Largest overshoot of a signal at its breaks beyond its values at the neighbouring steps, with the time in s.
 
-    The overshoot is a share of the signal's whole range.  Both are 0 if the share is at most `UNSEEN`.
+    The overshoot is a share of the signal's whole range.  Both are 0 if the values beside the breaks show that this
+    share is at most `UNSEEN`.
     """
     steps, h, breaks = stepping.steps, stepping.step, np.array(signal.breaks)
     breaks = breaks[(breaks > 0.0) & (breaks < stepping.end)]

@@ -353,8 +353,8 @@ def _point_arrays(
 ) -> dict[str, NDArray[Any]]:
     """Return point number `k` in arrays of `allow_row`: ``load``, ``case``, ``member``, ``outward`` and errors.
 
-    With a `rope`, ``hoist`` is there, too.
-    Errors are NaN without richer models.  The first axis of a point's arrays is left out.
+    With a `rope`, ``hoist`` is there, too.  Errors are NaN without richer models.  The first axis of a
+    point's arrays is left out.
     """
     places = chart.places(models.reduced, k)
     loads = chart.loads(places)
