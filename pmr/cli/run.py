@@ -338,9 +338,9 @@ def helper_process() -> Iterator[Executor | None]:
         yield pool
     finally:
         if pool is not None:
-            pool.shutdown(wait=False, cancel_futures=True)
             for process in active_children():  # a run that fails does not wait for its help
                 process.terminate()
+            pool.shutdown(cancel_futures=True)  # its thread would close a pipe on which Python still writes at exit
 
 
 def _begin_to_help() -> None:
