@@ -84,15 +84,19 @@ def _left_out_rows(result: RunResult) -> Rows:
     rows, recovery = left_out(result.scene), result.scene.recovery
     if has_pushing_pads(result) and (result.frequencies.models or "factor" in result.summary.get("buckling", {})):
         forces = [Extremes.from_summary(pad) for pad in result.summary.get("pads", ())]
-        opened = sum(force.least == 0.0 for force in forces)
-        lift = f"; {opened} {'pads do' if opened > 1 else 'pad does'} at times in this run" if opened else ""
-        open_pads = f"pads that lift off, in natural frequencies and buckling factor, which they lower{lift}"
+        opened = [force.size for force in forces if force.least == 0.0]
+        idle = sum(size <= result.responses["reduced"].force_floor for size in opened)
+        numbers = ((len(opened) - idle, "at times"), (idle, "at all times"))
+        counts = " and ".join(f"{number} open {when}" for number, when in numbers if number)
+        counts = f" ({len(forces)} pads, {counts})" if counts else ""
+        values = ["natural frequencies"] if result.frequencies.models else []
+        values += ["buckling factor"] if "factor" in result.summary.get("buckling", {}) else []
+        open_pads = f"open pads, which lower {' and '.join(values)}{counts}"
         rows["pads"] = ", ".join(filter(None, (rows.get("pads"), open_pads)))
     if recovery is not None and "reduced" in result.summary.get("max_von_mises", {}):
-        rows["strength"] += (
-            f", stresses between the times at which they are computed, {format_input(recovery.every, 's')} apart "
-            "(recovery.every)"
-        )
+        walls = ", in walls also where the force of a pad or support is largest" if wall_stress(result.summary) else ""
+        every = format_input(recovery.every, "s")
+        rows["strength"] += f", stresses between the times at which they are computed (every {every}{walls})"
     if "loads" in rows:
         rows["loads"] += ", factors of a standard (dynamic, safety)"
         if result.frame is not None and any(mass.payload for part in result.scene.sections for mass in part.masses):
@@ -109,7 +113,7 @@ def _second_order_rows(result: RunResult, is_included: bool) -> Rows:
     """
     motion = result.summary.get("frame")
     if motion is not None and bool(motion["second_order"]) is is_included:
-        yield "second order", sentences.frame_sentences(result)
+        yield "axes, second order", sentences.frame_sentences(result)
 
 
 def overload_sentences(result: RunResult) -> list[str]:
@@ -159,7 +163,7 @@ def largest_values(result: RunResult) -> list[LargestValue]:
 HEADINGS = {
     "Tip, frequency and speeds": ("tip", "boom", ""),
     "Supports and machine": ("support", "machine", "ground"),
-    "Cylinders, ropes and hoist": ("cylinder", "rope", "hoist"),
+    "Drives": ("cylinder", "rope", "hoist"),
     "Pads": ("pad",),
     "Stress": ("section", "probe"),
 }
@@ -217,7 +221,9 @@ def _stress_rows(result: RunResult) -> LargestValues:
     peak, used = (summary.get(name, {}).get("reduced") for name in ("stress_peak", "utilisation"))
     stress_text, local, of_beams = format_quantity(largest, "Pa"), "", bool(stress_remark(result.scene))
     if of_beams:
-        local = " (without the bending of walls under pads)"
+        every = result.scene.recovery.every if result.scene.recovery else 0.0
+        at_times = f"; computed every {format_input(every, 's')} at points of the mesh" if every else ""
+        local = f" (without the bending of walls under pads{at_times})"
         if (shell := wall_stress(summary)) is not None:
             yield _wall_stress_row(result, shell)
         else:
@@ -254,16 +260,13 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
             used += f", {format_percent((shell['value'] + most) / allowed)} with "
             used += "the errors of this mesh and of the pad forces" if by_pads is not None else "this error alone"
     contains = f"{WALL_STRESS_PARTS}{play_clause(result, 'wall_stress')}"
-    by_mesh = ", with errors by the mesh of the walls" if "error" in shell else ""
+    by_mesh = ", ± by the mesh of the walls" if "error" in shell else ""
     text = f"{wall_stress_words(shell)}{by_mesh}{used}; {peak_place_clause(result, at)}; {contains}"
     return largest_value("wall_stress", f"{text}{_missing_clause(result.summary)}", share)
 
 
 #: What the stress in walls at pads takes for granted, and what it contains.
-WALL_STRESS_PARTS = (
-    "the pressure of pads is taken to be largest in their middle, unless it is said to be even; "
-    "this stress contains that of the whole section and the bending of walls under pads, but no welds"
-)
+WALL_STRESS_PARTS = "pads press most in their middle; with the bending of walls under pads, without welds"
 
 
 def _missing_clause(summary: Summary) -> str:

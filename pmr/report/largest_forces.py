@@ -217,7 +217,7 @@ def _forces_by_kind_rows(result: RunResult) -> LargestValues:
             continue  # outriggers and the margin against tipping say what they mean
         largest = forces[name].largest
         if not largest.value:
-            yield largest_value(key, f"0, {name}")
+            yield largest_value(key, f"0{SPACE}{unit}, {name}")
         elif key == "cylinder_force" and not name.endswith(ROPES):
             pushed = replace(largest, value=abs(largest.value))
             yield largest_value(key, value_at(result, pushed, unit, f"{name} {_push_or_pull(largest)}"))
@@ -297,9 +297,9 @@ def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestVal
         force = format_quantity(limit["force"], "N")
         bar = f" ± {format_quantity(limit['error'], 'N')} (error by the mesh of the walls)"
         text = f"{format_percent(share)} of {force}{bar}, {pad}, {extreme_clause(result, forces[pad].largest)}; "
-        text += f"{force} is the force of this pad alone at which the walls of {limit['section']} begin to yield at "
-        text += "the weakest place along its way, with the largest pressure in the middle of the pad; with an even "
-        text += f"pressure it is {format_quantity(limit['even'], 'N')}; it leaves out the bending of the whole section"
+        text += f"at {force} the walls of {limit['section']} begin to yield at their weakest place if this pad presses "
+        text += f"alone and most in its middle, at {format_quantity(limit['even'], 'N')} (without its error bar) if it "
+        text += "presses evenly; without the bending of the whole section"
         yield largest_value("pad_force", text, share, "largest share of the pad force at which walls yield")
 
 

@@ -185,8 +185,9 @@ def body_motion(bodies: MovingBodies) -> dict[str, Any]:
     """Data of the animation of bodies, ready for JSON; empty if there is nothing to animate.
 
     There is nothing to animate without bodies, for a single time, and for more than `MOST_FACES` faces.  The keys are
-    the number of ``frames``, first and last of the ``times`` in s, ``speeds`` of playback, the ``first`` frame shown
-    (that of the peak), the ``length`` of what is drawn, the ``path`` of the mouth, the ``scale`` of displacements,
+    the number of ``frames``, first and last of the ``times`` in s, the ``moments`` of all frames in s, ``speeds`` of
+    playback, the ``first`` frame shown (that of the peak), the ``length`` of what is drawn, whether it is a body
+    ``alone``, the ``path`` of the mouth, the ``scale`` of displacements,
     ``bodies``, the least x that is seen (``back``), the ``ramp`` of colours, the blocks ``section``, ``near`` and
     ``tail`` of the surroundings, the largest share ``lost`` of a motion, and ``pose``.
 
@@ -207,9 +208,11 @@ def body_motion(bodies: MovingBodies) -> dict[str, Any]:
     return {
         "frames": len(t),
         "times": [float(t[0]), float(t[-1])],
+        "moments": t.round(6).tolist(),
         "speeds": playback_speeds(float(t[-1] - t[0])),
         "first": bodies.moment_of_peak().frame,
         "length": reach(result),
+        "alone": is_alone(result),
         "path": encode_array(bodies.mouth),
         "scale": bodies.scale,
         "bodies": shown,
@@ -274,10 +277,8 @@ def drawing_sentence(data: dict[str, Any]) -> str:
     """Sentence on how the motion of bodies is drawn; empty if `data` is empty, as then there is no animation."""
     if not data:
         return ""
-    count, lost = sum(body["motion"]["count"] for body in data["bodies"]), format_percent(data["lost"], 1)
-    shapes = "one shape" if count == 1 else f"{count} shapes"
     drawn = f"Displacements are drawn {format_input(data['scale'])} times their size"
-    return f"{drawn}. They are composed of {shapes}, with an error of {lost} of the motion."
+    return f"{drawn}, with an error of {format_percent(data['lost'], 1)} of the motion."
 
 
 def compress(frames: NDArray[np.float32], most_values: int) -> dict[str, Any]:

@@ -71,7 +71,7 @@ def _total_error(totals: trust.SummedErrors) -> KeyNumber:
     """Key number of the largest error after errors of all sources are added up."""
     label = max(totals.by_label, key=lambda name: totals.by_label[name])
     note, probed = f"in {label}, {totals.sources_clause(label)}", QUANTITIES["probe"].label in totals.by_label
-    what = f"largest known error, without stresses{' away from probes' if probed else ''}"
+    what = f"largest sum of errors, without stresses{' away from probes' if probed else ''}"
     return KeyNumber(format_percent(totals.by_label[label], 2), what, note)
 
 

@@ -8,10 +8,11 @@ from math import ceil, log10
 
 from pmr.files.arrays import Summary
 from pmr.report.blocks import Table
-from pmr.report.numbers import MINUS, SPACE, format_input, format_percent, times_the_true_error
+from pmr.report.numbers import format_input, format_percent, times_the_true_error
 from pmr.report.subject import direction_words, play_summary, play_words, scope_words, with_shown_label
 from pmr.results import RunResult
 from pmr.results.quantities import COMPARED, QUANTITIES, reduction_error, stress_remark, wall_stress
+from pmr.results.response import Extremes
 from pmr.scene.choice import traits_of
 from pmr.scene.members import members
 from pmr.scene.model_traits import model_traits
@@ -85,14 +86,19 @@ def trust_table(result: RunResult) -> Table:
 def certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
     """Yield rows (name, text) in brief on the errors of stress, tip, forces and frequencies, all sources added up.
 
-    Errors that are not known have no row.  The last row is on changes by another play of pads, if a run had it.
+    Errors that are not known, and those of reactions that are all 0, have no row.  The last row is on changes by
+    another play of pads, if a run had it.
     """
-    summed = summed_errors(result.summary)
+    summed, reactions = summed_errors(result.summary), result.summary.get("reactions", ())
+    without_play = ", without play of pads" if play_summary(result).get("gap") else ""
     if "reduced" in result.summary.get("max_von_mises", {}):
         yield "stress", _stress_certainty(result)
     for key in ("tip", "pad_force", "reaction", "support_force", "frequency"):
+        if key == "reaction" and reactions and not any(Extremes.from_summary(of).size for of in reactions):
+            continue
         if (error := summed.by_label.get(label := QUANTITIES[key].label)) is not None:
-            yield with_shown_label(result, label), f"± {format_percent(error, 2)} {summed.sources_clause(label)}"
+            text = f"± {format_percent(error, 2)} {summed.sources_clause(label)}"
+            yield with_shown_label(result, label), text + without_play * (key != "frequency")
     if text := _play_text(result):
         yield "play of pads", text
 
@@ -125,14 +131,14 @@ def _play_text(result: RunResult) -> str:
     if not changes:
         return f"not known: {play_summary(result)['reason']}" if "reason" in play_summary(result) else ""
     listed = [
-        f"{name} {f'{100.0 * of:+.1f}'.replace('-', MINUS)}{SPACE}%"
+        f"{name} {'+' if of > 0.0 else ''}{format_percent(of)}"
         for name, of in changes.items()
         if abs(of) >= SMALL_CHANGE
     ]
     small = [name for name, of in changes.items() if abs(of) < SMALL_CHANGE]
     listed += [f"less than {format_percent(SMALL_CHANGE)} each: {', '.join(small)}"] if small else []
     gap = play_summary(result)["gap"]
-    why = " (from face to face, set by compare.play, as the scene states no clearance)" if gap else ""
+    why = " (from face to face, assumed as the scene states no clearance)" if gap else ""
     return f"{play_words(gap)}{why}, the largest values change: {'; '.join(listed)}"
 
 
@@ -146,7 +152,7 @@ def _stress_certainty(result: RunResult) -> str:
     if by_pads is not None:
         share = f"{format_percent(by_cells + by_pads, 2)}: {format_percent(by_cells, 2)} by the mesh of the walls, "
         share += "the rest by the error of the pad forces"
-    return f"in walls at pads ± {share}, and without that by how pads spread their force; elsewhere {unknown}"
+    return f"in walls at pads ± {share}; the effect of uneven pressure under pads is not included; elsewhere {unknown}"
 
 
 def _stress_gaps(result: RunResult) -> Iterator[str]:

@@ -409,7 +409,7 @@ def _missing_masses(scene: Scene) -> list[str]:
         return []
     joined = any(part.joint is not None and part.joint.cylinder is not None for part in scene.sections)
     cylinders = ["cylinders"] if joined or scene.frame is not None and scene.frame.cylinder is not None else []
-    return [*cylinders, "stiffeners, pads, hoses and fittings (only walls and [[masses]] have weight)"]
+    return [*cylinders, "stiffeners, pads, hoses and fittings (only walls and the scene's masses have weight)"]
 
 
 def _load_effects(scene: Scene) -> list[str]:

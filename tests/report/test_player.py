@@ -87,9 +87,7 @@ def test_with_one_time_or_too_many_faces_nothing_is_played(monkeypatch, boom_in_
 
 
 def test_scale_and_what_is_left_out_are_said(data: dict[str, Any]) -> None:
-    assert drawing_sentence(data).startswith(
-        "Displacements are drawn 50 times their size. They are composed of one shape, with an error of "
-    )
+    assert drawing_sentence(data).startswith("Displacements are drawn 50 times their size, with an error of ")
 
 
 def test_script_reads_what_is_there(data: dict[str, Any]) -> None:

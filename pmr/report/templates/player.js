@@ -83,10 +83,7 @@ class Player {
 
   get last() { return this.data.frames - 1; }
 
-  get time() {
-    const [start, end] = this.data.times;
-    return start + (end - start) * this.frame / Math.max(this.last, 1);
-  }
+  get time() { return this.between(this.data.moments); }
 
   get clock() { return `t = ${this.time.toFixed(this.data.times[1] < 1 ? 4 : 2)} s`; }
 
@@ -218,9 +215,9 @@ class Player {
     for (const block of this.data.tail) this.block(block, this.back);
     for (const section of this.data.section) this.section(section);
     if (this.pose) this.ground();
-    const out = this.data.length - this.back;
+    const way = `${(this.data.length - this.back).toFixed(2)} m`;
     const angles = this.pose ? this.pose.angles.map((angle, k) => this.turnedBy(angle, k)) : [];
-    this.say(`${this.clock}, ${out.toFixed(2)} m out${angles.join("")}`);
+    this.say(`${this.clock}, ${this.data.alone ? `${way} out` : `boom length ${way}`}${angles.join("")}`);
   }
 
   // By luffing and, where it changes, by slewing.
