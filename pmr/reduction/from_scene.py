@@ -65,11 +65,14 @@ def vectors_from_array(model: FullModel, basis: Vectors) -> Snapshots:
         function changes the model.
     """
     share, is_local = model.share, callable(basis)
-    V = _real_array(_call_on_model(basis, model) if callable(basis) else basis)
-    rows = share.stop - share.start if is_local else model.size
+    rows, V, changed = share.stop - share.start if is_local else model.size, np.empty((0, 0)), None
+    try:
+        V = _real_array(_call_on_model(basis, model) if callable(basis) else basis)
+    except InputError as error:  # of this rank's part alone: all ranks have to learn of it
+        changed = error
     if not _are_vectors(model, V, rows):
         allowed = f"finite vectors of real numbers as columns, with {rows} rows, one for each coordinate, are allowed"
-        raise InputError("pmr.reduce", "basis", list(V.shape), allowed)
+        raise changed or InputError("pmr.reduce", "basis", list(V.shape), allowed)
     return _snapshots(model, V if is_local else V[share], "vectors given as an array")
 
 
