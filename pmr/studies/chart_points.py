@@ -117,10 +117,10 @@ def unnamed_loads(scene: Scene, cases: Sequence[Summary]) -> Iterator[str]:
         if part is not scene.sections[-1] or not is_hung(load, scene)
     ]
     if lacking:
-        some, they = ("loads", "they act") if len(lacking) > 1 else ("load", "it acts")
+        some, is_in = ("loads", "are") if len(lacking) > 1 else ("load", "is")
         names = ", ".join(map(repr, dict.fromkeys(lacking)))
-        in_chart = "but not in the chart, whose loads are those of its load cases"
-        yield f"no load case names {some} {names}, so {they} in runs of this scene, {in_chart}"
+        instead = "; its load cases have wind on the sections" if blown else ""
+        yield f"the scene's {some} {names} {is_in} in no load case, so not in this chart{instead}"
 
 
 def replaced_mass_warnings(original: Scene, scene: Scene, point: tuple[float, float, float] | None = None) -> list[str]:

@@ -342,8 +342,8 @@ def _play_words(gap: float) -> str:
     if gap:
         return (
             f"the loads are those of pads without play; error bars contain the change of loads by {1e3 * gap:g} mm of "
-            "play from face to face, all of it at top and left; this change is larger in a load case that presses "
-            "the boom to a side"
+            "play from face to face, all of it at top and left, in the load cases of this chart; a case that presses "
+            "the boom more to a side changes them more"
         )
     return "the loads are those of pads with the play of the scene; error bars contain the change of loads without play"
 

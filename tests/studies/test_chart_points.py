@@ -82,7 +82,7 @@ def test_the_bar_has_the_structural_model(chart: StudyResults, folder: Path) -> 
     assert float(row["lower bound [kg]"]) <= min(arrays["load"][0, :2] - arrays["error.model"][0, :2])
     page = render_studies(folder)
     assert "structural model, from shells" in page and "reduction, mesh, model, rotations" in page
-    bounds = "Lower bounds: allowed loads minus error bars and the error of interpolation. They do not contain: "
+    bounds = "Use these loads, not those above. Errors that they do not contain: "
     assert f"{bounds}{row['not covered']}." in page
 
 
@@ -148,7 +148,10 @@ def test_a_chart_names_loads_of_runs_that_no_case_has(folder: Path) -> None:
         ([{"name": "rest"}, {"name": "wind", "loads": {name: 0.0}}], False),
     ):
         (run,) = finished(folder, toml.written(quick | {"cases": cases})).runs
-        assert any(f"no load case names load {name!r}, so it acts in runs" in line for line in run.warnings) is warned
+        assert (
+            any(f"the scene's load {name!r} is in no load case, so not in this chart" in line for line in run.warnings)
+            is warned
+        )
 
 
 def test_wind_of_a_case_stands_for_that_of_the_scene() -> None:

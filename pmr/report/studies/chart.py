@@ -23,6 +23,7 @@ from pmr.report.figures.load_chart import (
 from pmr.report.numbers import SPACE, format_input, format_quantity, prose
 from pmr.report.studies.chart_tables import (
     Parts,
+    as_in_duty_table,
     case_grid,
     ceiling,
     duty_grids,
@@ -67,7 +68,7 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     ]
     limits = Block("Limits", grids=(limit_grid(study, names, parts),))
     cases = Block("Load cases", grids=(case_grid(study),))
-    sentence = headline(study, least, parts[0]["at.slewing"])
+    sentence = headline(study, least, loads.lower_bound, parts[0]["at.slewing"])
     chapter = Chapter(
         anchor=prefix,
         title=study.title,
@@ -97,7 +98,7 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     pages = governing_pages(study, shown_names, parts, prefix)
     return replace(
         chapter,
-        key_numbers=_key_numbers(study, chart, error, parts),
+        key_numbers=_key_numbers(study, chart, error, loads.lower_bound, parts),
         blocks=[Block("Load chart", (picture,)), *stated, over_radius, limits, cases, *pages],
     )
 
@@ -152,30 +153,39 @@ def _cell_text(study: FinishedStudy, table: LeastLoads, chart: LoadChart, error:
     )
 
 
-def _key_numbers(study: FinishedStudy, chart: LoadChart, error: Array, parts: Parts) -> list[KeyNumber]:
+def _key_numbers(study: FinishedStudy, chart: LoadChart, error: Array, lower: Array, parts: Parts) -> list[KeyNumber]:
     """Key numbers: number of points, the largest load of a `chart`, and the load at its largest radius.
+
+    Loads are rounded down as in the duty table.  The load at the largest radius has its lower bound beside it, from
+    `lower` (E, A) in kg, if it has an error bar.
 
     If one of the error bars `error` (E, A), in kg at each point of the chart, is finite, two more follow: the largest
     error bar, with the errors that it contains, and the number of points at which another limit may govern within the
     error bars.  `parts` are the arrays of each run of the study.
     """
     count, most, radius = len(study.study_file["limits"]) + 1, float(np.nanmax(chart.load)), chart.place[..., 0]
+    rounded = as_in_duty_table(chart.load, chart.up_to)
     turns = len(parts[0]["at.slewing"])
-    turned = f"each at {turns} slewing angles, " if turns > 1 else ""
-    key_numbers = [KeyNumber(str(chart.load.size), "points", f"{turned}{count} limit{'s' if count > 1 else ''}")]
+    turned = f"{chart.load.size} postures, each at {turns} slewing angles; " if turns > 1 else ""
+    points = chart.load.size * turns
+    key_numbers = [KeyNumber(str(points), "points", f"{turned}{count} limit{'s' if count > 1 else ''}")]
     if most > 0.0:
-        governed = "most that a limit governs" if np.isnan(chart.load).any() else "most"
+        governed = "largest load that a limit governs" if np.isnan(chart.load).any() else "largest load"
         at_most = radius[np.unravel_index(np.nanargmax(chart.load), radius.shape)]
-        key_numbers.append(KeyNumber(format_load(most), governed, f"at a radius of {at_most:.4g}{SPACE}m"))
+        key_numbers.append(KeyNumber(rounded(most), governed, f"at a radius of {at_most:.4g}{SPACE}m"))
     farthest = np.unravel_index(np.argmax(radius), radius.shape)
     if chart.which[farthest] >= 0:
-        load = NOT_PERMITTED if chart.not_permitted[farthest] else format_load(chart.load[farthest])
+        load = NOT_PERMITTED if chart.not_permitted[farthest] else rounded(chart.load[farthest])
         by = f"limited by {chart.names[chart.which[farthest]]}"
+        if np.isfinite(error[farthest]) and not chart.not_permitted[farthest]:
+            by = f"{rounded(lower[farthest])} after its error bar: use this one; {by}"
         key_numbers.append(KeyNumber(load, f"at the largest radius, {radius[farthest]:.4g}{SPACE}m", by))
     if np.isfinite(error).any():
         largest, doubt = format_load(float(f"{np.nanmax(error):.2g}")), str(study.figures["in_doubt"])
         key_numbers.append(KeyNumber(largest, "largest error bar", covered_parts(parts)))
-        key_numbers.append(KeyNumber(doubt, "points where another limit may govern", "within the error bars"))
+        key_numbers.append(
+            KeyNumber(doubt, f"of {points} points have another limit", "that may govern within the error bars")
+        )
     return key_numbers
 
 

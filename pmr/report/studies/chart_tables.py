@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -44,6 +44,15 @@ def format_load(load: float | np.floating) -> str:
     return f"{format_input(float(f'{round_down(float(load), float(digit)):.10g}'))}{SPACE}kg"
 
 
+def as_in_duty_table(least: Array, up_to: float) -> Callable[[float | np.floating], str]:
+    """Return a function that formats a load in kg, rounded down as in the duty table of a chart.
+
+    `least` are the loads in kg of the chart, NaN where no limit is reached up to `up_to` in kg.
+    """
+    step = load_step(float(np.nan_to_num(least, nan=up_to).max()))
+    return lambda load: format_load(round_down(float(load), step))
+
+
 def ceiling(study: FinishedStudy) -> str:
     """Words in place of a load where no limit is reached up to the load at which the search ends."""
     return f"more than {format_load(study.study_file['up_to'])} (search ends there)"
@@ -66,15 +75,13 @@ def case_sentence(asked: Summary) -> str:
         factors = f"factor of load {lifted[-1]:.4g}, of the boom's weight {case.weight:.4g}"
         factors += "" if case.machine == 1.0 else f", of the machine's {case.machine:.4g}"
         names.setdefault(f"{factors}, {loads}", []).append(case.name)
-    parts = {"wind": all(case.wind for case in cases), "a factor of the load": min(lifted) > 1.0}
-    contained = [part for part, is_in in parts.items() if is_in]
-    missing = [part for part in parts if part not in contained]
-    missing = [f"{part} beyond these loads" if part == "wind" and not calm else part for part in missing]
-    missing += ["wind on load and machine"] * all(case.wind is not None and not case.wind.on for case in cases)
-    missing.append("motions but hoisting" if any(case.hoisting_class for case in cases) else "motions")
-    contains = f"contain {' and '.join(contained)}, and do not" if contained else "do not"
+    missing = [] if all(case.wind for case in cases) else ["wind" if calm else "wind beyond these loads"]
+    missing += ["a factor of the load"] * (min(lifted) <= 1.0)
+    missing += ["wind on machine and load"] * all(case.wind is not None and not case.wind.on for case in cases)
+    missing += [] if any(case.hoisting_class for case in cases) else ["hoisting"]
     texts = [f"{' and '.join(alike)} ({words})" for words, alike in names.items()]
-    return f"Static, for {'; '.join(texts)}. The loads {contains} contain: {', '.join(missing)}."
+    left_out = ", ".join([*missing, "luffing, slewing, telescoping"])
+    return f"The boom is at rest. Load cases: {'; '.join(texts)}. Not included: {left_out}."
 
 
 def motion_rows(asked: Summary, figures: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
@@ -141,10 +148,11 @@ def slewing_clause(angles: Array) -> str:
     return f"the least of all slewing angles ({listed})" if len(angles) > 1 else f"those at a slewing angle of {listed}"
 
 
-def headline(study: FinishedStudy, least_loads: Array, slewing: Array) -> str:
+def headline(study: FinishedStudy, least_loads: Array, lower: Array, slewing: Array) -> str:
     """Sentences on the case and on the range of `least_loads` (E, A) in kg, which are NaN where no limit is reached.
 
-    The points are those of E boom lengths and A luffing angles; `slewing` (k,) are the slewing angles in degrees.
+    These are loads for E boom lengths and A luffing angles, and `lower` (E, A) are their lower bounds; `slewing` (k,)
+    are the slewing angles in degrees.
     """
     case = case_sentence(study.study_file)
     if not np.isfinite(least_loads).any():
@@ -154,10 +162,13 @@ def headline(study: FinishedStudy, least_loads: Array, slewing: Array) -> str:
             else f" Only {STABILITY_WORDS} was evaluated: [[limits]] of the study adds others."
         )
         most = format_input(study.study_file["up_to"], "kg")
-        return f"No limit is reached up to {most} at any of {least_loads.size} points.{hint} {case}"
+        return f"No limit is reached up to {most} at any of {least_loads.size * len(slewing)} points.{hint} {case}"
     limits = [f"{limit['name']} (factor {limit['factor']:g})" for limit in study.study_file["limits"]]
-    permitted = least_loads[least_loads > 0.0]
-    loads = [format_load(end) for end in (permitted.min(), permitted.max())] if len(permitted) else []
+    is_permitted, rounded = least_loads > 0.0, as_in_duty_table(least_loads, study.study_file["up_to"])
+    loads, bounds = (
+        [rounded(end) for end in (of.min(), of.max())] if len(of) else []
+        for of in (least_loads[is_permitted], lower[is_permitted])
+    )
     if np.isnan(least_loads).any():
         loads = [*loads[:1], ceiling(study)]
     limits_of_study = study.study_file["limits"]
@@ -166,10 +177,11 @@ def headline(study: FinishedStudy, least_loads: Array, slewing: Array) -> str:
         payload="" if lifts_more(study.figures) else payload_sentences(study.figures),
         case=case,
         limits=[*limits, STABILITY_WORDS],
-        points=least_loads.size,
+        postures=least_loads.size,
         empty=int((least_loads <= 0.0).sum()),
         not_permitted=NOT_PERMITTED,
         loads=loads,
+        bounds=bounds if study.study_file["error_bars"] else [],
         slewing=slewing_clause(slewing),
         looks_at_walls=any(of["of"] == "field" or of["of"] == "pad" and of.get("most") for of in limits_of_study),
         looks_at_pads=any(of["of"] == "pad" for of in limits_of_study),
@@ -201,7 +213,7 @@ def terminal_grid(results: StudyResults, rows: int) -> Grid:
     sign = f"{NO_LOAD} is {NOT_PERMITTED}. " if empty else ""
     caption = f"{sign}{more} points are in chart.csv, loads over radius in duty.csv, pages to print in report.pdf."
     heads = (*(f"{name.removeprefix('extension.')} out [m]" for name in names), "boom length [m]", "radius [m]")
-    return Grid(caption, (*heads, "least load [kg]", "most load [kg]"), tuple(lines))
+    return Grid(caption, (*heads, "least load [kg]", "largest load [kg]"), tuple(lines))
 
 
 def _load_cell(load: float) -> str:
@@ -373,8 +385,10 @@ def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Itera
     )
     tables = [("Allowed load", caption, duty.load)]
     if study.study_file["error_bars"]:
-        bounds = "Lower bounds: allowed loads minus error bars and the error of interpolation. They do not contain: "
-        bounds += f"{not_covered}."
+        bounds = (
+            "Lower bounds: allowed loads minus error bars and the error of interpolation. Use these loads, not those "
+        )
+        bounds += f"above. Errors that they do not contain: {not_covered}."
         tables.append(("Lower bounds", bounds, duty.lower))
     parts_of_columns = np.array_split(columns, -(-len(columns) // LENGTHS_BESIDE))
     for name, text, values in tables:

@@ -31,8 +31,12 @@ from pmr.report.studies.chart_tables import (
     round_down,
     terminal_grid,
 )
+from pmr.studies.charting import PARTS
 from pmr.studies.duty import DutyTable
 from pmr.studies.limits import STABILITY_WORDS
+
+#: Keys of a study file without limits.
+ASKED: dict[str, Any] = {"limits": [], "up_to": 2e4, "cases": [{"name": "rest"}], "error_bars": False}
 
 
 def test_a_chart_on_which_no_limit_is_met_has_no_empty_picture_and_no_table_of_nothing() -> None:
@@ -72,10 +76,9 @@ def test_the_first_sentence_says_whether_walls_and_pads_are_looked_at() -> None:
     for kind, is_said in (({"of": "stress"}, True), ({"of": "tipping"}, True), (pressure, True), (force, False),
                           ({"of": "field"}, False)):  # fmt: skip
         limits = [{"name": "limit", "factor": 1.5, **kind}]
-        study: Any = SimpleNamespace(
-            figures={}, study_file={"limits": limits, "up_to": 2e4, "cases": [{"name": "rest"}]}
-        )
-        sentence = headline(study, np.array([[500.0, 900.0]]), np.array([0.0, 90.0]))
+        study: Any = SimpleNamespace(figures={}, study_file=ASKED | {"limits": limits})
+        loads = np.array([[500.0, 900.0]])
+        sentence = headline(study, loads, loads, np.array([0.0, 90.0]))
         assert (
             sentence.endswith(" A run states the stress of walls at pads.") is is_said
             and "the least of all slewing angles (0°, 90°)." in sentence
@@ -90,14 +93,19 @@ def test_the_first_sentence_says_whether_walls_and_pads_are_looked_at() -> None:
         ([500.0, np.nan], "The boom carries 500 kg to more than 20 000 kg (search ends there), rounded down,"),
         (
             [0.0, np.nan],
-            "At 1 of 2 points the boom is {}. Elsewhere it carries more than 20 000 kg (search ends there), rounded",
+            "At 1 of 2 pairs of extension and luffing angle the boom is {}. Elsewhere it carries more than "
+            "20 000 kg (search ends there), rounded",
         ),
-        ([0.0, 0.0], "At 2 of 2 points the boom is {}. Only these limits"),
+        ([0.0, 0.0], "At 2 of 2 pairs of extension and luffing angle the boom is {}. Only these limits"),
     ],
 )
 def test_the_first_sentence_has_the_range_of_loads_and_always_the_limits(loads: list[float], start: str) -> None:
-    study: Any = SimpleNamespace(figures={}, study_file={"limits": [], "up_to": 2e4, "cases": [{"name": "rest"}]})
-    sentence = headline(study, np.array([loads]), np.array([0.0])).replace("\u00a0", " ").replace("\u202f", " ")
+    study: Any = SimpleNamespace(figures={}, study_file=ASKED)
+    sentence = (
+        headline(study, np.array([loads]), np.array([loads]), np.array([0.0]))
+        .replace("\u00a0", " ")
+        .replace("\u202f", " ")
+    )
     assert f"not a rated capacity. {start.format(NOT_PERMITTED)}" in sentence
     assert f"Only these limits are evaluated: {STABILITY_WORDS}. Loads are those at a slewing angle of 0°." in sentence
 
@@ -105,11 +113,11 @@ def test_the_first_sentence_has_the_range_of_loads_and_always_the_limits(loads: 
 def test_no_load_is_called_zero_where_a_limit_is_passed_without_a_load() -> None:
     """In the first sentence, the picture, the lines over the radius, and the terminal's table."""
     load, which = np.array([[900.0, 600.0], [300.0, 0.0]]), np.zeros((2, 2), dtype=int)
-    asked = {"limits": [], "up_to": 2e4, "cases": [{"name": "rest"}]}
-    study: Any = SimpleNamespace(figures={}, study_file=asked)
-    sentence = headline(study, load, np.array([0.0]))
-    assert f"At 1 of 4 points the boom is {NOT_PERMITTED}." in sentence
+    study: Any = SimpleNamespace(figures={}, study_file=ASKED | {"error_bars": True})
+    sentence = headline(study, load, np.maximum(load - 10.5, 0.0), np.array([0.0]))
+    assert f"At 1 of 4 pairs of extension and luffing angle the boom is {NOT_PERMITTED}." in sentence
     assert "Elsewhere it carries 300\u00a0kg to 900\u00a0kg" in sentence
+    assert "After the error bars this is 289\u00a0kg to 889\u00a0kg: use these lower bounds." in sentence
     place = np.array([[[5.0, 5.0], [7.0, 1.0]], [[8.0, 8.0], [11.0, 2.0]]])
     chart = LoadChart(place, load, which, ["tip"], 2e4)
     for draw in (load_chart, duty_lines):
@@ -122,7 +130,7 @@ def test_no_load_is_called_zero_where_a_limit_is_passed_without_a_load() -> None
     results: Any = SimpleNamespace(runs=runs, arrays=lambda key: arrays[key])
     grid = terminal_grid(results, 20)
     assert [row[-2:] for row in grid.rows] == [("600", "900"), ("—", "300")]
-    assert grid.head == ("fly out [m]", "boom length [m]", "radius [m]", "least load [kg]", "most load [kg]")
+    assert grid.head == ("fly out [m]", "boom length [m]", "radius [m]", "least load [kg]", "largest load [kg]")
     assert "— is not permitted, even empty." in grid.caption and "runs.csv" not in grid.caption
 
 
@@ -133,28 +141,38 @@ def test_the_first_sentence_names_the_case() -> None:
     assert case_sentence(asked) == plain
     asked["cases"][0] |= {"load": 1.25, "loads": {"gust": 400.0}}
     assert case_sentence(asked) == (
-        "Static, for rest (factor of load 1.25, of the boom's weight 1, gust 400\u00a0N). The loads contain a factor "
-        "of the load, and do not contain: wind beyond these loads, motions."
+        "The boom is at rest. Load cases: rest (factor of load 1.25, of the boom's weight 1, gust 400\u00a0N). "
+        "Not included: wind beyond these loads, hoisting, luffing, slewing, telescoping."
     )
     asked["cases"][0] |= {"machine": 0.9}
     assert "(factor of load 1.25, of the boom's weight 1, of the machine's 0.9, gust 400" in case_sentence(asked)
     asked["cases"][0] |= {"wind": {"speed": 14.0}}
-    assert "contain wind and a factor of the load, and do not contain: wind on load and machine" in case_sentence(asked)
+    assert "Not included: wind on machine and load, hoisting, luffing" in case_sentence(asked)
 
 
 def test_key_numbers_have_the_load_at_the_largest_radius_and_its_limit() -> None:
     place = np.array([[[5.0, 5.0], [7.0, 1.0]], [[8.0, 8.0], [11.25, 2.0]]])
     load, which = np.array([[900.0, 600.0], [300.0, 120.0]]), np.array([[0, 1], [0, 1]])
-    study: Any = SimpleNamespace(figures={}, study_file={"limits": [{}]})
+    study: Any = SimpleNamespace(figures={"in_doubt": 5}, study_file={"limits": [{}]})
     for at_tip, shown in ((120.0, "120\u00a0kg"), (0.0, NOT_PERMITTED)):
         load[1, 1] = at_tip
         chart = LoadChart(place, load, which, ["tip", "pads of fly"], 2e4)
         turned = [{"at.slewing": np.linspace(0.0, 180.0, 5)}]
-        points, most, farthest = _key_numbers(study, chart, np.full((2, 2), np.nan), turned)
-        assert (points.value, points.note) == ("4", "each at 5 slewing angles, 2 limits")
+        points, most, farthest = _key_numbers(study, chart, np.full((2, 2), np.nan), load, turned)
+        assert (points.value, points.note) == ("20", "4 postures, each at 5 slewing angles; 2 limits")
         assert (most.value, most.note) == ("900\u00a0kg", "at a radius of 5\u00a0m")
         assert (farthest.value, farthest.label) == (shown, "at the largest radius, 11.25\u00a0m")
         assert farthest.note == "limited by pads of fly"
+    load[0, 0], load[1, 1], parts = (
+        1200.0,
+        126.5,
+        {f"error.{of}": np.zeros((1, 1)) for of in PARTS} | {"load": np.ones((1, 1))},
+    )
+    chart = LoadChart(place, load, which, ["tip", "pads of fly"], 2e4)
+    *_, farthest, _, doubt = _key_numbers(study, chart, np.full((2, 2), 7.0), load - 7.0, [turned[0] | parts])
+    assert farthest.value == "120\u00a0kg"  # rounded down to 10 kg, as in the duty table
+    assert farthest.note == "110\u00a0kg after its error bar: use this one; limited by pads of fly"
+    assert (doubt.value, doubt.label) == ("5", "of 20 points have another limit")
 
 
 def test_tables_of_loads_have_all_boom_lengths_and_are_not_wider_than_paper() -> None:
@@ -164,7 +182,7 @@ def test_tables_of_loads_have_all_boom_lengths_and_are_not_wider_than_paper() ->
     duty = DutyTable(radii, lengths, load, load, np.zeros(load.shape, dtype=int), 2e4)
     study: Any = SimpleNamespace(figures={}, study_file={"error_bars": False})
     first, second = duty_grids(study, replace(duty, interpolation=0.0071), "")
-    assert "too large, as a rule by less than 0.71\u00a0%, the difference to straight lines." in first.caption
+    assert "The error of this is below 0.71\u00a0% as a rule, the difference to straight lines." in first.caption
     heads = [*first.head[1:], *second.head[1:]]
     assert heads == [f"{length:.4g}\u00a0m" for length in lengths] and len(first.head) == 7
     assert [len(grid.rows) for grid in (first, second)] == [1, 2]
