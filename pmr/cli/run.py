@@ -261,8 +261,9 @@ def _print_errors(error_rows: Sequence[Row]) -> None:
     """
     published = any(row.published for row in error_rows)
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    for head in ("normalised RMS errors, and largest values", "this run", *(("published", "") if published else ())):
-        table.add_column(head, justify="right" if head in ("this run", "published") else "left")
+    numbers = ("this run", "published") if published else ("value",)
+    for head in ("normalised RMS errors, and largest values", *numbers, *(("",) if published else ())):
+        table.add_column(head, justify="right" if head in numbers else "left")
     above = ""
     for row in error_rows:
         if row.place and row.comparison != above:

@@ -128,7 +128,8 @@ def is_round_off(result: RunResult, quantity: ResponseFunction) -> bool:
 def undrawn_sentence(result: RunResult) -> str:
     """Sentence on the directions in which the tip's displacements are round-off; empty without such directions."""
     still = [direction for direction, what in tip_displacements(result).items() if is_round_off(result, what)]
-    return f"The tip moves along {' and '.join(still)} by no more than round-off." if still else ""
+    words = {"y": "sideways", "z": "up or down"}
+    return f"The tip does not move {' or '.join(words[direction] for direction in still)}." if still else ""
 
 
 def axis_points(result: RunResult) -> list[AxisPoints]:

@@ -91,6 +91,8 @@ def support_block(result: RunResult, prefix: str) -> Block | None:
     supports.  `prefix` begins the identifiers of the figures.
     """
     caption = "Least and largest forces and moments on rigid supports, positive along the axes"
+    if "ground" in result.summary:
+        caption += " (those on the ground along the axes of the machine, with moments about the pivot)"
     return _force_block(result, prefix, "support", "supports", _reaction_grid(result, False, caption))
 
 
@@ -301,7 +303,7 @@ def _size(result: RunResult, force: Force) -> float:
 def _caption(result: RunResult, kind: str, unit: str, is_first: bool) -> str:
     """Caption of a figure of forces of one `kind`, or of moments if `unit` is ``N m``.
 
-    The caption of a figure that is not the first one of its kind refers to the figure before it.
+    The caption of a figure that is not the first one of its kind says so.
     """
     return prose(
         "forces",
@@ -310,6 +312,8 @@ def _caption(result: RunResult, kind: str, unit: str, is_first: bool) -> str:
         is_alone=is_alone(result),
         is_slider=is_alone(result) and not result.scene.pads,
         is_luffing_cylinder=kind == "support" and is_luffing_cylinder_alone(result),
+        has_friction=any("friction" in of for of in result.summary.get("cylinders", ())),
+        has_ropes=bool(result.summary.get("ropes")),
         has_peaks=result.responses["reduced"].force_peaks is not None and has_pushing_pads(result),
         is_first=is_first,
     )
@@ -345,5 +349,7 @@ def _reaction_grid(result: RunResult, at_pivot: bool, caption: str) -> Grid:
             name = shown_force_name(of.support).removeprefix(PIVOT)
             computed = name == LUFFING_CYLINDER and has_free_luffing(result)
             name += ", by the moment about the pivot" if computed else ""
+            if at_pivot and name in ("x", "y", "z", "rx", "ry", "rz"):
+                name = f"moment about {name[1]}" if name.startswith("r") else f"force along {name}"
             measured.append(Measured(name, of.unit, extremes))
     return extremes_grid(result, caption, measured)

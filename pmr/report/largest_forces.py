@@ -300,7 +300,7 @@ def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestVal
         text += f"at {force} the walls of {limit['section']} begin to yield at their weakest place if this pad presses "
         text += f"alone and most in its middle, at {format_quantity(limit['even'], 'N')} (without its error bar) if it "
         text += "presses evenly; without the bending of the whole section"
-        yield largest_value("pad_force", text, share, "largest share of the pad force at which walls yield")
+        yield largest_value("pad_force", text, share, "largest use of the pad force at which walls yield")
 
 
 def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:

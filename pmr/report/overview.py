@@ -141,7 +141,7 @@ def _tip_rows(result: RunResult) -> Rows:
         far, high = (
             format_range(float(coordinate.min()), float(coordinate.max()), f"{SPACE}m") for coordinate in (out, up)
         )
-        yield "tip from the pivot", f"radius {far}, height {high}"
+        yield "tip from the pivot", f"radius {far}, height {high}, with deflections"
 
 
 def _load_text(load: AppliedLoad) -> str:

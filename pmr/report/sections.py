@@ -146,7 +146,8 @@ def motion_block(result: RunResult, prefix: str) -> Block | None:
         return None
     data, pictures = player.body_motion(bodies), make_album(bodies, prefix)
     if bodies.cell_stresses and (data or pictures):
-        caption = "Colours of the pictures: the largest von Mises stress of each cell."
+        caption = "Colours of the pictures: the largest von Mises stress of each cell"
+        caption += f", {stress_remark(result.scene)}." if stress_remark(result.scene) else "."
         scale.append(drawing(f"{prefix}-ramp", shapes.colour_scale, caption, bodies.colour_limit / 1e6))
     return Block(
         heading="Motion",
@@ -185,6 +186,7 @@ def basis_block(result: RunResult, prefix: str) -> Block | None:
     if is_alone(result) and of is not None and result.scene.reduction.uses_pod:  # other bases have singular values of 1
         caption = "Singular values of the snapshots. κ is the share of the sum of their squares that the basis keeps."
         drawings.append(drawing(f"{prefix}-singular-values", shapes.singular_value_figure, caption, result, of))
+    has_basis = bool(drawings)
     if "reduced" in result.frequencies.models:
         drawings.append(
             drawing(f"{prefix}-frequencies", shapes.frequency_figure, shapes.frequencies_caption(result), result)
@@ -192,7 +194,7 @@ def basis_block(result: RunResult, prefix: str) -> Block | None:
     if (over := result.frequencies.over_joints) is not None:
         caption = prose("frequency_map", joints=over.joints, is_stressed=result.frequencies.t is not None)
         drawings.append(drawing(f"{prefix}-map", shapes.frequency_map_figure, caption, result))
-    heading = "Basis and natural frequencies" if is_alone(result) else "Natural frequencies"
+    heading = "Basis and natural frequencies" if has_basis else "Natural frequencies"
     heading += "" if result.scene.hoist is None else ", without the payload of the hoist"
     heading += ", the luffing cylinder locked" if subject.has_free_luffing(result) else ""
     return Block(heading=heading, drawings=drawings, grids=grids) if drawings or grids else None
@@ -279,7 +281,7 @@ def stress_block(result: RunResult, prefix: str) -> Block | None:
         below = histories.Timeline(result).difference_clause(histories.stress_histories(result, body))
         peak = parts.get(name, result.summary).get("stress_peak", {}).get("reduced")
         dot = f" The dot marks the largest value, {sentences.peak_clause(peak)}." if peak else ""
-        caption = f"Largest von Mises stress over {name or 'the whole body'}{below}.{dot}"
+        caption = f"Largest von Mises stress in {name or 'the whole body'}{below}.{dot}"
         anchor = f"{prefix}-stress" if name == ALONE else f"{prefix}-stress-{number}"
         drawings.append(drawing(anchor, histories.stress_figure, caption, result, body))
     grids = tuple(_part_grids(result))
@@ -308,9 +310,9 @@ def section_force_block(result: RunResult, prefix: str) -> Block | None:
         for what, force in part.get("section_forces", {}).get("reduced", {}).items()
         if what in shown and (force["min"] or force["max"])
     ]
-    grid = extremes_grid(
-        result, "Least and largest section forces and moments", measured, where=", and their distance from the tail"
-    )
+    caption, where = "Least and largest section forces and moments", ", and their distance from the tail"
+    signs = " Positive: tension; tension at the top for moments y, on the right for moments z."
+    grid = extremes_grid(result, caption, measured, signs, where=where)
     return Block(heading="Forces along beams", drawings=(drawn,), grids=(grid,), grids_first=True)
 
 
@@ -330,7 +332,8 @@ def _part_grids(result: RunResult) -> Iterator[Grid]:
         value = significant(peak["value"] / unit.size, 4)
         called = name.removesuffix(f": {WHOLE}")
         rows.append((called, value, *of_full_model, format_time(peak["t"]), f"({place})", peak["face"]))
-    head = ("", f"stress in {unit.name}", *(("full model",) if full else ()), "time", "x, y, z in m", "face")
+    values = (f"reduced model, {unit.name}", f"full model, {unit.name}") if full else (f"stress in {unit.name}",)
+    head = ("", *values, "time", "x, y, z in m", "face or corner")
     yield Grid("Largest von Mises stress of each part.", head, tuple(rows))
 
 

@@ -227,12 +227,14 @@ def extremes_grid(
     its unit, or if its magnitude is at most `floor`.  `where` are words for the places, by default `then_words`;
     `remark` is a sentence after the caption.
     """
-    placed, rows = where is not None or bool(moving_part(result)), []
+    placed, rows, small = where is not None or bool(moving_part(result)), [], False
     for name, base, extremes in measured:
         most = max(of.extremes.size for of in measured if of.unit == base)
         cells = _extreme_cells(extremes, unit_for(most, base), max(NOTHING * most, floor), placed)
+        small |= any(floor < abs(of.value) <= NOTHING * most for of in (extremes.lowest, extremes.highest))
         rows.append((name or "slider", *cells))
     places = then_words(result) if where is None else where
+    remark += f" 0 is less than {format_percent(NOTHING, 1)} of the largest value with its unit." if small else ""
     return Grid(f"{caption}, when they occur{places}.{remark}", ("", "least", "largest"), tuple(rows))
 
 

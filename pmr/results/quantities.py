@@ -478,7 +478,7 @@ QUANTITIES: Mapping[str, Quantity] = {
             limit=ChartLimit("pad", _force_measure("pad"), "pad forces", True),
         ),
         Quantity("pad_pressure", "mean pressures of pads", "Pa", "pad", (), "largest mean pressure of a pad"),
-        Quantity("pad_use", "use of pads", "1", "pad", (), "largest share of the allowed pressure of a pad", "most"),
+        Quantity("pad_use", "use of pads", "1", "pad", (), "largest use of the allowed pressure of a pad", "most"),
         Quantity("indentation", "indentations of walls", "m", "pad", (), "largest indentation of walls under a pad"),
         Quantity(
             "cylinder_force", "cylinder forces", "N", "cylinder", ("cylinder",),

@@ -36,7 +36,7 @@ LABELS = {
     "forces-1": ["Force in N", "Time in s"],
     "basis": ["x in m", "Relative shape (–)"],
     "singular-values": ["Number k (–)", "Singular value σ(k) / σ(1) (–)"],
-    "frequencies": ["Slider position s in m", "Eigenfrequency in Hz"],
+    "frequencies": ["Slider position s in m", "Natural frequency in Hz"],
 }
 
 

@@ -102,7 +102,7 @@ def test_the_pad_nearest_to_yielding_walls_stands_first_and_warns(result: RunRes
     budget = {"model": {"beside": "shell", "beam": 0.1, "pad_yield": limits}}
     pressed = replace(boom, summary=result.summary | {"budget": budget})
     name, text = next(iter(largest_value_rows(pressed)))
-    assert name == "largest share of the pad force at which walls yield"
+    assert name == "largest use of the pad force at which walls yield"
     assert text.startswith(
         f"125{SPACE}% of 3.20{SPACE}kN ± 200{SPACE}N (error by the mesh of the walls), fly tail top, "
     )

@@ -129,6 +129,7 @@ def test_what_is_nothing_beside_the_largest_of_its_kind_is_zero(probed: RunResul
     (grid,) = contact_block(idle(probed, lower=1.0, other=0.9e-4, aside=1.1e-4), "case-1").grids
     largest = {name: cell.partition(f"{SPACE}N at")[0] for name, _, cell in grid.rows}
     assert largest == {"lower": "100", "other": "0", "aside": "0.0110"}
+    assert grid.caption.endswith(f" 0 is less than 0.01{SPACE}% of the largest value with its unit.")
 
 
 def test_moments_of_supports_that_give_way_are_no_forces(make_space, monkeypatch) -> None:
@@ -163,7 +164,7 @@ def test_regions_stand_beside_the_full_model(make_result) -> None:
     found = {"stress_by_region": {"reduced": both, "full": {name: one | {"value": 51e6} for name, one in both.items()}},
              "stress_peak": {"reduced": peak, "full": peak}}  # fmt: skip
     (grid,) = sections.stress_block(make_result(summary=found), "case-1").grids
-    assert grid.head[:3] == ("", "stress in MPa", "full model")
+    assert grid.head[:3] == ("", "reduced model, MPa", "full model, MPa")
     assert grid.rows[1] == ("bottom", "40.00", "51.00", f"0.5{SPACE}s", "(1.00, 0.100, 0.200)", "outer")
     assert (
         sections.stress_block(

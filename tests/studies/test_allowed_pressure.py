@@ -66,17 +66,17 @@ def test_a_run_states_the_share_of_the_pad_that_uses_the_most_and_warns_beyond_i
         shares[pad["name"]] = max(pad["max"], -pad["min"]) / (length * width) / ALLOWED[end]
         assert pad["pressure"] == pytest.approx(shares[pad["name"]] * ALLOWED[end], rel=1e-12)
     most = max(shares, key=lambda name: shares[name])
-    row = dict(largest_value_rows(result))["largest share of the allowed pressure of a pad"]
+    row = dict(largest_value_rows(result))["largest use of the allowed pressure of a pad"]
     assert most in row and row.startswith(f"{100.0 * shares[most]:.1f}") and 0.1 < shares[most] < 1.0
     assert not any("allowed_pressure" in line for line in result.summary["warnings"])
     lower = {end: pressure * shares[most] / 1.5 for end, pressure in ALLOWED.items()}
     beyond = run(tmp_path, scene(**lower))
     (warning,) = [line for line in beyond.summary["warnings"] if "allowed_pressure" in line]
     assert warning.startswith(f"the pad {most} bears more than its allowed_pressure, 1.5 times as much at ")
-    assert any("largest share of the allowed pressure" in line for line in overload_sentences(beyond))
+    assert any("largest use of the allowed pressure" in line for line in overload_sentences(beyond))
     bare = run(tmp_path, scene())
     assert "allowed_pressure" not in bare.summary["pads"][0] and "pressure" in bare.summary["pads"][0]
-    assert "largest share of the allowed pressure of a pad" not in dict(largest_value_rows(bare))
+    assert "largest use of the allowed pressure of a pad" not in dict(largest_value_rows(bare))
 
 
 @pytest.mark.slow

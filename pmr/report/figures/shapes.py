@@ -128,7 +128,7 @@ def frequency_figure(result: RunResult) -> Figure:
     head = f"Place of {mover} in m" if (mover := crossing(result)) else head
     if lowest.t is not None and len(x) > 1 and not np.ptp(x):  # the reach is constant, only forces change
         x, head = lowest.t, "Time in s"
-    figure, ax = make_axes(HALF, 2.15, head, "Eigenfrequency in Hz")
+    figure, ax = make_axes(HALF, 2.15, head, "Natural frequency in Hz")
     few, single = spread_indices(len(x), CLOSED_FORM_POINTS), {"marker": "o"} if len(x) == 1 else {}
     drawn = [(name, x, curves[name], PENS[name].line() | single) for name in PENS if name in curves]
     for label, at, f, look in (*drawn, ("closed form", x[few], closed[few], _circle_style(INK, "none", 2.6))):
