@@ -7,6 +7,7 @@ import logging
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple, Self
 
@@ -140,9 +141,10 @@ class WallLimit(NamedTuple):
     """Limit on the forces of the pads at one end of a joint, by which the walls of a section begin to yield."""
 
     name: str  # section whose joint it is, and the end
+    place: str  # end of a section at which these pads are, such as "mouth of base"
     force: float  # N, less its error bar
     error: float  # N: the error bar
-    even: float  # N: the force if the pads press evenly
+    even: float  # N: the least force of these pads with an even pressure, without an error bar
     section: str  # section whose walls yield
 
 
@@ -163,12 +165,17 @@ def _wall_limits(scene: Scene) -> Iterator[WallLimit]:
     except InputError as error:
         logger.warning("walls at pads are not limited: %s", error.allowed)
         return
-    for name in [f"{section} {end}" for section in scene.names for end in ("tail", "mouth")]:
+    places = {
+        f"{section} {end}": f"{end} of {section if end == 'tail' else outer}"
+        for outer, section in pairwise(scene.names)
+        for end in ("tail", "mouth")
+    }
+    for name, place in places.items():
         of_pads = [force for pad, force in forces.items() if matches_pattern((f"{name} *",), pad)]
         if of_pads:
             least = min(of_pads, key=lambda of_pad: of_pad.force - of_pad.error)
             even = min(of_pad.even for of_pad in of_pads)
-            yield WallLimit(name, least.force - least.error, least.error, even, least.section)
+            yield WallLimit(name, place, least.force - least.error, least.error, even, least.section)
 
 
 class SupportLimit(NamedTuple):
@@ -260,7 +267,7 @@ def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
         which=which,
         tips=scene.frame.ground is not None,
         stress=1e-6 * min(filter(None, yields)) if yields and all(yields) else None,  # MPa
-        walls=_wall_limits(scene),
+        walls=list(_wall_limits(scene)),
         winds=_winds(scene, scene.frame),
         cylinder=_allowed_luffing_forces(scene),
         supports=_support_limits(scene),

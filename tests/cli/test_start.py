@@ -265,6 +265,8 @@ def test_limits_of_walls_take_the_pads_of_their_joint_alone(
     taken = [[pad for pad in pads if limit.concerns(pad)] for limit in of_walls]
     assert [len(names) for names in taken] == [8, 8, 8, 8] and sorted(sum(taken, [])) == sorted(pads)
     assert {limit.most for limit in of_walls} == {35.5e3}
+    places = ["tail of middle", "mouth of base", "tail of middle 2", "mouth of middle"]
+    assert [limit.note.partition(";")[0] for limit in of_walls] == [f"at the {place}" for place in places]
 
 
 def test_an_allowed_pressure_of_pads_is_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_command) -> None:

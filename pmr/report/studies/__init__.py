@@ -65,7 +65,7 @@ def _provenance_chapter(summary: Summary, studies: Sequence[FinishedStudy]) -> C
     for study in studies:
         seconds = sum(run.seconds.get("task", 0.0) for run in study.results.runs)
         effort.append((study.title, str(len(study.results.runs)), format_quantity(seconds, "s")))
-    caption = "Runs, and the time that all workers together spent in them."
+    caption = "Number of runs, and the sum of their times."
     machine = Table("Machine", tuple(scene_tables.origin_rows(summary)))
     blocks = (
         Block("Effort", grids=(Grid(caption, ("study", "runs", "time"), tuple(effort)),)),

@@ -14,6 +14,7 @@ from pmr.report.columns import spread_indices
 from pmr.report.figures.load_chart import NOT_PERMITTED
 from pmr.report.numbers import SPACE, format_input, format_quantity, prose
 from pmr.report.studies.tables import FinishedStudy
+from pmr.results.quantities import LIMITED
 from pmr.studies import charting
 from pmr.studies.duty import DutyTable, LoadCase
 from pmr.studies.limits import KINDS, STABILITY, STABILITY_WORDS
@@ -236,7 +237,7 @@ def limit_grid(study: FinishedStudy, names: list[str], parts: Parts) -> Grid:
     limits = {str(limit["name"]): limit for limit in study.study_file["limits"]}
     rows = []
     for n, (name, remark) in enumerate(zip(names, parts[0]["at.remarks"], strict=True)):
-        limit = limits.get(name, {"of": "equilibrium", "factor": 1.0})
+        limit = limits.get(name, {"of": "loss of equilibrium", "factor": 1.0})
         amount = limit.get("most") or limit.get("least")
         counts = (str(study.figures[f"{what}.{name}"]) for what in ("governs", "never", "at_no_load"))
         first = parts[0]["at.remarks"].tolist().index(remark)  # a remark stands once
@@ -244,7 +245,7 @@ def limit_grid(study: FinishedStudy, names: list[str], parts: Parts) -> Grid:
         rows.append(
             (
                 f"{letters(n)} {STABILITY_WORDS if name == STABILITY else name}",
-                ", ".join(filter(None, (str(limit["of"]), of_limit))),
+                ", ".join(filter(None, (LIMITED[of].label if (of := str(limit["of"])) in LIMITED else of, of_limit))),
                 _format_amount(limit, amount),
                 f"{limit['factor']:g}",
                 *counts,
@@ -277,7 +278,8 @@ def error_bar_grids(study: FinishedStudy, names: list[str], parts: Parts) -> lis
                 _format_share(shares[0].max()),
             )
         )
-    caption = "Half width of the error bars as a share of the load: medians over all points, and the largest total."
+    caption = "Half width of the error bars as a share of the load: medians over all points, and the largest total. "
+    caption += "Limits that no load of the chart reaches are not listed."
     heads = ["large rotations" if of == "rotation" else "play of pads" if of == "play" else of for of in shown]
     return [Grid(caption, ("limit", "total", *heads, "largest total"), tuple(rows), "blocks")]
 
@@ -325,7 +327,7 @@ def case_grid(study: FinishedStudy) -> Grid:
         "load",
         "wind",
         "loads of the scene",
-        "result",
+        "state",
         "source of factors",
     )
     return Grid(
