@@ -293,9 +293,10 @@ def _use_tables(names: list[str], n: int, arrays: Mapping[str, Array], sections:
             tips = tuple((name, format_quantity(value, "m")) for name, value in zip(sections, deflections, strict=True))
             tables += [Table(f"Deflections of the tips of sections, {way}", tips)] if any(deflections) else []
     columns = zip(arrays["at.forces.names"], arrays["at.kinds"], _zero_round_off(arrays["at.forces"][n]), strict=True)
-    forces = {shown_force_name(str(name)): float(force) for name, kind, force in columns if kind in FORCES}
-    rows = [(name, format_quantity(force, "N")) for name, force in forces.items() if force]
-    rows += [("all others", format_quantity(0.0, "N"))] if 0 < len(rows) < len(forces) else []
+    forces = [(shown_force_name(str(name)), kind, float(force)) for name, kind, force in columns if kind in FORCES]
+    rows = [(name, format_quantity(force, "N")) for name, _, force in forces if force]
+    others = "all other pads" if {kind for _, kind, force in forces if not force} == {"pad"} else "all others"
+    rows += [(others, format_quantity(0.0, "N"))] if 0 < len(rows) < len(forces) else []
     return [*tables, Table("Forces, positive where they push", tuple(rows))] if rows else tables
 
 

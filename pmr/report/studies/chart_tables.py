@@ -304,7 +304,7 @@ def case_grid(study: FinishedStudy) -> Grid:
         load = (
             f"{case.load:g}"
             if case.hoisting_class is None
-            else f"{case.load:g} × {hoisted:.4g} ({case.hoisting_class})"
+            else f"{f'{case.load:g} × ' if case.load != 1.0 else ''}{hoisted:.4g} ({case.hoisting_class})"
         )
         stands = study.figures.get(f"stands.{case.name}")
         verdict = "in service" if case.in_service else f"stands at {stands} points"

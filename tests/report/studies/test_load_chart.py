@@ -226,7 +226,9 @@ def test_pads_without_force_and_directions_without_deflection_fill_no_rows() -> 
     }
     _, deflections, forces = _use_tables(["pads"], 0, arrays, ("boom",))
     assert deflections.title.endswith("positive upwards")
-    assert forces.rows == (("tail top", "5.80\u00a0kN"), ("all others", "0\u00a0N"))
+    assert forces.rows == (("tail top", "5.80\u00a0kN"), ("all other pads", "0\u00a0N"))
+    arrays["at.kinds"] = np.array(["pad", "cylinder", "pad"])
+    assert _use_tables(["pads"], 0, arrays, ("boom",))[-1].rows[-1][0] == "all others"
 
 
 @pytest.mark.parametrize("load, text", [(7417.7, "7417"), (0.0, "—"), (np.inf, "no limit reached")])
