@@ -87,8 +87,8 @@ def _left_out_rows(result: RunResult) -> Rows:
         opened = [force.size for force in forces if force.least == 0.0]
         idle = sum(size <= result.responses["reduced"].force_floor for size in opened)
         numbers = ((len(opened) - idle, "at times"), (idle, "at all times"))
-        counts = " and ".join(f"{number} open {when}" for number, when in numbers if number)
-        counts = f" ({len(forces)} pads, {counts})" if counts else ""
+        counts = ", ".join(f"{number} {when}" for number, when in numbers if number)
+        counts = f" (of {len(forces)} pads, open are {counts})" if counts else ""
         values = ["natural frequencies"] if result.frequencies.models else []
         values += ["buckling factor"] if "factor" in result.summary.get("buckling", {}) else []
         open_pads = f"open pads, which lower {' and '.join(values)}{counts}"
@@ -266,7 +266,9 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
 
 
 #: What the stress in walls at pads takes for granted, and what it contains.
-WALL_STRESS_PARTS = "pads press most in their middle; with the bending of walls under pads, without welds"
+WALL_STRESS_PARTS = (
+    "pads are taken to press most in their middle; the bending of walls under pads is included, welds are not"
+)
 
 
 def _missing_clause(summary: Summary) -> str:

@@ -47,6 +47,7 @@ def system_rows(result: RunResult) -> Rows:
     if scene.hoist is not None:
         yield "hoist", _describe_hoist(scene.hoist, scene.time.end)
     weight = "left out" if gravity is None else f"included, {significant(gravity.acceleration)}{SPACE}m/s²"
+    weight += f", in full from {format_input(gravity.rise, 's')} on" if gravity is not None and gravity.rise else ""
     yield "weight of the boom", weight
     if scene.frame is not None and result.frame is not None:
         words = SceneWords(scene.frame.unit)
@@ -196,7 +197,7 @@ def _body_rows(result: RunResult) -> Rows:
     for member, (name, part) in zip(members(result.scene), result.scene.bodies.items(), strict=True):
         called = name or "structure"
         box, profile, mover = part.body.box, part.body.profile, part.body.mover
-        properties = [] if box is None else [f"box of {SceneWords().describe(box)}"]
+        properties = [] if box is None else [f"box with a mid-surface of {SceneWords().describe(box)}"]
         properties += [] if profile is None else [f"{format_input(profile.length, 'm')} long"]
         properties += [] if mover is None else [SceneWords().describe(mover)]
         properties += [_format_mass(masses[name])] if name in masses and mover is None else []

@@ -195,7 +195,7 @@ def _telling_values(table: BaseModel, unused: Sequence[str], defaults: bool = Tr
             yield key, value
 
 
-CELLS = {"line": "lines", "triangle": "triangles", "tetra": "tetrahedra", "hexahedron": "hexahedra"}
+CELLS = {"line": "elements", "triangle": "triangles", "tetra": "tetrahedra", "hexahedron": "hexahedra"}
 
 
 def software_versions(summary: Summary) -> list[str]:

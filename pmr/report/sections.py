@@ -367,6 +367,8 @@ def probe_block(result: RunResult, prefix: str) -> Block | None:
         for k, of in enumerate(_drawn_measurements(measured))
     ]
     text = "The file tables/cycles.csv has all load cycles, counted by the rainflow method."
+    if stress_remark(result.scene):
+        text += " A probe on a beam has the stress of the outer corner next to its place in the scene."
     return Block("Probes", figures, text=text, grids=(grid, *_damage_grids(result)), grids_first=True)
 
 

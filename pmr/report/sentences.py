@@ -301,7 +301,7 @@ def position_text(result: RunResult, position: float) -> str:
     if not is_alone(result):
         return f"boom length {two_decimals(position)}{SPACE}m"
     if moving_part(result) == "mouth":
-        return f"{two_decimals(reach_of(result) - position)}{SPACE}m out"
+        return f"{two_decimals(reach_of(result) - position)}{SPACE}m beyond the mouth"
     return f"s = {two_decimals(position)}{SPACE}m" if moving_part(result) else ""
 
 

@@ -58,7 +58,7 @@ def rows(result: RunResult, title: str) -> dict[str, str]:
 
 def test_what_was_asked_is_said_in_rows(result: RunResult) -> None:
     asked = rows(result, "What was asked")
-    box = f"box of width 300{SPACE}mm, height 400{SPACE}mm, wall 8{SPACE}mm, length 6{SPACE}m"
+    box = f"box with a mid-surface of width 300{SPACE}mm, height 400{SPACE}mm, wall 8{SPACE}mm, length 6{SPACE}m"
     assert asked["structure"] == box
     assert asked["modelled as"] == "a shell" and asked["held by"] == "cylinder along x on the tail, rigid"
     assert asked["pads"] == f"7, 300 × 80{SPACE}mm, 300{SPACE}kN/mm, they hold both ways"
@@ -71,12 +71,15 @@ def test_each_kind_of_force_has_its_largest_with_when_and_where(result: RunResul
     bears = rows(result, LARGEST)
     assert bears["largest pad force"].startswith(f"5.00{SPACE}kN, pad 4, at 0{SPACE}s")
     assert bears["largest force of a support"].startswith(
-        f"−75.0{SPACE}kN, luffing cylinder, at 0{SPACE}s, 4.5{SPACE}m out"
+        f"−75.0{SPACE}kN, luffing cylinder, at 0{SPACE}s, 4.5{SPACE}m beyond the mouth"
     )
     assert bears["largest von Mises stress"].startswith(
         f"49.0{SPACE}MPa, outer face of bottom, 1.5{SPACE}m from the tail"
     )
-    assert bears["lowest natural frequency"] == f"6.50{SPACE}Hz, at 4.5{SPACE}m out, with payload 250{SPACE}kg"
+    assert (
+        bears["lowest natural frequency"]
+        == f"6.50{SPACE}Hz, at 4.5{SPACE}m beyond the mouth, with payload 250{SPACE}kg"
+    )
 
 
 def test_the_pad_nearest_to_yielding_walls_stands_first_and_warns(result: RunResult) -> None:
@@ -216,7 +219,7 @@ def test_a_cylinder_that_pulls_ropes_bears_theirs_too(result: RunResult) -> None
         {"name": "second", "follows": "first", "force": force | {"max": 16.9e3}},
     ]
     carries = rows(replace(result, summary=result.summary | {"ropes": ropes}), LARGEST)
-    expected = f"31.3{SPACE}kN, cylinder of first, which pulls the ropes, at 0.5{SPACE}s, 4{SPACE}m out"
+    expected = f"31.3{SPACE}kN, cylinder of first, which pulls the ropes, at 0.5{SPACE}s, 4{SPACE}m beyond the mouth"
     assert carries["largest force of an extension cylinder"] == expected
     assert carries["largest rope force"].startswith(f"16.9{SPACE}kN, rope of second, all strands, ")
     winch = [{"name": "first", "follows": None, "force": force, "length": 9.0, "stiffness": 1e6}]
@@ -271,9 +274,12 @@ def test_large_values_say_how_the_boom_stands_and_the_luffing_cylinder_has_one_r
     luffing = {"force": {**one, "min": -9e4}, "length": {"min": 1.5, "max": 2.0}}
     result = make_space(frame=frame, supports=supports, summary=summary | {"luffing_cylinder": luffing})
     carries = rows(result, LARGEST)
-    force = f"\u221220.0{SPACE}kN, pin x, at 0.2{SPACE}s, 4{SPACE}m out, raised 18°, slewed \u22126°"
+    force = f"\u221220.0{SPACE}kN, pin x, at 0.2{SPACE}s, 4{SPACE}m beyond the mouth, raised 18°, slewed \u22126°"
     assert carries["largest force of a support"] == force
-    assert f"at 0.2{SPACE}s, 4{SPACE}m out, raised 18°, slewed" in carries["largest force of the luffing cylinder"]
+    assert (
+        f"at 0.2{SPACE}s, 4{SPACE}m beyond the mouth, raised 18°, slewed"
+        in carries["largest force of the luffing cylinder"]
+    )
     assert carries["largest von Mises stress"].endswith("raised 45°, slewed \u221215°")
     del frame["slewing"]
     still = rows(make_space(frame=frame, supports=supports, summary=summary), LARGEST)
@@ -385,7 +391,9 @@ def test_the_machine_below_the_pivot_is_among_what_was_asked(make_space: MakeSpa
 
 def test_whether_the_weight_is_in_the_figures_is_said(make_space: MakeSpace) -> None:
     light = make_space(gravity={"acceleration": 1.62})
-    assert rows(light, "What was asked")["weight of the boom"] == f"included, 1.62{SPACE}m/s²"
+    assert (
+        rows(light, "What was asked")["weight of the boom"] == f"included, 1.62{SPACE}m/s², in full from 1{SPACE}s on"
+    )
     assert rows(make_space(gravity=None), "What was asked")["weight of the boom"] == "left out"
 
 
@@ -492,7 +500,7 @@ def test_the_stress_of_beams_has_no_share_of_the_yield_stress(make_space: MakeSp
     share = f"80.0{SPACE}% of the yield stress of 355{SPACE}MPa"
     assert said.startswith(f"{words}, ± by the mesh of the walls, {share}, ")
     assert f"355{SPACE}MPa, 83.4{SPACE}% with this error alone; left wall, " in said
-    assert said.endswith("with the bending of walls under pads, without welds") and "not known" not in said
+    assert said.endswith("the bending of walls under pads is included, welds are not") and "not known" not in said
     sure = rows(compared, "How sure the values are")["stress"]
     without = "by the mesh of the walls, without the error of the pad forces; the effect of uneven pressure under pads "
     without += "is not included; elsewhere not known"
@@ -716,7 +724,7 @@ def test_pads_that_lift_off_stand_once_in_what_is_not_in_the_figures(make_space:
     times = {"t_max": 0.1, "s_max": 1.0, "t_min": 0.2, "s_min": 1.0}
     lifting = make_space(summary=SUMMARY | {"pads": [pad | times for pad in pads]}, pads=[ring])
     left, texts = rows(lifting, "What is not in these figures")["pads"], " ".join(rows(lifting, LARGEST).values())
-    assert left.endswith("open pads, which lower natural frequencies (4 pads, 2 open at times and 1 open at all times)")
+    assert left.endswith("open pads, which lower natural frequencies (of 4 pads, open are 2 at times, 1 at all times)")
     assert texts.count("with every pad closed") == 1 and "lift off" not in texts
 
 

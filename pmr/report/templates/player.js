@@ -217,7 +217,7 @@ class Player {
     if (this.pose) this.ground();
     const way = `${(this.data.length - this.back).toFixed(2)} m`;
     const angles = this.pose ? this.pose.angles.map((angle, k) => this.turnedBy(angle, k)) : [];
-    this.say(`${this.clock}, ${this.data.alone ? `${way} out` : `boom length ${way}`}${angles.join("")}`);
+    this.say(`${this.clock}, ${this.data.alone ? `${way} beyond the mouth` : `boom length ${way}`}${angles.join("")}`);
   }
 
   // By luffing and, where it changes, by slewing.
