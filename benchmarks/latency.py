@@ -98,11 +98,11 @@ _STEPS = """
 import json, sys, time, warnings
 import numpy, pmr
 try:
-    from pmr.simulation.native.free_motion import stepped
+    from pmr.simulation.native.free_motion import prepare_stepping
 except ImportError:  # of an earlier checkout
     from pmr.simulation.native.free_motion import stepped_frame
 else:
-    stepped_frame = lambda system, source: stepped(system, source)[2]
+    stepped_frame = lambda system, source: prepare_stepping(system, source)[2]
 from pmr.simulation.native.machine import MachineRun
 from pmr.simulation.moving import MovingFrame
 from pmr.simulation.moving import read_scene

@@ -47,16 +47,16 @@ class InputError(ValueError):
 
         If the source is not ``"scene"``, this error itself is returned.
         """
-        return self._changed(source=source) if self.source == "scene" else self
+        return self._copy_with(source=source) if self.source == "scene" else self
 
     def with_key(self, key: str) -> InputError:
         """Return an InputError like this one with another key: `key`, as the scene's file spells it.
 
         If the source is not ``"scene"``, this error itself is returned.
         """
-        return self._changed(key=key) if self.source == "scene" else self
+        return self._copy_with(key=key) if self.source == "scene" else self
 
-    def _changed(self, **parts: str) -> InputError:
+    def _copy_with(self, **parts: str) -> InputError:
         """Return an error like this one, of the same class, with another ``source`` or ``key`` from `parts`."""
         changed = copy(self)
         vars(changed).update(parts)

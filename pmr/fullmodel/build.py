@@ -405,7 +405,7 @@ def within_reach(scene: Scene, built: Mapping[str, AssembledBody]) -> dict[str, 
     for body in built.values():
         of_body, rows = ranges[id(body)], body.model.rows
         reaching = [
-            row.within(of_body[row.name]) if row.name in of_body and row.compliance else row for row in rows.rows
+            row.restrict_to(of_body[row.name]) if row.name in of_body and row.compliance else row for row in rows.rows
         ]
         reached[id(body)] = replace(body, model=replace(body.model, rows=replace(rows, rows=tuple(reaching))))
     return {name: reached[id(body)] for name, body in built.items()}

@@ -75,7 +75,7 @@ class Estimate(NamedTuple):
 
 
 class ByPressure(NamedTuple):
-    """The same value for two distributions of the pressure under a pad, which have the same resultant force."""
+    """One quantity under two distributions of the pressure under a pad, which have the same resultant force."""
 
     middle: Estimate  # with the pressure largest in the middle of the pad
     even: Estimate
@@ -385,15 +385,15 @@ def yield_forces(scene: Scene) -> dict[str, YieldForce]:
             continue
         for largest in largest_pad_stresses(scene, number):
             middle, force = largest.stress.middle, material.yield_stress / largest.stress.middle.value
-            here = YieldForce(
+            of_pad = YieldForce(
                 force,
                 force * middle.error / middle.value,
                 material.yield_stress / largest.stress.even.value,
                 part.name,
             )
-            former, joints[largest.pad] = least.get(largest.pad, here), largest.joint
-            even = min(former.even, here.even)
-            least[largest.pad] = replace(min(former, here, key=lambda of_place: of_place.force), even=even)
+            former, joints[largest.pad] = least.get(largest.pad, of_pad), largest.joint
+            even = min(former.even, of_pad.even)
+            least[largest.pad] = replace(min(former, of_pad, key=lambda of_place: of_place.force), even=even)
     return {pad: least[pad] for pad in sorted(least) if joints[pad] not in lacking | {0}}
 
 

@@ -63,12 +63,12 @@ def first_page_tables(result: RunResult) -> tuple[Table, ...]:
     What was computed stands before the input: largest values with a limit, or all largest values if none has one; the
     errors in brief; what the figures leave out; other largest values; what was simulated; and all errors.
     """
-    first, *others = _largest_values_tables(result)
+    first, *further = _largest_values_tables(result)
     all_tables = (
         first,
         Table("How sure the values are", tuple(trust.certainty_rows(result))),
         Table("What is not in these figures", tuple(_left_out_rows(result))),
-        *others,
+        *further,
         Table("What was asked", (*overview.system_rows(result), *_second_order_rows(result, True))),
         trust.trust_table(result),
     )
@@ -133,15 +133,16 @@ def _largest_values_tables(result: RunResult) -> list[Table]:
     all belong to the same part, there are no headings.
     """
     headings, rows = dict[str, str](), largest_values(result)
-    limited, others = ([row for row in rows if (row.share is not None) is has_limit] for has_limit in (True, False))
-    for row in others:
+    limited = [row for row in rows if row.share is not None]
+    without_limit = [row for row in rows if row.share is None]
+    for row in without_limit:
         if _heading(row) not in headings.values():
             headings[row.name] = _heading(row)
     tables = [
         Table("Largest values that have a limit", tuple((row.name, row.text) for row in limited)),
         Table(
             "Largest values of this motion",
-            tuple((row.name, row.text) for row in others),
+            tuple((row.name, row.text) for row in without_limit),
             headings=headings if len(headings) > 1 else {},
         ),
     ]

@@ -207,8 +207,8 @@ def _overshoot(signal: SignalBase, stepping: TimeStepping) -> list[float]:
         return [0.0, 0.0]
     x = breaks / h
     first, last = np.ceil(x - 1e-9) - 1.0, np.floor(x + 1e-9) + 1.0  # a break on a step lies between its neighbours
-    beside = h * np.clip([first, np.clip(np.round(x), first, last), last], 0, steps)
-    values = signal.value(np.vstack([beside, breaks, np.nextafter(breaks, -np.inf)]))
+    neighbours = h * np.clip([first, np.clip(np.round(x), first, last), last], 0, steps)
+    values = signal.value(np.vstack([neighbours, breaks, np.nextafter(breaks, -np.inf)]))
     around, at_breaks = values[:3], values[3:]
     beyond = np.maximum(at_breaks - around.max(axis=0), around.min(axis=0) - at_breaks).max(axis=0)
     worst = int(np.argmax(beyond))

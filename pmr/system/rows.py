@@ -104,7 +104,7 @@ class Row:
         """Number K of carriers."""
         return int(self.carriers.shape[0])
 
-    def within(self, ranges: Sequence[Interval]) -> Row:
+    def restrict_to(self, ranges: Sequence[Interval]) -> Row:
         """Row that is zero, and touches no further carriers, on intervals outside all `ranges` of s in m."""
         slack = BEYOND_ENDS * (self.breaks[-1] - self.breaks[0])
         begin, end = self.breaks[:-1] - slack, self.breaks[1:] + slack

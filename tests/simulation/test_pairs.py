@@ -30,7 +30,7 @@ from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.moving import DRIVE, MovingFrame, read_scene
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.free_motion import stepped, with_free_motion
+from pmr.simulation.native.free_motion import prepare_stepping, with_free_motion
 from pmr.simulation.reactions import with_forces_on_machine
 
 pytestmark = [pytest.mark.slow, pytest.mark.numerical]
@@ -90,7 +90,7 @@ class Pair:
         excitation = replace(excitation, stepping=replace(excitation.stepping, parts=1))
         moved = systems.simulate_form(SystemForm.of(system), excitation)
         shown = with_forces_on_machine(computed, evaluate_motion(system, moved))
-        _, _, frame = stepped(system, "system")
+        _, _, frame = prepare_stepping(system, "system")
         assert frame is not None
         motions = np.moveaxis(frame.motions(excitation, excitation.times), 1, 0)
         return cls(

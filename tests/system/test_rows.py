@@ -56,11 +56,11 @@ def test_entries_are_the_polynomial_of_their_interval() -> None:
 
 def test_a_row_within_ranges_is_zero_elsewhere_and_touches_no_carriers_there() -> None:
     row = carried_row()
-    within = row.within([Interval(0.1, 0.2), Interval(0.0, 0.4 - 1e-12)])  # up to a break, but for round-off
+    within = row.restrict_to([Interval(0.1, 0.2), Interval(0.0, 0.4 - 1e-12)])  # up to a break, but for round-off
     for s in (0.0, 0.3, 0.7):
         assert np.array_equal(dense(within, s), dense(row, s))
     assert not dense(within, 1.2).any() and not np.isin(4, within.touched)
-    last = row.within([Interval(1.2, 1.5)])
+    last = row.restrict_to([Interval(1.2, 1.5)])
     assert np.array_equal(dense(last, 1.3), dense(row, 1.3)) and not dense(last, 0.7).any()
     assert not np.isin([0, 1], last.touched).any()
 

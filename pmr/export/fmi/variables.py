@@ -19,7 +19,7 @@ from pmr.scene.hoist import ROPE, WIND
 from pmr.scene.keys import LUFFING
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.moving import DRIVE, EXTENSION_DRIVE, GRAVITY, MovingFrame
-from pmr.simulation.native.free_motion import stepped
+from pmr.simulation.native.free_motion import prepare_stepping
 from pmr.system.body import force_outputs, names_of, units_of
 from pmr.system.contacts import ALONE, SLIDER, qualified_name
 from pmr.system.from_scene import combine_rings
@@ -57,7 +57,7 @@ class Drivers:
         Raises InputError as `modal_form` and `stepped`, and if the system's paths are not those of the frame in this
         order.
         """
-        system, _, frame = stepped(system, "system")
+        system, _, frame = prepare_stepping(system, "system")
         if frame is not None and frame.paths != tuple(path for path in system.paths if path != LUFFING):
             of_scene, of_pads = (", ".join(paths) or "none" for paths in (frame.paths, system.paths))
             raise InputError(

@@ -295,8 +295,8 @@ def _use_tables(names: list[str], n: int, arrays: Mapping[str, Array], sections:
     columns = zip(arrays["at.forces.names"], arrays["at.kinds"], _zero_round_off(arrays["at.forces"][n]), strict=True)
     forces = [(shown_force_name(str(name)), kind, float(force)) for name, kind, force in columns if kind in FORCES]
     rows = [(name, format_quantity(force, "N")) for name, _, force in forces if force]
-    others = "all other pads" if {kind for _, kind, force in forces if not force} == {"pad"} else "all others"
-    rows += [(others, format_quantity(0.0, "N"))] if 0 < len(rows) < len(forces) else []
+    remaining = "all other pads" if {kind for _, kind, force in forces if not force} == {"pad"} else "all others"
+    rows += [(remaining, format_quantity(0.0, "N"))] if 0 < len(rows) < len(forces) else []
     return [*tables, Table("Forces, positive where they push", tuple(rows))] if rows else tables
 
 

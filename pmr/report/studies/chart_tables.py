@@ -59,19 +59,19 @@ def ceiling(study: FinishedStudy) -> str:
     return f"more than {format_load(study.study_file['up_to'])} (search ends there)"
 
 
-def case_sentence(asked: Summary) -> str:
+def case_sentence(study_file: Summary) -> str:
     """Sentence on the cases in service of a study file: factors of load and weights, wind and other loads.
 
-    `asked` are the keys of the study file.
+    `study_file` are the keys of the study file.
     """
-    cases = [case for case in map(LoadCase.model_validate, asked["cases"]) if case.in_service]
+    cases = [case for case in map(LoadCase.model_validate, study_file["cases"]) if case.in_service]
     plain = all(case.weight == case.machine == case.load == 1.0 and case.hoisting_class is None for case in cases)
     calm = not any(case.wind or any(case.loads.values()) for case in cases)
     if plain and calm:
         return "Static, factors of load and weight 1.0, no wind, no motion: not a rated capacity."
     names, lifted = dict[str, list[str]](), []
     for case in cases:
-        lifted.append(case.load * case.hoisting_factor(asked["classes"]))
+        lifted.append(case.load * case.hoisting_factor(study_file["classes"]))
         loads = ", ".join(filter(None, (_acting_forces(case), _wind_words(case)))) or "no wind"
         factors = f"factor of load {lifted[-1]:.4g}, of the boom's weight {case.weight:.4g}"
         factors += "" if case.machine == 1.0 else f", of the machine's {case.machine:.4g}"
@@ -85,23 +85,23 @@ def case_sentence(asked: Summary) -> str:
     return f"The boom is at rest. Load cases: {'; '.join(texts)}. Not included: {left_out}."
 
 
-def motion_rows(asked: Summary, figures: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def motion_rows(study_file: Summary, figures: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield a row for each motion of a machine: whether the loads contain it, and what is computed beside them.
 
-    `asked` are the keys of the study file, and `figures` those of the study.
+    `study_file` are the keys of the study file, and `figures` those of the study.
     """
     factors = dict[str, list[str]]()
-    for case in map(LoadCase.model_validate, asked["cases"]):
+    for case in map(LoadCase.model_validate, study_file["cases"]):
         if case.in_service and case.hoisting_class is not None:
-            words = f"{case.hoisting_factor(asked['classes']):.4g}, of the class {case.hoisting_class} at "
+            words = f"{case.hoisting_factor(study_file['classes']):.4g}, of the class {case.hoisting_class} at "
             factors.setdefault(f"{words}{case.hoisting_speed:g}{SPACE}m/s", []).append(case.name)
     contained = "; ".join(f"{factor} ({', '.join(names)})" for factor, names in factors.items())
-    hoist, computed = asked.get("hoist"), ""
+    hoist, computed = study_file.get("hoist"), ""
     if hoist and "hoist.most" in figures:
         computed = prose("hoisting", hoist=hoist, figures=figures)
     yield "hoisting", f"{f'in the loads, by the factor {contained}' if contained else NOT_IN_LOADS}{computed}"
     for motion in ("luffing", "slewing"):
-        stops = [stop for stop in asked.get("stops", ()) if stop["of"] == motion]
+        stops = [stop for stop in study_file.get("stops", ()) if stop["of"] == motion]
         yield motion, NOT_IN_LOADS + "".join(prose("stopping", stop=stop) for stop in stops)
     yield "telescoping", NOT_IN_LOADS
     yield "swing of the load on its rope", NOT_IN_LOADS

@@ -251,7 +251,7 @@ class Inputs(ABC):
     """
 
     @abstractmethod
-    def at(self, t: float) -> InputValues:
+    def values_at(self, t: float) -> InputValues:
         """Return the index of the side positions, the loads and the amplitudes of terms at t s."""
 
     @abstractmethod
@@ -272,7 +272,7 @@ class Inputs(ABC):
         def value(t: float) -> Array:
             """First entry of the result of `evaluate` at t s, computed anew only if the sides have moved."""
             nonlocal number, stored
-            if (k := self.at(t).number) != number:
+            if (k := self.values_at(t).number) != number:
                 number, stored = k, evaluate(self.positions(t))[0]
             return stored
 
@@ -315,7 +315,7 @@ class SignalInputs(Inputs):
 
         Raises InputError if a path leaves a row.
         """
-        self.at(t)
+        self.values_at(t)
         if not self._moving:
             return self._x
         return self._equations.side_positions_on(
@@ -334,7 +334,7 @@ class SignalInputs(Inputs):
             np.array([driving_value(driving, self._mbs, t) for driving in each]) for each in (self._loads, self._terms)
         )
 
-    def at(self, t: float) -> InputValues:
+    def values_at(self, t: float) -> InputValues:
         """Return index of the side positions, loads, and amplitudes at t s; evaluate them if t is not the last time."""
         if t != self._t:
             self.begin(t)
@@ -342,7 +342,7 @@ class SignalInputs(Inputs):
 
     def paths(self, t: float) -> dict[str, float]:
         """Coordinate in m of each path at the time t in s, by the path's name."""
-        self.at(t)
+        self.values_at(t)
         return self.s
 
 
@@ -369,10 +369,10 @@ class TabulatedInputs(Inputs):
     def begin(self, t: float) -> None:
         """Do nothing, as all values are known."""
 
-    def at(self, t: float) -> InputValues:
+    def values_at(self, t: float) -> InputValues:
         """Return index of the side positions, loads, and amplitudes at t s, the end of a part of a step."""
         return self._values[round(t / self._step)]
 
     def positions(self, t: float) -> Array:
         """Side positions x (1, sides) in m at t s, the end of a part of a step."""
-        return np.asarray(self._places[[self.at(t).number]])
+        return np.asarray(self._places[[self.values_at(t).number]])

@@ -57,7 +57,7 @@ def add_with_springs(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, 
     def force(t: float) -> Array:
         """Force vector (n,) at t s."""
         B = system(t)[:, n:] if springs else equations.B
-        return np.asarray(B @ inputs.at(t).loads)
+        return np.asarray(B @ inputs.values_at(t).loads)
 
     steps, parameters = Steps(held=bool(len(rigid))), dict[str, Any](forceVector=force(0.0))
     finish: Callable[[exu.MainSystem, SystemItems, float], None] | None = None
@@ -72,7 +72,7 @@ def add_with_springs(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, 
         mbs, add_bodies(mbs, equations, inputs, start, K, **parameters), rigid, scalingMarker1=rows(0.0)
     )
     items = items if friction is None else replace(items, parts=replace(items.parts, rubbing=pads))
-    place_set = inputs.at(0.0).number
+    place_set = inputs.values_at(0.0).number
 
     def update(mbs: exu.MainSystem, t: float) -> bool:
         """Pre-step function: set rows, stiffness and forces to those at t."""
@@ -80,7 +80,7 @@ def add_with_springs(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, 
         if finish is not None:
             finish(mbs, items, t)
         inputs.begin(t)
-        changes, place_set = inputs.at(t).number != place_set, inputs.at(t).number
+        changes, place_set = inputs.values_at(t).number != place_set, inputs.values_at(t).number
         if changes and len(rigid):
             mbs.SetObjectParameter(items.oContacts, "scalingMarker1", rows(t))
         if changes and springs:
@@ -110,26 +110,26 @@ def _contact_functions(
     """
     stored_rows: tuple[int, Rows] | None = None
     begun = np.concatenate([state.q for state in start.values()])
-    reached, loads = 0.0, inputs.at(0.0).loads
+    reached, loads = 0.0, inputs.values_at(0.0).loads
 
     def rows(t: float) -> Rows:
         """Rows of the contacts at t s, computed once for each position."""
         nonlocal stored_rows
-        place = inputs.at(t).number
+        place = inputs.values_at(t).number
         if stored_rows is None or stored_rows[0] != place:
             stored_rows = place, pads.rows(inputs.positions(t))
         return stored_rows[1]
 
     def begin(q: Array) -> None:
         """Set the state at t = 0, with coordinates q (n,)."""
-        pads.begin(rows(0.0), q, inputs.at(0.0).loads + pads.inertia(0.0))
+        pads.begin(rows(0.0), q, inputs.values_at(0.0).loads + pads.inertia(0.0))
 
     def force(mbs: exu.MainSystem, t: float, item: int, q: Array, q_t: Array) -> Array:
         """User function: forces (n,) of the contacts on the coordinates q (n,)."""
         at, inertia = rows(t), pads.inertia(t)
         if t <= 0.0:  # when Exudyn computes the accelerations at the start
             begin(np.asarray(q))
-        state = pads.state(at, np.asarray(q), inputs.at(t).loads + inertia, t)
+        state = pads.state(at, np.asarray(q), inputs.values_at(t).loads + inertia, t)
         # the response of contacts to inertia is in the mass of base and coordinates
         return state.w - at.giving.C.T @ (state.multipliers[pads.gives] - pads.answers(at, inertia))
 
@@ -139,7 +139,7 @@ def _contact_functions(
         """User function: stiffness of the contacts at the coordinates q (n,), times `factor`."""
         steps.check(t)
         at = rows(t)
-        state = pads.state(at, np.asarray(q), inputs.at(t).loads + pads.inertia(t), t)
+        state = pads.state(at, np.asarray(q), inputs.values_at(t).loads + pads.inertia(t), t)
         return equations.matrix(factor * pads.stiffness(at, state))
 
     def finish(mbs: exu.MainSystem, items: SystemItems, t: float) -> None:
@@ -159,7 +159,7 @@ def _contact_functions(
             pads.end(rows(reached), q, loads + pads.inertia(reached), reached)
         else:
             begin(q)
-        reached, loads = t, inputs.at(t).loads
+        reached, loads = t, inputs.values_at(t).loads
 
     begin(begun)
     return ContactFunctions({"forceUserFunction": force, "jacobianUserFunction": jacobian}, finish)
@@ -183,7 +183,7 @@ def add_with_multipliers(mbs: exu.MainSystem, equations: Equations, inputs: Inpu
         """Rows of all contacts at t s."""
         return equations.rows(inputs.positions(t)).at_time(0)
 
-    at, loads = rows(0.0), inputs.at(0.0).loads
+    at, loads = rows(0.0), inputs.values_at(0.0).loads
     q, forces = np.concatenate([state.q for state in start.values()]), np.zeros(m)
     forces[gives] = np.linalg.solve(at.F[np.ix_(gives, gives)], (at.C @ q + at.H @ loads)[gives])
     steps = Steps(held=bool(m))
@@ -208,7 +208,7 @@ def add_with_multipliers(mbs: exu.MainSystem, equations: Equations, inputs: Inpu
     def update(mbs: exu.MainSystem, t: float) -> bool:
         """Pre-step function: set rows and forces to those at t; True, so that Exudyn goes on."""
         inputs.begin(t)
-        at, loads = rows(t), inputs.at(t).loads
+        at, loads = rows(t), inputs.values_at(t).loads
         for key, value in (("scalingMarker0", at.F), ("scalingMarker1", at.C), ("offset", -at.H @ loads)):
             mbs.SetObjectParameter(items.oContacts, key, value)
         mbs.SetObjectParameter(oRows, "stiffnessMatrix", at.F + rigid)
@@ -228,7 +228,7 @@ def add_with_callbacks(mbs: exu.MainSystem, equations: Equations, inputs: Inputs
 
     def force(mbs: exu.MainSystem, t: float, item: int, q: Array, q_t: Array) -> Array:
         """User function: loads (n,) on the coordinates at t s."""
-        return equations.B @ inputs.at(t).loads
+        return equations.B @ inputs.values_at(t).loads
 
     def constraint(mbs: exu.MainSystem, t: float, item: int, q: Array, q_t: Array, velocity_level: bool) -> Array:
         """User function: values C q (m,) of the contact rows at t s, on both the position and the velocity level."""

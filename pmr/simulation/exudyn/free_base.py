@@ -61,13 +61,13 @@ from pmr.system.system import System
 def add_extended(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
     """Add nodes and items of the bodies in the states `start`, without contacts; these are added with the base."""
     steps = Steps(held=bool(Contacts(equations, inputs).rigid.any()))
-    jacobian, force = zero_jacobian(equations, steps), equations.B @ inputs.at(0.0).loads
+    jacobian, force = zero_jacobian(equations, steps), equations.B @ inputs.values_at(0.0).loads
     items = add_bodies(mbs, equations, inputs, start, forceVector=force, jacobianUserFunction=jacobian)
 
     def update(mbs: exu.MainSystem, t: float) -> bool:
         """Pre-step function: set the force vector to the loads at t."""
         inputs.begin(t)
-        mbs.SetObjectParameter(items.oSystem, "forceVector", equations.B @ inputs.at(t).loads)
+        mbs.SetObjectParameter(items.oSystem, "forceVector", equations.B @ inputs.values_at(t).loads)
         return True
 
     return steps.attach_update(mbs, items, update)
@@ -380,7 +380,7 @@ def with_base(mbs: exu.MainSystem, items: SystemItems, base: Base, inputs: Input
         x, rate = np.array(q), np.array(q_t)
         arguments = (t, x.tobytes(), rate.tobytes())
         if arguments != evaluated_at:  # Exudyn calls for mass and forces one after the other
-            evaluated_at, evaluated = arguments, base.added_equations(t, x, rate, inputs.at(t).loads)
+            evaluated_at, evaluated = arguments, base.added_equations(t, x, rate, inputs.values_at(t).loads)
         return evaluated
 
     name = items.component_name(mbs, "Base")

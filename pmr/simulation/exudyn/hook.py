@@ -194,7 +194,7 @@ class _Joint:
             bent += Gq / l
             if k is not None:
                 by[k] -= q @ Gq / l**2 / 2.0
-        loads = self._base.boom.weight(self._base.weight(t) * R[2], len(answers.E)) + self._inputs.at(t).loads
+        loads = self._base.boom.weight(self._base.weight(t) * R[2], len(answers.E)) + self._inputs.values_at(t).loads
         carried = np.arange(len(s)) <= self._section
         at = self._base.boom.boom.place + e * (s @ carried - bent @ q / 2.0) + self._r + rows @ q
         sliding = (answers.B_slope[:, :, self._on].transpose(0, 2, 1) @ q + answers.E_slope[:, self._on] @ loads).T

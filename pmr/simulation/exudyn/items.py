@@ -265,7 +265,7 @@ def with_terms(mbs: exu.MainSystem, items: SystemItems, equations: Equations, in
     """Add the object of the system's terms and return the items with it, or the items unchanged without terms."""
     if not equations.system.terms:
         return items
-    assembly, amplitudes_set = equations.assembly, inputs.at(0.0).amplitudes
+    assembly, amplitudes_set = equations.assembly, inputs.values_at(0.0).amplitudes
 
     def matrices(c: Array) -> dict[str, Any]:
         """Stiffness and damping that terms of amplitudes c (k,) add, as parameters of ObjectGenericODE2.
@@ -283,7 +283,7 @@ def with_terms(mbs: exu.MainSystem, items: SystemItems, equations: Equations, in
     def vary(mbs: exu.MainSystem, t: float) -> bool:
         """Pre-step function: set the matrices to the amplitudes at the time t, if these have changed."""
         nonlocal amplitudes_set
-        amplitudes = inputs.at(t).amplitudes
+        amplitudes = inputs.values_at(t).amplitudes
         if not np.array_equal(amplitudes, amplitudes_set):
             amplitudes_set = amplitudes
             for key, value in matrices(amplitudes).items():

@@ -242,7 +242,7 @@ class SystemObserver:
 
     def _acting_loads(self, t: float) -> Array:
         """Loads (i,) at t s, with the inertia of the boom by the motion of its base."""
-        loads, base = self._items.parts.inputs.at(t).loads, self._items.parts.base
+        loads, base = self._items.parts.inputs.values_at(t).loads, self._items.parts.base
         return loads if base is None else loads + base.inertia(self._mbs, t)
 
     def _contact_state(self, t: float, q: Array) -> ContactState:

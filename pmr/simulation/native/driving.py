@@ -269,12 +269,12 @@ class Drivers:
 
     def _warn_of_rates(self) -> None:
         """Warn, once for each motion, if the rates that are given do not lead from one value to the next."""
-        _, _, moved, led, compared = self._book
+        _, _, values, led, compared = self._book
         for k in np.flatnonzero(compared < 0.0).tolist():
             compared[k] = 0.0
             name, unit = (self.paths[k], "m") if k < len(self.paths) else (self._angles[k], "rad")
             message = "%s moves by %.3g %s where its rates lead by %.3g %s: its rates are needed, in %s/s"
-            logger.warning(message, name, moved[k], unit, led[k], unit, unit)
+            logger.warning(message, name, values[k], unit, led[k], unit, unit)
 
     def _warn_of_jump(self, name: str, change: float, unit: str) -> None:
         """Warn, once for each name, of a motion that changes by `change` in a step; `unit` is its unit."""

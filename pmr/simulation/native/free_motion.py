@@ -311,7 +311,7 @@ class LuffingRun(MachineRun):
         return motions
 
 
-def stepped(system: System, source: str) -> tuple[System, StoredScene | None, MovingFrame | None]:
+def prepare_stepping(system: System, source: str) -> tuple[System, StoredScene | None, MovingFrame | None]:
     """System for steps one by one, in which an angle or extension may be free, its scene, and the frame that moves it.
 
     With a free luffing angle, all modes get inertia.  Raises the errors of `MovingFrame.from_system`; an InputError

@@ -38,7 +38,7 @@ from pmr.simulation.excitation import Excitation
 from pmr.simulation.moving import StoredScene
 from pmr.simulation.native.driving import JUMP, Drivers, Motion, Values, number_of
 from pmr.simulation.native.form import SystemForm, begin, path_text, step_failure
-from pmr.simulation.native.free_motion import stepped
+from pmr.simulation.native.free_motion import prepare_stepping
 from pmr.simulation.native.watched import watched_limits
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
@@ -121,7 +121,7 @@ class Stepper:
             raise InputError("stepper", "parts", parts, f"0 to {MOST_PARTS} are allowed")
         if not 0.0 <= rho_inf < 1.0:
             raise InputError("stepper", "rho_inf", rho_inf, "from 0 to less than 1 is allowed")
-        system, scene, moving = stepped(body if isinstance(body, System) else System.of(body), "stepper")
+        system, scene, moving = prepare_stepping(body if isinstance(body, System) else System.of(body), "stepper")
         form = SystemForm.of(system)
         self._system, self._form, self._step, self._rho_inf = system, form, step, rho_inf
         self._ranges: dict[str, tuple[float, float]] = dict(system.ranges)

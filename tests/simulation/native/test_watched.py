@@ -22,7 +22,7 @@ from pmr.scene import Scene
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.moving import DRIVE, EXTENSION_DRIVE, read_scene
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.free_motion import stepped, with_free_motion
+from pmr.simulation.native.free_motion import prepare_stepping, with_free_motion
 from pmr.simulation.native.systems import simulate_form
 
 pytestmark = pytest.mark.slow  # booms are reduced
@@ -94,7 +94,7 @@ def said_by_run(scene: Scene) -> dict[str, float]:
 
 def said_by_stepper(system: System, caplog: pytest.LogCaptureFixture) -> dict[str, float]:
     """Times of the warnings of a stepper that the scene's motions drive."""
-    _, stored, frame = stepped(system, "system")
+    _, stored, frame = prepare_stepping(system, "system")
     assert stored is not None
     excitation, t = stored.excitation, stored.excitation.times
     paths, loads, started = list(excitation.paths), list(excitation.loads), set[str]()
