@@ -132,15 +132,20 @@ def _acting_forces(case: LoadCase) -> str:
     return ", ".join(f"{name} {force:.5g}{SPACE}N" for name, force in forces.items())
 
 
-def _wind_words(case: LoadCase) -> str:
-    """Words on the wind of a case: its speed and pressure and, if it acts on no areas, the shape factor of sections."""
+def _wind_size(case: LoadCase) -> str:
+    """Speed and pressure of the wind of a case, and that it acts on the sections if it does; empty without wind."""
     if case.wind is None:
         return ""
-    speed = f"wind of {case.wind.speed:g}{SPACE}m/s, {case.wind.pressure:.4g}{SPACE}Pa"
-    if case.wind.on:
-        return speed
+    size = f"{case.wind.speed:g}{SPACE}m/s, {case.wind.pressure:.4g}{SPACE}Pa"
+    return size if case.wind.on else f"{size}, on the sections"
+
+
+def _wind_words(case: LoadCase) -> str:
+    """Words on the wind of a case: its speed and pressure and, if it acts on no areas, the shape factor of sections."""
+    if case.wind is None or case.wind.on:
+        return f"wind of {_wind_size(case)}" if case.wind else ""
     area = f"with the height or width of their boxes and the shape factor {case.wind.shape:g}"
-    return f"{speed}, on the sections, {area} unless the scene states others"
+    return f"wind of {_wind_size(case)}, {area} unless the scene states others"
 
 
 def slewing_clause(angles: Array) -> str:
@@ -314,7 +319,7 @@ def case_grid(study: FinishedStudy) -> Grid:
                 f"{case.weight:g}",
                 f"{case.machine:g}",
                 load if case.in_service else "0",
-                _wind_words(case).removeprefix("wind of ").partition(", with ")[0] or "–",
+                _wind_size(case) or "–",
                 _acting_forces(case) or "–",
                 verdict,
                 case.standard or "–",
