@@ -19,8 +19,8 @@ and last step Y goes on along a straight line (src/chosen.c in the kernel).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -39,11 +39,14 @@ from pmr.simulation.excitation import Excitation
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.systems import March
 from pmr.simulation.stepping import TimeStepping
+from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
 #: Words before the name of an output, by the derivative with respect to time that they ask for.
 VELOCITY, ACCELERATION, SPECIFIC_FORCE = "velocity of ", "acceleration of ", "specific force of "
-_ORDERS = {VELOCITY: 1, ACCELERATION: 2, SPECIFIC_FORCE: 2}
+RATE_ORDERS = {VELOCITY: 1, ACCELERATION: 2, SPECIFIC_FORCE: 2}
+#: Largest distance of an output's row to the forces of a unit load that act at the output's place, over their length.
+SAME_PLACE = 0.1
 _UNITS = {VELOCITY: "m/s", ACCELERATION: "m/s^2", SPECIFIC_FORCE: "m/s^2"}
 
 
@@ -59,6 +62,8 @@ class LinearMotion:
     reference: Array  # (T, q): outputs in the reference motion
     matrices: StepMatrices
     input_units: tuple[str, ...] = ()  # (i,): N m of moments; where it is empty, all are forces in N
+    # Displacements along each load at its place, by the load's name; a load that has no entry is not checked.
+    displacements: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @cached_property
     def A(self) -> Array:
@@ -166,7 +171,7 @@ def select_outputs(scene: Scene, system: System, targets: Sequence[str]) -> Sele
             raise InputError("observe", "outputs", name, "a quantity that outputs of this system state is allowed")
         names += of_table or [name]
     names = list(dict.fromkeys(names))
-    words = [next((words for words in _ORDERS if name.startswith(words)), "") for name in names]
+    words = [next((words for words in RATE_ORDERS if name.startswith(words)), "") for name in names]
     bases = [name.removeprefix(start) for name, start in zip(names, words, strict=True)]
     columns = [_number(base, available, "outputs") for base in bases]
     for name, start, column in zip(names, words, columns, strict=True):
@@ -175,7 +180,7 @@ def select_outputs(scene: Scene, system: System, targets: Sequence[str]) -> Sele
     return Selection(
         names=tuple(names),
         columns=columns,
-        orders=[_ORDERS.get(start, 0) for start in words],
+        orders=[RATE_ORDERS.get(start, 0) for start in words],
         units=tuple(_UNITS.get(start, units[column]) for start, column in zip(words, columns, strict=True)),
         kinds=tuple("" if start else meanings[base].kind for base, start in zip(bases, words, strict=True)),
         axes=tuple(meanings[base].direction for base in bases),
@@ -229,7 +234,21 @@ def linearize(
         steps.reference + gravity,
         steps.matrices,
         tuple(system.input_units[system.input_names.index(name)] for name in inputs),
+        {name: displacements_along(system, name) for name in inputs},
     )
+
+
+def displacements_along(system: System, load: str) -> tuple[str, ...]:
+    """Names of the outputs that are the displacement along a load of a system, at the place where it acts.
+
+    By the principle of virtual work, the row of such an output equals the forces of a unit load on the coordinates.
+    Rows that differ by at most `SAME_PLACE` of their length count as equal, so that a neighbouring place will do.
+    """
+    assembly = Assembly(system)
+    forces = assembly.B.toarray()[:, system.input_names.index(load)]
+    distances = np.linalg.norm(assembly.outputs.toarray() - forces, axis=1)
+    near = distances <= SAME_PLACE * np.linalg.norm(forces)
+    return tuple(name for name, at_load in zip(system.output_names, near, strict=True) if at_load)
 
 
 def gravity_of(scene: Scene, chosen: Selection) -> Array:

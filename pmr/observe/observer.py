@@ -45,7 +45,7 @@ from pmr.kernel.filter import (
     find_drift,
     watch,
 )
-from pmr.observe.linear import SPECIFIC_FORCE, LinearMotion
+from pmr.observe.linear import RATE_ORDERS, SPECIFIC_FORCE, LinearMotion
 
 
 @dataclass(frozen=True)
@@ -215,7 +215,7 @@ class Observer:
     ------
     InputError
         For a sensor or load that the model lacks, for standard deviations that are not allowed, and for a payload whose
-        load is no force or whose acceleration is none.
+        load is no force or whose acceleration is none, or is that of another place than the load's.
     """
 
     model: LinearMotion
@@ -256,6 +256,12 @@ class Observer:
                 raise InputError("observe", "payload.input", self.payload.input, "a force along z is allowed")
             if self.model.units[self.model.output_number(self.payload.acceleration)] != "m/s^2":
                 allowed = "an acceleration or a specific force is allowed"
+                raise InputError("observe", "payload.acceleration", self.payload.acceleration, allowed)
+            at_load = self.model.displacements.get(self.payload.input)
+            rate = next((words for words in RATE_ORDERS if self.payload.acceleration.startswith(words)), "")
+            if at_load is not None and self.payload.acceleration.removeprefix(rate) not in at_load:
+                places = " or ".join(rate + name for name in at_load) or "that of an output where the load acts"
+                allowed = f"{places} is allowed, as the load {self.payload.input!r} acts there"
                 raise InputError("observe", "payload.acceleration", self.payload.acceleration, allowed)
             if not self.payload.deviation > 0.0 or self.payload.wander < 0.0:
                 raise InputError(

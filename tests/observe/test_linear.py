@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 import pmr
-from pmr import InputError, System, linearize
+from pmr import InputError, Observer, System, linearize
 from pmr.observe.linear import output_sensitivity
+from pmr.observe.observer import Payload, Sensor
 from pmr.scene import Scene
 
 PADS = "[{at=0.15,stiffness=1e8,unilateral=false,faces={bottom=[0.0],top=[0.0]}}]"
@@ -80,6 +81,16 @@ def test_accelerometers_of_a_boom_that_is_raised_feel_their_shares_of_gravity() 
 def test_a_key_of_the_table_selects_its_outputs(system: System) -> None:
     model = linearize(scene_with(0.0, "time.end=0.002"), system, ["pad_force", TIP])
     assert FORCE in model.outputs and set(model.kinds) == {"pad", "tip"} and model.units[-1] == "m"
+
+
+def test_a_payload_takes_the_acceleration_of_the_place_where_its_load_acts(system: System) -> None:
+    """With the acceleration of the middle section a payload of 310 kg was estimated as 382 kg."""
+    accelerations = [f"acceleration of {place}" for place in (TIP, "middle: tip z")]
+    model = linearize(scene_with(0.0, "time.end=0.005"), system, [FORCE, *accelerations], [LOAD])
+    assert model.displacements == {LOAD: (TIP,)}
+    Observer(model, [Sensor(FORCE, 200.0)], payload=Payload(LOAD, accelerations[0], 100.0))
+    with pytest.raises(InputError, match=f"payload.acceleration = .*: {accelerations[0]} is allowed"):
+        Observer(model, [Sensor(FORCE, 200.0)], payload=Payload(LOAD, accelerations[1], 100.0))
 
 
 def test_wrong_names_are_refused(system: System) -> None:
