@@ -18,9 +18,13 @@ from pmr.kernel.further import AXES
 from pmr.kernel.kernel import pointer
 
 logger = logging.getLogger(__name__)
-#: Largest angle in rad, except for slewing.  Share of its range, or of a turn, by which a motion may change in a step
-#: without a warning of a jump.  Least change in m or rad without a second rate that is warned of: it has no inertia.
-WHOLE_TURN, JUMP, LEFT_OUT = 2.0 * np.pi, 0.1, 1e-6
+#: Largest angle in rad, except for slewing.
+WHOLE_TURN = 2.0 * np.pi
+#: Share of its range, or of a turn, by which a motion may change in a step before a jump is warned of.
+JUMP = 0.1
+#: Distance in m or rad between a motion without a second rate and where its rate leads, above which a warning says that
+#: inertia is left out.
+LEFT_OUT = 1e-6
 #: Share of its range, or of a turn, that a motion or the integral of its rates goes before the two are compared.
 COMPARED = 0.01
 #: Largest float that is taken without further checks; entry of an unknown name, with limits that refuse every value.
@@ -136,10 +140,10 @@ class Drivers:
         return {path: self._values[k] for path, k in self._path_numbers.items() if isinstance(path, str)}
 
     def take_path(self, s: Values) -> None:
-        """Take path coordinates; those that are slightly beyond the end of their range are clipped.
+        """Take path coordinates; one that is up to `BEYOND_ENDS` of its range beyond an end is set to this end.
 
         A warning is logged, once for each path, if it jumps in a step.  Raises InputError if a coordinate is farther
-        beyond, if a rate crosses the whole range in a step, or if a path is missing at the start.
+        beyond, if a rate would cross more than the whole range in a step, or if a path is missing at the start.
         """
         if type(s) is dict and self._take_at_once(s, self._limits):
             return
@@ -163,10 +167,11 @@ class Drivers:
         self._write(readings)
 
     def _take_at_once(self, values: dict[Any, Any], limits: Limits) -> bool:
-        """Take all values at once if each is a float (in a frame three floats) within `limits`; return whether taken.
+        """Take all values at once if each is a float within its `limits`, and return True; or take none, return False.
 
-        Taking all at once needs a third of the time.  Values that are refused by this method are read again by methods
-        with a message for each error.
+        In a frame a value may have rates (`_take_motions_at_once`).  This takes a third of the time of reading one
+        value after the other, which the caller does if False is returned, with a message for each error.  At the start,
+        and if steps are divided, no values are taken.
         """
         if self._in_parts or not self._started:
             return False
@@ -220,7 +225,10 @@ class Drivers:
         return True
 
     def take_loads(self, F: Values) -> None:
-        """Take loads F in N or N m, by their input names; in a frame, by their names in the scene."""
+        """Take loads F in N or N m, by their input names; in a frame, by their names in the scene.
+
+        Gravity, which is in m/s^2, is a load of a frame.
+        """
         if type(F) is dict and self._take_at_once(F, self._limits_of_loads):
             return
         self._write(self._read(F, self._load_numbers, "F", "one load for each input"))
@@ -264,11 +272,18 @@ class Drivers:
         self._started = True
 
     def _lacks_inertia(self, k: int, change: float) -> bool:
-        """Whether to warn of motion k, which changes by `change` in a step without a second rate."""
+        """Whether to warn of motion k, which changes by `change` in a step and has no second rate at its end.
+
+        That is so if inertia depends on it, no warning was given yet, and the change is another one than its rate at
+        the beginning of the step makes.
+        """
         return k in self._unwarned and abs(change - self._step * self._rates[k]) > LEFT_OUT
 
     def _warn_of_rates(self) -> None:
-        """Warn, once for each motion, if the rates that are given do not lead from one value to the next."""
+        """Log a warning for each motion that `pmr_compare_rates` marked in the book, and clear the mark.
+
+        Rates of such a motion do not lead from one of its values to the next.  The motion is compared no more.
+        """
         _, _, values, led, compared = self._book
         for k in np.flatnonzero(compared < 0.0).tolist():
             compared[k] = 0.0
@@ -277,7 +292,7 @@ class Drivers:
             logger.warning(message, name, values[k], unit, led[k], unit, unit)
 
     def _warn_of_jump(self, name: str, change: float, unit: str) -> None:
-        """Warn, once for each name, of a motion that changes by `change` in a step; `unit` is its unit."""
+        """Log, once for each `name`, a warning that this motion changes by `change` in a step; `unit` is its unit."""
         if name in self._told:
             return
         self._told.add(name)
@@ -303,8 +318,9 @@ class Drivers:
         """Read motions `values`, a mapping from names or a sequence of all values in order without rates.
 
         Each result has the motion's number, its value, rate and second rate, and how many of these three were given;
-        missing rates are 0.  `numbers` are the motions' numbers by their names and by their indices.  Raises
-        InputError, which names `key` and what is allowed (`what`), for other names or values.
+        missing rates are 0.  `numbers` has the motions' numbers by their names and by their indices.  Raises InputError
+        about `key` for other names, for a sequence of another length, where `what` says what is allowed, and for
+        numbers that are not finite.
         """
         if not _is_mapping(values):
             in_order = _read_in_order(values, numbers, key, what).tolist()
@@ -326,7 +342,7 @@ class Drivers:
 
 
 def _motion_numbers(names: Sequence[str], numbers: Sequence[int]) -> dict[str | int, int]:
-    """The `numbers` of motions among all drivers, by the motion's name in `names` and also by its index there."""
+    """Map the name of each motion in `names`, and also its index there, to its entry in `numbers`."""
     return dict(zip(names, numbers, strict=True)) | dict(enumerate(numbers))
 
 

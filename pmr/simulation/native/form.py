@@ -53,7 +53,7 @@ class SystemForm:
 
     @classmethod
     def of(cls, system: System | SystemForm) -> SystemForm:
-        """Diagonalise every body; a form is returned unchanged, as simulations can share its kernel.
+        """Diagonalise every body; a form is returned unchanged, so that simulations share its kernel.
 
         Raises the errors of `modal_form`.
         """
@@ -94,7 +94,11 @@ class SystemForm:
 
     @cached_property
     def frame(self) -> MovingFrame | None:
-        """Frame of the system's scene; None without a frame, or if the frame drives other inputs and terms."""
+        """Frame of the system's scene; None without a scene or a frame.
+
+        It is None, too, if the scene can't be read by this version, or does not drive all inputs and terms of the
+        system.
+        """
         try:
             return MovingFrame.from_system(self.system)
         except InputError:
@@ -119,7 +123,7 @@ class SystemForm:
         return Assembly(self.modal)
 
     def refuse_unsupported(self, x: Array, rho_inf: float) -> SimulatorNeeds:
-        """Return what the kernel has to support, and raise an InputError if it does not support a part of this.
+        """Raise an InputError if the kernel does not support all that a simulation needs; otherwise return the needs.
 
         The contacts of the system in modes (`modal`) have their sides at x (T, sides) in m at T steps; those that are
         rigid at the first step count as rigid.  `rho_inf` is the spectral radius of the time integration at infinite
@@ -157,8 +161,8 @@ class SystemForm:
 def driver_signals(form: SystemForm, excitation: Excitation) -> list[SignalBase]:
     """Signals of the kernel's N drivers in the kernel's order: paths, loads, amplitudes of terms, drivers of a hoist.
 
-    A single body without a path is at the beginning of its domain.  Raises InputError if a path, a load or a term has
-    no signal.
+    A single body without a path is at the beginning of its domain.  Raises InputError unless the excitation has just
+    the system's loads, terms and drivers of a hoist.
     """
     system, kernel = form.system, form.kernel
     paths: Sequence[SignalBase]
@@ -177,9 +181,9 @@ def driver_signals(form: SystemForm, excitation: Excitation) -> list[SignalBase]
 def start_modes(form: SystemForm, x: Array, x_rate: Array, initial: Mapping[str, InitialState]) -> Array:
     """Modal coordinates and rates of initial states, (2, modes) with the kernel's padding.
 
-    x (sides,) in m are the positions of the contacts' sides, and `x_rate` (sides,) in m/s their rates; `initial` has
-    the states by the bodies' names.  A velocity that violates rigid contacts is corrected (`consistent_start`); errors
-    as there.
+    x (sides,) in m are the positions of the contacts' sides, and `x_rate` (sides,) in m/s their rates.  `initial` has
+    the states by the bodies' names; bodies that are missing are at rest.  A velocity that violates rigid contacts is
+    corrected (`consistent_start`); errors as there.
     """
     modes = np.zeros((2, form.modes))
     states = consistent_start(Assembly(form.system), x, x_rate, initial)
@@ -210,11 +214,11 @@ def begin(
 ) -> tuple[Any, ...]:
     """Start a kernel of `form` by ``start(kind, *modes)``; return the arguments of the call that started it.
 
-    The kind is ``equilibrium`` or ``rest``, without modes, or ``given`` with the modes' states.  The kernel begins in
-    the states `initial` of bodies by name, or, if that is None, at rest or in equilibrium, as the excitation says.  In
-    addition to the errors of `start`, a StepError is raised if no equilibrium with a hoist is found.  For a start in
-    equilibrium, an InputError is raised if nothing holds the bodies, or if a system with a hoist has more than
-    `DENSE_WITH_HOIST` modes.
+    The kind is ``equilibrium`` or ``rest``, without modes, or ``given`` with coordinates and rates of the modes.  The
+    kernel begins in the states `initial` of bodies by name, at rest if it has none.  If `initial` is None, the kernel
+    begins at rest or in equilibrium, as the excitation says.  In addition to the errors of `start`, a StepError is
+    raised if no equilibrium with a hoist is found.  For a start in equilibrium, an InputError is raised if nothing
+    holds the bodies, or if a system with a hoist has more than `DENSE_WITH_HOIST` modes.
     """
     system, modes, failed = form.system, form.modes, None
     if initial is None and excitation.start == "equilibrium":
@@ -240,7 +244,7 @@ def begin(
 
 
 def start_of(system: System, excitation: Excitation) -> dict[str, InitialState]:
-    """States of bodies at t = 0, by name, as the excitation says: from `static_start`, or empty for a start at rest.
+    """States of bodies at t = 0, by name, as ``excitation.start`` says: of `static_start`, or none for a start at rest.
 
     Errors as `static_start`.
     """

@@ -68,7 +68,7 @@ FAR = 1e9
 
 
 def kernel_cylinder(cylinder: LuffingCylinder | FreeExtension, t: Array) -> dict[str, Any]:
-    """Return the fields ``cylinder`` and ``drive`` of the kernel's machine, with the drive at times t (T,).
+    """Return the fields ``cylinder`` and ``drive`` of the kernel's machine, with the drive at times t (T,) in s.
 
     A cylinder without a stroke has an infinite one; an extension without a drive has the drive of a force.
     """
@@ -235,10 +235,10 @@ HANGING = -np.pi / 2.0
 
 
 def with_free_motion(scene: Scene, system: System) -> tuple[Scene, System]:
-    """Scene with the computed motion of its machine, its luffing angle or its extension, and its system.
+    """Compute the motion of a free machine, luffing angle or extension; return the scene with it, and the system.
 
-    With a machine or a free luffing angle, all modes of the system have inertia.  Otherwise the system is unchanged,
-    and so is the scene if all motion is prescribed.
+    In the returned scene this motion is a prescribed one.  With a machine or a free luffing angle, all modes of the
+    returned system have inertia.  Otherwise the system is unchanged, and so is the scene if all motion is prescribed.
 
     Raises
     ------
@@ -312,11 +312,11 @@ class LuffingRun(MachineRun):
 
 
 def prepare_stepping(system: System, source: str) -> tuple[System, StoredScene | None, MovingFrame | None]:
-    """System for steps one by one, in which an angle or extension may be free, its scene, and the frame that moves it.
+    """Return a system for steps one by one, its scene (None without one), and the frame that moves it (None without).
 
-    With a free luffing angle, all modes get inertia.  Raises the errors of `MovingFrame.from_system`; an InputError
-    that names `source` is also raised for a free angle on a base that is displaced, and for a system with matrices of a
-    moving frame or of second order, but no scene with such a frame.
+    A luffing angle or an extension of the scene may be free.  With a free luffing angle, all modes of the returned
+    system have inertia.  Raises the errors of `MovingFrame.from_system`.  An InputError that names `source` is also
+    raised for a free angle on a base that is displaced, and for a system with terms whose scene has no frame.
     """
     stored = read_scene(system, source, free=True) if "scene" in system.provenance else None
     if stored is not None and stored.luffs_freely:
@@ -326,7 +326,10 @@ def prepare_stepping(system: System, source: str) -> tuple[System, StoredScene |
 
 
 def _stepped_frame(system: System, stored: StoredScene | None, source: str) -> MovingFrame | None:
-    """Frame of a `stored` scene of a `system`; None without a scene, or if the scene has no frame."""
+    """Frame of a `stored` scene of a `system`, which may have a free motion; None without a scene or a frame.
+
+    `source` is named in errors.
+    """
     if stored is None or stored.free_scene is None or stored.scene is None:
         return MovingFrame.from_system(system)
     scene, frame = stored.free_scene, stored.free_scene.present_frame
@@ -346,8 +349,8 @@ def _stepped_frame(system: System, stored: StoredScene | None, source: str) -> M
 def luffing_arrays(machine: Fields, frame: MovingFrame) -> dict[str, Array]:
     """Arrays of a free luffing angle for the kernel, by the names that `read_luffing` in src/system.c reads.
 
-    `machine` has the fields of the kernel's machine that stands for the angle, in the `frame`.  The keys begin with
-    ``luffing_``.
+    `machine` has the fields of the kernel's machine that pitches in place of the boom, in the `frame`.  The keys begin
+    with ``luffing_``.
     """
     cylinder = machine.get("cylinder", {})
     drive = next((k for k, name in enumerate(frame.loads) if name.startswith(DRIVE)), None)
@@ -362,7 +365,7 @@ def luffing_arrays(machine: Fields, frame: MovingFrame) -> dict[str, Array]:
     return {f"luffing_{name}": array for name, array in arrays.items()}
 
 
-#: The reasons where the machine is what a free luffing angle turns.
+#: Why step k, at t in s, fails if the machine stands for a free luffing angle.
 LUFFING_REASONS = {
     lib.PMR_LOST: "the luffing angle is not found at step {k}, t = {t:g} s: a shorter time.step",
     lib.PMR_UPRIGHT: "foot, lug and pivot of the luffing cylinder come in line at t = {t:g} s; without a cylinder, the "

@@ -68,17 +68,17 @@ Fields = Mapping[str, Any]
 
 
 class MachineSimulation:
-    """Simulation of a machine with its boom over T steps, with arrays of the recorded results.
+    """Simulation of a machine with its boom over T steps, with arrays of the recorded results, a row for each step.
 
-    `state` is the state of the boom.  An InputError is raised for a boom on a frame without a moving base, for contacts
-    that only push, and for settings of several substeps or of energy.
+    An InputError is raised for a boom on a frame without a moving base, for contacts that only push, and for settings
+    of several substeps or of energy.
     """
 
     def __init__(self, state: State, machine: Fields, reasons: Mapping[int, str] = REASONS) -> None:
         """Open a run of a machine on a `state` of its boom, with arrays of zeros for the results of all steps.
 
         `machine` has the values of the kernel's ``pmr_machine`` by field name.  `reasons` are messages by the kernel's
-        error codes.  Raises an `InputError` if the kernel refuses the machine.
+        error codes, with ``{k}`` and ``{t}`` in place of number and time of the step.
         """
         self.state, self._reasons = state, reasons
         steps, inertial = len(machine["motions"]), len(machine["inertial"])
@@ -103,7 +103,7 @@ class MachineSimulation:
         return structure("pmr_machine_record", {name: getattr(self, name)[first:] for name in names})
 
     def holding_forces(self, motion: Array, z: Array, v: Array, a: Array) -> Array:
-        """Forces (6,) in N and N m that hold the machine at t = 0, in the directions x, y, z, roll, pitch and yaw.
+        """Forces (6,) in N and moments in N m that hold the machine at t = 0, in x, y, z, roll, pitch and yaw.
 
         The `motion` (3, 6) of the machine has the directions in m and rad, their rates and second rates.  The boom's
         modes have coordinates z, rates v and accelerations a (modes,).  A StepError is raised if compliant contacts
@@ -160,7 +160,7 @@ class MachineSimulation:
 def machine_of(
     scene: Scene, system: System, frame: MovingFrame, excitation: Excitation, modes: Array, level: float | None
 ) -> dict[str, Any]:
-    """Return the fields of the kernel's machine of a scene, below the system, without a cylinder.
+    """Return the fields of the kernel's machine that carries the `system` of a `scene`, without a luffing cylinder.
 
     `frame` is the frame of the scene, with a base at rest in the `excitation`.  `modes` (n, r') are the bodies' n
     coordinates by the kernel's r' modes.  If a free luffing angle is simulated as a machine that pitches, `level` is
@@ -348,7 +348,7 @@ class MachineRun:
         self.simulation.start(motion, z, v)
 
     def _begin(self, place: Array) -> Array:
-        """Coordinates and rates (2, modes) with which the boom begins on a machine at rest at `place` (6,).
+        """Start the boom on a machine at rest at `place` (6,); return coordinates and rates of its modes, (2, modes).
 
         Errors as `begin`.
         """

@@ -355,7 +355,7 @@ class Stepper:
             raise SimulationError(f"stopped at {self._step_text(0)}: not finite")
 
     def _start(self, initial: Mapping[str, InitialState] | None, static: bool) -> None:
-        """Set the state to t = 0: to `initial`, or, if `initial` is None, to equilibrium if `static`, else to rest.
+        """Set the state to t = 0: to `initial`, or, if that is None, to equilibrium (`static` is true) or to rest.
 
         Raises InputError for a system that the simulator does not support or nothing holds; SimulationError if a solve
         fails.
@@ -437,7 +437,10 @@ class Stepper:
                 raise InputError("stepper", f"s.{path}", at[path], f"{needed:.9g} m is allowed: it follows {first}")
 
     def _warn_beyond(self, number: int) -> None:
-        """Log warnings that the limit with this number, and further limits if there are any, do not hold."""
+        """Log warnings that the limit with this number, and further limits if there are any, do not hold.
+
+        A `number` below 0 stands for none.
+        """
         while number >= 0:
             logger.warning("%s: %s", self._step_text(0), self._limits.limits[number].message)
             number = self._limits.watch(self._state)

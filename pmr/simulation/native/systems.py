@@ -76,17 +76,15 @@ class Steps(NamedTuple):
 
 
 class March:
-    """One simulation by the kernel of a system in modal form; errors as `pmr.simulation.SystemSimulator`.
-
-    If `initial` is None, the simulation starts as ``excitation.start`` says.
-    """
+    """One simulation by the kernel of a system in modal form; errors as `pmr.simulation.SystemSimulator`."""
 
     def __init__(
         self, form: SystemForm, excitation: Excitation, initial: Mapping[str, InitialState] | None = None
     ) -> None:
         """Start the kernel for the system in `form` under the excitation, in the states `initial` of bodies by name.
 
-        If `initial` is None, the simulation starts as the excitation says.
+        Bodies without a state start undeformed and at rest.  If `initial` is None, the simulation starts as
+        ``excitation.start`` says.
         """
         system, stepping, kernel = form.system, excitation.stepping, form.kernel
         self.form, self.excitation, self.t = form, excitation, excitation.times
@@ -175,17 +173,18 @@ class March:
         return self.observe(1, lambda first, steps: None)
 
     def observe(self, every: int, take: Callable[[int, Steps], None], progress: Progress | None = None) -> float:
-        """Take all steps, and return the solver's time in s; records of each `every`-th step are passed to `take`.
+        """Take steps, and return the solver's time in s; records of each `every`-th step are passed to `take`.
 
-        `take` is called with the number of the first of some consecutive records, and with these records; their first
-        one is also the last one of the call before, or the start.  The energy is not checked.  `progress`, if it is not
-        None, is called with the share of steps that are done.  Raises SimulationError if a step fails or a state is not
-        finite, and the errors of `take` and `progress`.
+        The last step that is taken is the last one that is recorded.  `take` is called with the number of the first of
+        some consecutive records, and with these records; their first one is also the last one of the call before, or
+        the start.  The energy is not checked.  `progress`, if it is not None, is called with the share of steps that
+        are done.  Raises SimulationError if a step fails or a state is not finite, and the errors of `take` and
+        `progress`.
         """
         count = (len(self.t) - 1) // every
         most = max(1, min(BLOCK // every, RECORDED // (2 * self.form.kernel.modes), count))
         record = Record(self.form.kernel, most + 1, self._record_names)
-        room = self._record_arrays(record)
+        room = self._begin_record(record)
         first, seconds, size = 1, 0.0, max(1, most // self.finest)  # a step in parts takes as long as so many
         while first <= count:
             last = min(first + size, count + 1)
@@ -195,7 +194,7 @@ class March:
             steps = room.at(slice(last - first + 1))
             for forces in (steps.multipliers, steps.peaks):
                 if forces is not None and self.pushing.any():
-                    without_pull(forces, self.pushing)
+                    remove_pull(forces, self.pushing)
             take(first - 1, steps)
             for array in room if last <= count else ():
                 if array is not None:
@@ -209,8 +208,8 @@ class March:
     def _record_names(self) -> tuple[str, ...]:
         """Names of the arrays of `Steps` that are recorded at each step.
 
-        Modal coordinates, rates, contact forces and energies always are; the other arrays depend on what the system
-        has.
+        Modal coordinates, rates, contact forces, energies and drivers always are; the other arrays depend on what the
+        system has.
         """
         of_parts = ("peaks", "parts") if self.finest > 1 else ()
         impulses = ("impulses",) if self.pushing.any() else ()
@@ -218,8 +217,8 @@ class March:
         hoist = ("hoist",) if self.form.kernel.hoist else ()
         return ("z", "v", "multipliers", "energy", "drivers", *of_parts, *impulses, *friction, *hoist)
 
-    def _record_arrays(self, record: Record) -> Steps:
-        """Return the arrays of a record for some steps, with the present state in the first row of each array."""
+    def _begin_record(self, record: Record) -> Steps:
+        """Write the present state into the first row of each array of a record, and return these arrays."""
         arrays: dict[str, Any] = dict(record.arrays)
         for name, array in arrays.items():
             array[0] = getattr(self.state, "multipliers" if name == "peaks" else name)
@@ -253,8 +252,8 @@ class March:
     ) -> None:
         """Take `steps` steps after number `first`, with drivers sampled in Python at the points that the parts need.
 
-        The record gets a row for every `every` steps.  `schedule` (steps,) are the numbers of parts of each step; None
-        leaves them to the kernel.
+        The record gets a row for each `every`-th step, from row 1 on.  `schedule` (steps,) has the number of parts of
+        each step; if it is None, the kernel chooses.  Raises StepError if a step fails.
         """
         taken, per = 0, self.state.settings.parts[0]
         while taken < steps:
@@ -271,9 +270,9 @@ class March:
             taken, per = taken + done, needed or max(self.state.settings.parts[0], per // 2)
 
     def sample_drivers(self, first: int, last: int, per: int) -> Array:
-        """Values (K, N) of the drivers from step `first` to step `last`, at `per` evenly spaced times in each step.
+        """Values (K, N) of the drivers at `per` evenly spaced times in each step, from step `first` to step `last`.
 
-        K is (last - first) per + 1.
+        Both ends are included: K is (last - first) per + 1.
         """
         begun = perf_counter()
         t = np.arange(first * per, last * per + 1) * (float(self.t[1]) / per)
@@ -282,7 +281,7 @@ class March:
         return u
 
     def _failure(self, error: StepError, step: int) -> SimulationError:
-        """Return the error, in words for a user, for the `error` of the kernel in the step number `step`."""
+        """Return an error with words for the user, for an `error` of the kernel in step number `step`."""
         x = side_positions(self.form.modal, self.excitation, [step])[0]
         return step_failure(self._step_text(step), self.form, error, x)
 
@@ -292,10 +291,11 @@ class March:
         return f"{number}t = {self.t[step]:g} s{path_text(tuple(self.excitation.paths), self.excitation.s[step])}"
 
 
-def without_pull(multipliers: Array, pushing: NDArray[np.bool_]) -> None:
-    """Set negative forces of contacts that only push to zero in `multipliers` (T, m) in N, in place.
+def remove_pull(multipliers: Array, pushing: NDArray[np.bool_]) -> None:
+    """Set negative forces in `multipliers` (T, m) in N to zero, in place, for contacts that only push.
 
-    `pushing` (m,) is true for these contacts.  A negative force of theirs is only the round-off of larger forces.
+    `pushing` (m,) is true for these contacts.  A negative force of such a contact is only the round-off of larger
+    forces.
     """
     np.maximum(multipliers, np.where(pushing, 0.0, -np.inf), out=multipliers)
 
@@ -384,9 +384,9 @@ def observe(
 ) -> Observation:
     """Simulate `form` from the excitation's start; record outputs and contact forces of each `every`-th step alone.
 
-    `outputs` are ascending indices among the outputs of all bodies, one body after the other; None records all.  A long
-    simulation of a large body needs little memory, as no coordinates are stored.  The energy balance of `simulate` is
-    not checked: rigid rows that move may grow unnoticed with rho_inf near 1 (docs/time_integration.md).  Errors as
+    `outputs` are ascending numbers among the outputs of all bodies, one body after the other; None records all.  A long
+    simulation of a large body needs little memory, because no coordinates are stored.  The energy balance of `simulate`
+    is not checked: rigid rows that move may grow unnoticed with rho_inf near 1 (docs/time_integration.md).  Errors as
     `pmr.simulation.SystemSimulator`.
     """
     march, count = March(form, excitation), excitation.stepping.steps // every + 1

@@ -89,10 +89,11 @@ def watched_limits(system: System, names: Collection[str]) -> list[Limit]:
 
 
 def pulled_pads(scene: Scene, contacts: Sequence[Contact], no_force: float = NO_FORCE) -> Iterator[Limit]:
-    """Yield a limit for each pad that holds both ways; the advice says which key to set if it can only push.
+    """Yield a limit for each pad that holds both ways: it does not pull by more than `no_force` in N.
 
-    With a computed motion, pads that only push are refused, so the key is then that of the faces.  Points that hold a
-    planar beam both ways are meant to pull, so of a single body only pads in rings count.
+    The advice says which key to set if the pad can only push.  With a computed motion, pads that only push are refused,
+    so the advice is then to leave out faces.  For a single body only pads in rings have a limit, because points that
+    hold a planar beam both ways are meant to pull.
     """
     computed, faces, keys = _computed_motion(scene), pads_on_faces(scene), dict[str, str]()
     if len(scene.sections) == 1:
@@ -121,7 +122,7 @@ def pulled_pads(scene: Scene, contacts: Sequence[Contact], no_force: float = NO_
 
 
 def pushed_ropes(scene: Scene, no_force: float = NO_FORCE) -> Iterator[Limit]:
-    """Yield a limit for each rope that moves a section, as it can't push."""
+    """Yield a limit for each rope that moves a section: it does not push by more than `no_force` in N."""
     for name, shares in rope_shares(scene).items():
         joint = scene.joint(scene.names.index(name))
         if joint.rope is not None or joint.follows is not None:
@@ -132,7 +133,7 @@ def pushed_ropes(scene: Scene, no_force: float = NO_FORCE) -> Iterator[Limit]:
 
 
 def stroke_limits(scene: Scene) -> Iterator[Limit]:
-    """Yield the limit of a prescribed luffing angle in rad if the luffing cylinder has a stroke."""
+    """Yield the limit in rad of a prescribed luffing angle; none without a luffing cylinder that has a stroke."""
     frame = scene.frame
     if frame is None or frame.cylinder is None or frame.cylinder.stroke is None or _luffs_by_itself(scene):
         return
@@ -149,7 +150,7 @@ def stop_event(moved: str, end: str) -> str:
 
 
 def highest_pressure(oil: Oil) -> float:
-    """Pressure in Pa of a chamber above which a supply with a valve is too weak, or a relief valve might open."""
+    """Pressure in Pa of a chamber above which the supply is too weak to fill it, for `oil` with a valve."""
     assert oil.valve is not None  # without one there is no supply
     return oil.supply + max(oil.valve.laminar, ABOVE * oil.supply)
 
@@ -167,9 +168,9 @@ def _luffs_by_itself(scene: Scene) -> bool:
 
 
 def _computed_motion(scene: Scene) -> str | None:
-    """Text with key and value of a computed motion of the frame, with which pads that only push are refused.
+    """Key of a computed motion of the frame, for a message: pads that only push are refused beside it.
 
-    None is returned if all of the frame's motion is prescribed.
+    A free luffing angle has its value behind the key.  None is returned if all of the frame's motion is prescribed.
     """
     if scene.frame is None or scene.frame.machine is not None:
         return None if scene.frame is None else "frame.machine"
@@ -177,7 +178,7 @@ def _computed_motion(scene: Scene) -> str | None:
 
 
 def _oils(scene: Scene) -> Iterator[tuple[str, str, Oil]]:
-    """Yield each cylinder with oil that drives a luffing angle or an extension: name, prefix of outputs, and oil."""
+    """Yield name, prefix of outputs and oil of each cylinder with oil that drives a luffing angle or an extension."""
     cylinder = None if scene.frame is None else scene.frame.cylinder
     if cylinder is not None and cylinder.oil is not None:
         yield LUFFING_CYLINDER, LUFFING_CYLINDER, cylinder.oil
@@ -244,11 +245,11 @@ def _displacements(scene: Scene, system: System) -> Iterator[Limit]:
 
 @dataclass(frozen=True)
 class Exceeded:
-    """Limit that a quantity exceeds, and the numbers of the times at which it first does, and by most."""
+    """Limit that does not hold at some time of a motion."""
 
     limit: Limit
-    first: int
-    worst: int
+    first: int  # number of the first time at which it does not hold
+    worst: int  # number of the time at which the quantity is farthest beyond it
     value: float  # at the time `worst`, in the unit of the limit
 
     @property
@@ -280,9 +281,10 @@ def exceeded_limits(limits: Iterable[Limit], history: History) -> list[Exceeded]
 
 
 def exceeded_warnings(exceeded: Iterable[Exceeded], when: Callable[[int], str]) -> Iterator[str]:
-    """Yield a warning for each cause, which names the worst of its limits, when it was exceeded, and how many more are.
+    """Yield one warning for each cause of limits that are exceeded.
 
-    ``when(k)`` are the words for the time number k.
+    The warning is about the limit whose quantity has the largest size.  It says when this limit is exceeded first and
+    most, and how many limits of the same cause are exceeded, too.  ``when(k)`` are the words for the time number k.
     """
     by_cause = dict[str, list[Exceeded]]()
     for of in exceeded:

@@ -19,7 +19,7 @@ from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native.form import failure_reason
-from pmr.simulation.native.systems import without_pull
+from pmr.simulation.native.systems import remove_pull
 from pmr.system.body import Trajectory, pushing_rows
 
 CLEARANCE = 1e-3
@@ -250,7 +250,7 @@ def test_pads_that_only_push_never_pull_not_even_by_round_off(few: ReducedModel)
     pushing = pushing_rows(few)
     assert found.multipliers[:, pushing].min() == 0.0 == seen.multipliers[:, pushing].min()
     forces = np.array([[-1e-10, -2.0, 3.0]])
-    without_pull(forces, np.array([True, False, True]))
+    remove_pull(forces, np.array([True, False, True]))
     assert forces.tolist() == [[0.0, -2.0, 3.0]]
 
 
