@@ -62,7 +62,10 @@ class Part:
 
     @property
     def flexibility(self) -> CarrierFlexibility:
-        """Residual flexibility between the K carriers of the body; arrays of zeros for a body that has none."""
+        """Residual flexibility between the K carriers of the body; arrays of zeros if the body has none.
+
+        The body has to have carriers.
+        """
         carriers = self.body.carriers
         assert carriers is not None  # `System` checks this
         i, o = len(self.body.input_names), len(self.body.outputs)
@@ -315,12 +318,12 @@ def pack(arrays: Mapping[str, NDArray[Any] | str]) -> bytearray:
 
 
 def lines(names: Iterable[str]) -> str:
-    """Text of ASCII letters with one of `names` per line; other letters are escaped as in Python."""
+    """Text with one of `names` per line; letters beyond ASCII are escaped as in Python."""
     return "\n".join(name.encode("unicode_escape").decode("ascii") for name in names)
 
 
 def seal(block: bytearray, checksum: int) -> None:
-    """Write `checksum`, that of the bytes after the first `LINE` bytes, into the head of a block, in place."""
+    """Write the `checksum` of the bytes after the first `LINE` bytes into the head of a block, in place."""
     block[24:32] = struct.pack("=Q", checksum)
 
 

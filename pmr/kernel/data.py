@@ -49,8 +49,8 @@ def system_data(
     """Arrays of a system for the kernel, from the modal forms of its bodies by name.
 
     `frame` is the system's moving frame, None for a system without one.  `reduced` is the system in modes in which
-    contacts of a ring are combined, None to convert `system` here.  If it is given, the reactions of rigid supports are
-    not among the outputs.  Raises InputError if the frame has no motion for one of the system's paths.
+    contacts of a ring are combined; None to convert `system` here.  Only in the second case are the reactions of rigid
+    supports computed, as further outputs.  Raises InputError if the frame has no motion for one of the system's paths.
     """
     supports = [
         SupportForces.from_body(body, system.on_one_path, reduced is None and isinstance(body, ReducedModel))
@@ -118,7 +118,7 @@ class Outputs:
     def split(self, array: Array) -> list[Array]:
         """Split an `array` (k, all outputs) into two: the columns of outputs proper, and the columns of reactions.
 
-        Columns of zeros are appended to each, up to whole registers and by one more register.
+        Each gets columns of zeros behind: up to a whole register, and one more register.
         """
         parts = (array[:, numbers] for numbers in (self.outputs, self.reactions))
         return [np.pad(_fill_rows(columns, columns.shape[1]), ((0, 0), (0, LANES))) for columns in parts]
@@ -242,9 +242,9 @@ def _body_arrays(rows: Arrangement, split: Outputs) -> Arrays:
 def _contact_arrays(system: System, rows: Arrangement, split: Outputs) -> Arrays:
     """Constant arrays of the contacts by their names in the kernel's block.
 
-    They are the constant parts C, F, H, X of the rows; clearances, and the mask of contacts that only push; the range
-    of modes that each row touches; the ends of each path's range; and derivatives of the compliance by the paths that
-    lengthen ropes.  `split` says which outputs are reactions of supports.
+    They are the constant parts C, F, H, X of the rows; clearances, 0 for contacts that hold both ways, and the mask of
+    contacts that only push; the range of modes that each row touches; the ends of each path's range; and derivatives of
+    the compliance by the paths that lengthen ropes.  `split` says which outputs are reactions of supports.
     """
     m, moments = len(system.contacts), len(rows.F) - len(system.contacts)
     clearance = np.pad(system.clearance, (0, moments), constant_values=np.nan)

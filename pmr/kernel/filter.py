@@ -41,7 +41,7 @@ class FilterData:
 
 
 class Transitions(NamedTuple):
-    """Matrices of T steps from states x (n,) and loads f (i,) to the next states, A x + B f."""
+    """Matrices of T steps: the state after state x (n,) under loads f (i,) is A x + B f."""
 
     A: Array  # (T, n, n)
     B: Array  # (T, n, i)
@@ -79,8 +79,8 @@ class StepMatrices:
 class FilterSteps:
     """Linear models of T steps, and how their q outputs change with unknown parameters of the machine.
 
-    The outputs change by `sensitivity` per unit of a parameter.  The sensitivity grows by `per_kilogram` for each kg of
-    an estimated payload.
+    The outputs change by `sensitivity` per unit of a parameter, and by `per_kilogram` more for each kg of an estimated
+    payload.
     """
 
     reference: Array  # (T, q): outputs of the motion about which the models are linear
@@ -92,8 +92,8 @@ class FilterSteps:
 class KalmanFilter:
     """A Kalman filter and its state: the estimates x of N quantities with their covariance P.
 
-    `x` (N,), `P` (N, N) and `level` (p,), running mean squares of the p sensors' normalised innovations, are views of
-    the filter's memory.  So is `lasting`: all numbers that an update begins with.
+    These arrays are views of the filter's memory: `x` (N,), `P` (N, N), `level` (p,) with the running mean squares of
+    the p sensors' normalised innovations, and `lasting` with all numbers from which an update begins.
     """
 
     def __init__(self, data: FilterData, steps: FilterSteps) -> None:
@@ -229,10 +229,11 @@ SILENT, INTERVALS = 0.5, 3.0
 
 
 def find_stuck(values: Array, step: float) -> NDArray[np.bool_]:
-    """Mask (T, p) of the measurements at which a sensor is stuck: equal to all of the sensor's in the `STUCK` s before.
+    """Mask (T, p) of the measurements at which a sensor is stuck.
 
     `values` (T, p) are the measurements of p sensors at T steps of `step` s; NaN stands for none.  A measurement is
-    marked if at least two equal ones come before it.  Steps without a measurement are passed over, and never marked.
+    marked if it ends a row of three or more equal ones that began at least `STUCK` s before it.  Steps without a
+    measurement are passed over, and never marked.
     """
     stuck = np.zeros(values.shape, bool)
     for column, marked in zip(values.T, stuck.T, strict=True):
@@ -316,10 +317,10 @@ def find_drift(mean: Array, deviation: Array, step: float, growth: float) -> NDA
     """Mask (T,) of the steps at which a payload's estimate has changed over `CHANGED` s by more than chance explains.
 
     `mean` (T,) in kg are estimates of a constant payload at steps of `step` s, and `deviation` (T,) in kg their
-    standard deviations.  The change that chance explains has the variance by which the estimate's variance has fallen
-    in this time, plus the variance of a random walk, which grows by `growth` in kg^2/s.  A change of more than `DRIFT`
-    times the root of this sum is a drift, as by a force sensor whose error grows slowly.  Innovations do not show such
-    an error, because the estimate of the payload follows it.
+    standard deviations.  No step of the first `CHANGED` s is marked.  The change that chance explains has the variance
+    by which the estimate's variance has fallen in this time, plus the variance of a random walk, which grows by
+    `growth` in kg^2/s.  A change of more than `DRIFT` times the root of this sum is a drift, as by a force sensor whose
+    error grows slowly.  Innovations do not show such an error, because the estimate of the payload follows it.
     """
     lag, drifts = max(1, round(CHANGED / step)), np.zeros(len(mean), bool)
     variance = deviation[:-lag] ** 2 - deviation[lag:] ** 2 + growth * lag * step
@@ -336,7 +337,7 @@ def isolate(
     The last t steps of `step` s, up to step k, are filtered again from the `earlier` state of the filter, with their
     measurements `values` (t, p): one trial without each sensor that is not in the mask `excluded` (p,).  The figure of
     a trial is the largest mean square of innovations, in its last `JUDGED` s, among the sensors that it uses.  A sensor
-    is at fault if the figure is at most `AGREED` in the trial without it, and at least `APART` times as large in every
+    is at fault if the figure is at most `AGREED` in the trial without it, and `APART` times as large or more in every
     other trial.  The filter `kalman` then gets the state of the trial without this sensor, but its `level` stays; all
     of it stays as it is if no sensor is at fault.
     """

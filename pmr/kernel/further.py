@@ -104,7 +104,7 @@ class PressingForces(NamedTuple):
 
 
 def pressing_forces(scene: Scene, paths: Sequence[str], numbers: Mapping[str, int]) -> PressingForces | None:
-    """Forces with which the boom of a scene presses on the ground; None if one of them has no number.
+    """Forces with which the boom of a scene presses on the ground; None if `numbers` lacks one of them.
 
     `paths` are the names of the system's P paths.  `numbers` maps the names of outputs, reactions and contact forces to
     their numbers.

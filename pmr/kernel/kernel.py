@@ -27,12 +27,12 @@ def code_variant() -> str:
 
 
 def checksum(content: bytes | bytearray) -> int:
-    """Checksum of `content`, the bytes of a block after its first `LINE` bytes, in the form that a block stores."""
+    """Checksum that a block stores of its `content`, the bytes after its first `LINE` bytes."""
     return int(lib.pmr_checksum(ffi.from_buffer(content), len(content)))
 
 
 class StateSizes:
-    """Sizes of the state of a system and of what follows from it, as in `pmr_sizes` (src/pmr_kernel.h)."""
+    """Sizes of the state and the results of a system, as in `pmr_sizes` (src/pmr_kernel.h)."""
 
     modes: int  # with padding
     contacts: int
@@ -44,7 +44,7 @@ class StateSizes:
 
 
 class DriverSizes:
-    """Sizes of what drives a system, as in `pmr_sizes` (src/pmr_kernel.h)."""
+    """Sizes of the drivers of a system and of its parts, as in `pmr_sizes` (src/pmr_kernel.h)."""
 
     inputs: int
     paths: int
@@ -57,7 +57,7 @@ class DriverSizes:
 
 
 class Kernel(StateSizes, DriverSizes):
-    """A system in memory, read only, for any number of states in any number of threads."""
+    """A system in memory, which any number of states in any number of threads only read."""
 
     def __init__(self, block: bytes | bytearray) -> None:
         """Copy and open a block; an InputError is raised if the bytes are no block of this kernel, or damaged."""
@@ -83,7 +83,8 @@ class Kernel(StateSizes, DriverSizes):
 
         If there is a moving `frame` (`pmr.simulation.moving.MovingFrame`), the motions of the frame drive the system.
         Without a frame, paths, loads and amplitudes of terms do.  `reduced` is the system in modes with combined rings
-        if the caller has it; see `pmr.kernel.data.system_data`.
+        if the caller has it; the kernel then computes no reactions of supports.  Errors as
+        `pmr.kernel.data.system_data`.
         """
         data = system_data(system, forms, frame, reduced)
         block = pack(data.arrays)
@@ -98,7 +99,7 @@ class Kernel(StateSizes, DriverSizes):
     def frame_drivers(self, motions: ArrayLike) -> Array:
         """Drivers u (N,) for motions (3, n) of the frame: values, rates and second rates.
 
-        An InputError is raised for a system without a frame.
+        An InputError is raised for another shape, and for a system without a frame.
         """
         at = np.ascontiguousarray(motions, float)
         if not self.motions or at.shape != (3, self.motions):
@@ -108,7 +109,7 @@ class Kernel(StateSizes, DriverSizes):
         return u
 
     def names(self, kind: Literal["drivers", "motions", "outputs", "further", "contacts", "forces"]) -> tuple[str, ...]:
-        """Names of the quantities of a `kind`, such as drivers, in the order of their numbers; empty without any."""
+        """Names of all quantities of a `kind`, such as drivers, in the order of their numbers."""
         count = ffi.new("size_t *")
         text = lib.pmr_system_names(self._system, kind.encode(), count)
         lines = ffi.buffer(text, count[0])[:].split(b"\n") if count[0] else []
@@ -116,9 +117,9 @@ class Kernel(StateSizes, DriverSizes):
 
 
 def pointer(array: NDArray[Any] | None) -> Any:
-    """Pointer to a contiguous array (any shape) for the kernel; NULL for None.
+    """Pointer to a contiguous array (any shape) of int32 or float64 for the kernel; NULL for None.
 
-    The caller has to keep the array alive.
+    Neither type nor order is checked, and the caller has to keep the array alive.
     """
     if array is None:
         return ffi.NULL
@@ -241,7 +242,7 @@ class Bank:
 
 
 def advance_bank(bank: Bank, y: Array, activity: Array, least_level: Array, of_speeds: Array, delay: int) -> BankRecord:
-    """Advance a bank by T steps with measurements y (T,), beginning with equally likely places.
+    """Filter measurements y (T,) at T steps by a bank that begins with equally likely places.
 
     NaN in y stands for no measurement.  `activity` (T,), 0 to 1, says how much is in motion: the transition matrix
     between speeds is the mean of `active` and `rest`, with this weight of `active`.  The level of the innovations, a

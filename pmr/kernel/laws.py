@@ -19,7 +19,7 @@ from pmr.scene.ground import Ground, MachineMass, edge_rows
 
 
 class ContactError(SimulationError):
-    """A complementarity problem has no solution.
+    """No solution of a complementarity problem was found.
 
     `row` is the number of the first contact that depends linearly on the contacts before it; None if the search did not
     end.
@@ -102,9 +102,9 @@ class FixedPoint:
     """
 
     def __init__(self, size: int, most: int = 32, add_up: Callable[[float], float] | None = None) -> None:
-        """Begin without iterates, for n = `size` numbers on this rank; no more than `most` search directions are kept.
+        """Begin without iterates, for n = `size` numbers on this rank; `most` is the largest number of directions kept.
 
-        If each rank has a part of the iterates, `add_up` returns the sum over all ranks of the number that each passes.
+        If each rank has a part of the iterates, ``add_up(value)`` returns the sum of `value` over all ranks.
         """
         count = 4 * -(-size // 4)
         room = np.zeros((4 + 2 * most) * count + LINE // 8)
@@ -132,10 +132,7 @@ class FixedPoint:
         lib.pmr_restart(self._state)
 
     def next(self, x: Array, phi: Array) -> Array:
-        """Return the iterate (n,) that follows x (n,), for `phi` = phi(x) (n,).
-
-        An error of the function `add_up` is raised again.
-        """
+        """Return the iterate (n,) to try after x (n,), for `phi` = phi(x) (n,).  Errors of `add_up` are raised."""
         self._rows[0, : self._size], self._rows[1, : self._size] = x, phi - x
         lib.pmr_extrapolate(self._state)
         if self._raised is not None:

@@ -40,10 +40,10 @@ class Watch:
 class Limit:
     """Smallest and largest value of a sum of outputs without a warning, and the words of the warning.
 
-    A limit of a family has the force in N as its `low` down to which a negative force may be round-off.
+    The `low` of a limit of a family is the negative force in N down to which a force may be round-off.
     """
 
-    cause: str  # of which limits have the same cause, one warning of a run names the worst
+    cause: str  # a run has one warning for all limits of a cause, about the worst
     event: str  # clause that says what happens beyond the limits
     advice: str  # clause that says what that means, with {} for `where`; or empty
     shares: Mapping[str, float]  # factors of the outputs in the sum, by the name of the output
@@ -61,12 +61,12 @@ class Limit:
 
 
 class LimitCheck:
-    """Check of w limits, which remembers of which of them it has warned."""
+    """Check of limits, which remembers of which of them it has warned."""
 
     def __init__(self, limits: Sequence[Limit], numbers: Mapping[str, int]) -> None:
-        """Prepare the check of `limits`, of which those that are seldom looked at are the last ones.
+        """Prepare the check of `limits`; those that are seldom looked at have to come last.
 
-        `numbers` are those of the outputs by name, as `pmr_observe` of the kernel counts them.
+        `numbers` has the numbers of the outputs by name, as `pmr_observe` of the kernel counts them.
         """
         groups = {limit.cause if limit.watch.once else str(k): 0 for k, limit in enumerate(limits)}
         groups = {group: k for k, group in enumerate(groups)}
@@ -96,23 +96,24 @@ class LimitCheck:
         self.structure = structure("pmr_limits", self.arrays | sizes | room)
 
     def watch(self, state: State) -> int:
-        """Return the number of a limit that does not hold in `state`, -1 if there is no further one.
+        """Return the number of a limit that does not hold in `state`; -1 if there is none that was not returned before.
 
-        Each limit, or each group of limits, is returned once.
+        Of limits with one warning together only the first one is returned.
         """
         return int(lib.pmr_watch(state.pointer, self.structure))
 
     def first_times(self, values: Array) -> dict[int, int]:
-        """Return the first of T times at which the outputs `values` (T, o) are beyond a limit, by the limit's number.
+        """Number of the first of T times at which a limit does not hold, by the number of the limit.
 
-        The o outputs are those of `names`.  A limit of a family counts if it is exceeded beside the largest forces at
-        all times; it is first exceeded beside the largest forces so far, as in a stepper.
+        `values` (T, o) are the o outputs in `names`.  Limits that hold at all times are left out.  A negative force of
+        a family is judged by the largest forces of all times.  If it is beyond its limit so, the time is the first at
+        which it is also beyond the limit by the largest forces until then, as in a stepper.
         """
         so_far, in_all = (self._first_times(values) for _ in range(2))  # the second round knows what is largest
         return {number: so_far[number] for number in in_all}
 
     def _first_times(self, values: Array) -> dict[int, int]:
-        """Return the first times as `first_times`, beside the largest forces since the first call."""
+        """First times as `first_times`, but a negative force is judged by the largest forces since the first call."""
         self._warned[:], first = 0, dict[int, int]()
         for k, row in enumerate(values):
             self._values[:] = row

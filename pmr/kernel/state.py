@@ -49,11 +49,11 @@ class Settings:
 
 
 class Record:
-    """Recorded arrays of T steps, one row for each step; quantities that are not in `names` are not recorded.
+    """Recorded arrays of T steps by name, one row for each step; quantities that are not in `names` are not recorded.
 
-    The array `ends` is about the substeps of the last step alone, of which there are up to `parts`.  `ends` has a row
-    (3 + N,) for each substep: a free extension with its first and second rate, and the N drivers, at the substep's end.
-    It is empty without a free extension.
+    The numbers of substeps are in `parts` (T,), which is empty if they are not recorded.  The array `ends` is about the
+    last step alone.  It has a row (3 + N,) for each of its substeps: a free extension with its first and second rate,
+    and the N drivers, at the substep's end.  The kernel fills it for a free extension alone.
     """
 
     FIELDS = ("z", "v", "multipliers", "impulses", "peaks", "energy", "friction", "outputs", "drivers", "hoist")
@@ -75,7 +75,10 @@ class Record:
         return self.arrays[name]
 
     def at(self, first: int) -> Any:
-        """Pointers for the kernel to row `first` of each recorded array; NULL for quantities that are not recorded."""
+        """Structure ``pmr_record`` for the kernel, whose pointers lead to row `first` of each recorded array.
+
+        Pointers of quantities that are not recorded are NULL.
+        """
         arrays: dict[str, NDArray[Any]] = {**self.arrays, "parts": self.parts}
         recorded = {name: array[first:] for name, array in arrays.items() if array.size}
         return structure("pmr_record", recorded | ({"ends": self.ends} if self.ends.size else {}))
@@ -96,7 +99,7 @@ class StateOutputs(NamedTuple):
 
 
 class State:
-    """One simulation of a system; it belongs to one thread at a time.
+    """One simulation of a system at the end of its last step; it belongs to one thread at a time.
 
     Its arrays are read only and follow the simulation: modal coordinates `z` and rates `v` (modes,), `multipliers`
     (contacts,) in N, `impulses` (contacts,) in N s of the last step, `friction` (pads,) in N, and `drivers` (N,).
@@ -122,10 +125,7 @@ class State:
         self.drivers = self._array(view.drivers, kernel.drivers)
 
     def _array(self, pointer: Any, count: int) -> Array:
-        """Read-only view (`count`,) of the state's numbers at the address `pointer`.
-
-        Its values change with the simulation.
-        """
+        """Read-only view (`count`,) of the state's numbers at the address `pointer`; it follows the simulation."""
         if not count:
             return np.zeros(0)
         array = np.frombuffer(ffi.buffer(pointer, 8 * count), np.float64)
@@ -134,7 +134,7 @@ class State:
 
     @property
     def step_number(self) -> int:
-        """Number of the last step."""
+        """Number of the last step; 0 at the start."""
         return int(self._view.step[0])
 
     @property
@@ -157,9 +157,10 @@ class State:
     ) -> None:
         """Begin at t = 0 under drivers u (N,): at rest, with given z and v (modes,), or at rest in equilibrium.
 
-        `kind` says which of the three.  If `rates` (P,) of the paths in m/s are not None, v is corrected, by the change
-        of least kinetic energy, so that it satisfies rigid contacts that move.  A StepError is raised if nothing holds
-        the bodies, or if contacts depend on each other; an InputError for numbers that are not finite.
+        `kind` says which of the three; z and v count for ``given`` alone.  If `rates` (P,) of the paths in m/s are not
+        None, v is corrected, by the change of least kinetic energy, so that it satisfies rigid contacts that move.  A
+        StepError is raised if nothing holds the bodies, or if contacts depend on each other; an InputError for numbers
+        that are not finite.
         """
         drivers = self._check_array("u", u, self.kernel.drivers)
         moving = None if rates is None else self._check_array("rates", rates, self.kernel.paths)
@@ -178,7 +179,7 @@ class State:
         """Take one step, at the end of which the drivers are u (N,).
 
         In substeps, drivers follow straight lines if `rates` is None, else cubics with the `rates` (2, N) at the
-        beginning and the end of the step.  A StepError is raised as by `advance`.
+        beginning and the end of the step.  A StepError is raised if the step fails or the drivers are not finite.
         """
         at = self._check_array("u", u, self.kernel.drivers, finite=False)
         led = None if rates is None else self._check_array("rates", np.ravel(rates), 2 * self.kernel.drivers)
@@ -241,8 +242,8 @@ class State:
         """Take steps whose drivers are given by samples at equal distances, `per` of them in each step.
 
         The first row of the samples u (steps * per + 1, N) is at the end of the previous step.  The state stops before
-        a step whose number of substeps does not divide `per`.  `record`, `first`, `every`, `parts` and errors are those
-        of `advance`; an InputError is raised for samples of another shape.
+        a step that needs another number of substeps than one that divides `per`.  `record`, `first`, `every`, `parts`
+        and errors are those of `advance`; an InputError is raised for samples of another shape.
         """
         u = np.ascontiguousarray(u, float)
         steps = (len(u) - 1) // per
@@ -341,7 +342,7 @@ class State:
     def raise_unless_done(self, failed: int, where: str) -> None:
         """Raise a StepError for the error code `failed` of a kernel function, unless the code is PMR_DONE.
 
-        The message contains `where` the function failed, and names the contact that caused it.
+        The message says `where` the function failed, and names the contact that caused it.
         """
         if failed == lib.PMR_DONE:
             return
@@ -378,7 +379,7 @@ def _check_room(record: Record, first: int, rows: int, parts: int) -> None:
 
 
 def _ensure_integers(name: str, numbers: Integers | None, count: int) -> Integers | None:
-    """Return the `numbers` (count,), or None; raise an InputError about `name` unless these are contiguous int32."""
+    """Return `numbers`; raise an InputError about `name` unless they are None or contiguous int32 (count,)."""
     if numbers is not None and (
         numbers.dtype != np.int32 or numbers.shape != (count,) or not numbers.flags.c_contiguous
     ):
