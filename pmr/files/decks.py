@@ -291,10 +291,10 @@ def _make_nodes(numbers: list[int], points: Sequence[Sequence[float]], groups: d
 def _read_csv_nodes(path: Path) -> ForeignNodes:
     """Read nodes and groups from a CSV file; its first line is skipped.
 
-    Each line has node, x, y, z in m and the names of the groups that the node belongs to.  Raises UnreadableError with
-    the number of a line of another form.
+    Each line has node, x, y, z in m and the names of the groups that the node belongs to.  A node may have several
+    lines, which have to agree on its place.  Raises UnreadableError with the number of a line of another form.
     """
-    numbers, points, groups = list[int](), list[list[float]](), dict[str, list[int]]()
+    points, groups = dict[int, list[float]](), dict[str, list[int]]()
     for at, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
         number, *parts = (part.strip() for part in line.split(","))
         if at == 1 or not line.strip():
@@ -305,11 +305,11 @@ def _read_csv_nodes(path: Path) -> ForeignNodes:
             place = []
         if len(place) != 3 or not is_label_number(number):
             raise UnreadableError("node, x, y, z and names of groups are allowed", at)
-        numbers.append(int(number))
-        points.append(place)
+        if points.setdefault(int(number), place) != place:
+            raise UnreadableError(f"one place of each node is allowed: node {number} has another one further up", at)
         for name in filter(None, parts[3:]):
             groups.setdefault(name, []).append(int(number))
-    return _make_nodes(numbers, points, groups)
+    return _make_nodes(list(points), [*points.values()], groups)
 
 
 def dependent_displacements(deck: Deck) -> dict[Place, set[tuple[int, int]]]:

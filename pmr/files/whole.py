@@ -306,8 +306,7 @@ def _publish(part: Path, folder: Path, is_whole: Callable[[Path], bool]) -> None
     `is_whole` tells whether a folder is complete; an incomplete `folder` is replaced.
     """
     for file in part.iterdir():
-        with file.open("rb") as content:
-            os.fsync(content.fileno())
+        flush_file(file)
     if not is_whole(folder):
         _discard(folder)
         with suppress(OSError):  # without a lock another process may have been faster
@@ -329,11 +328,11 @@ def user_cache_folder() -> Path | None:
     The folder is ``$PMR_CACHE``, else ``pmr`` in ``$XDG_CACHE_HOME``, else ``~/.cache/pmr``.  The folder is created if
     it does not exist.  If it has more than `MOST_KEPT` files, the oldest ones are removed.
     """
-    caches = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    folder = Path(os.environ.get("PMR_CACHE") or Path(caches, "pmr"))
     try:
+        caches = os.environ.get("XDG_CACHE_HOME")
+        folder = Path(os.environ.get("PMR_CACHE") or Path(caches or Path.home() / ".cache", "pmr"))
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
+    except (OSError, RuntimeError):  # RuntimeError: the user has no home folder
         return None
     with contextlib.suppress(OSError):  # files that can't be listed or removed remain
         files = sorted(folder.glob("*.npz"), key=lambda file: file.stat().st_mtime)

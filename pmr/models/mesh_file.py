@@ -270,6 +270,7 @@ def _meshio_content(file: Path) -> MeshFile:
     points = np.asarray(mesh.points, float)
     if points.ndim != 2 or not points.size:  # a file without points
         points = np.empty((0, 3))
+    points = np.pad(points, ((0, 0), (0, 3 - points.shape[1])))  # a mesh in the plane has x and y alone
     blocks = [Cells(block.type, np.asarray(block.data, np.int64)) for block in mesh.cells]
     return MeshFile(points, blocks, _physical_groups(mesh))
 
@@ -277,7 +278,8 @@ def _meshio_content(file: Path) -> MeshFile:
 def _physical_groups(mesh: meshio.Mesh) -> dict[str, list[Indices]]:
     """Numbers (k,) of the cells of each physical group in each of meshio's blocks, by the group's name.
 
-    The groups are sets (MSH 4) or tags (MSH 2).  The result is empty if the file has neither.
+    The groups are sets (MSH 4) or tags (MSH 2), whose number and dimension are in the mesh's field data.  Other field
+    data, such as the time that ParaView writes, are left out.  The result is empty if the file has no groups.
     """
     sets = {name: parts for name, parts in mesh.cell_sets.items() if not name.startswith("gmsh:")}
     empty = np.empty(0, np.int64)
@@ -287,11 +289,11 @@ def _physical_groups(mesh: meshio.Mesh) -> dict[str, list[Indices]]:
             for name, parts in sets.items()
         }
     tags = mesh.cell_data.get("gmsh:physical", [])
+    named = {name: entry for name, entry in mesh.field_data.items() if len(tags) and np.shape(entry) == (2,)}
     return {
         name: [
             np.flatnonzero(tag == number) if DIMENSIONS[block.type] == dim else empty
             for block, tag in zip(mesh.cells, tags, strict=True)
         ]
-        for name, (number, dim) in mesh.field_data.items()
-        if len(tags)
+        for name, (number, dim) in named.items()
     }

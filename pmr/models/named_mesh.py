@@ -224,7 +224,7 @@ def read_mesh(file: Path, kinds: Sequence[str], groups: Sequence[str] = (), node
         group is missing; the message says what the file has.
     """
     read = read_mesh_file(file)
-    read = read if nodes is None else read.with_groups(nodes)
+    read = read if nodes is None or not len(read.points) else read.with_groups(nodes)  # without points it is refused
     if "triangle" in kinds and all(DIMENSIONS[block.kind] < 3 for block in read.blocks):
         read = read.in_triangles()
     blocks = [(*CELLS_OF_KIND[block.kind][:2], block.corners[:, CELLS_OF_KIND[block.kind][2]]) for block in read.blocks]

@@ -169,6 +169,19 @@ def test_every_kind_of_file_says_the_same(write: Callable[[Path], ForeignFiles],
         np.testing.assert_array_equal(np.sort(found.groups["ends"]), [0, 1, 2, 3])
 
 
+def test_a_node_may_have_a_line_for_each_of_its_groups_at_one_place(tmp_path: Path) -> None:
+    files = as_csv(tmp_path)
+    text = files.nodes.read_text()
+    first = text.splitlines()[1].split(",")
+    files.nodes.write_text(text + ",".join([*first[:4], "ends"]) + "\n")
+    body, expected = read_foreign(files), given()
+    np.testing.assert_array_equal(body.points, expected.points)
+    assert len(body.groups["ends"]) == 1
+    files.nodes.write_text(text + ",".join([first[0], "0.5", *first[2:4], "ends"]) + "\n")
+    with pytest.raises(InputError, match=f"line 6: one place of each node is allowed: node {first[0]} has another"):
+        read_foreign(files)
+
+
 def entry(A: sp.csr_matrix, i: int, j: int, value: float) -> sp.csr_matrix:
     changed = A.toarray()
     changed[i, j] = value

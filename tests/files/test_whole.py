@@ -273,6 +273,20 @@ def test_measured_structures_are_cached_where_the_user_says(variables, expected,
     assert whole.user_cache_folder() == tmp_path / expected
 
 
+def test_a_user_without_home_has_the_folder_that_is_named_or_none(tmp_path: Path, monkeypatch) -> None:
+    """As in a container whose user is in no list of users."""
+
+    def no_home() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "home", no_home)
+    monkeypatch.setenv("XDG_CACHE_HOME", "")
+    monkeypatch.setenv("PMR_CACHE", str(tmp_path))
+    assert whole.user_cache_folder() == tmp_path
+    monkeypatch.setenv("PMR_CACHE", "")
+    assert whole.user_cache_folder() is None
+
+
 def test_the_oldest_files_go_and_no_folder_is_no_error(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("PMR_CACHE", str(tmp_path / "kept"))
     monkeypatch.setattr(whole, "MOST_KEPT", 2)

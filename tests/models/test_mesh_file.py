@@ -321,6 +321,30 @@ def test_groups_by_a_list_of_nodes_are_the_groups_of_a_deck(tmp_path: Path) -> N
     with pytest.raises(InputError, match="a name is allowed that is no group of the mesh"):
         nodes.write_text("node,x,y,z,groups\n0,0,0,0,top\n")
         read_model(tmp_path, READ + "mesh.groups.file = 'nodes.csv'\n")
+    (tmp_path / "empty.inp").write_text("*HEADING\n")
+    with pytest.raises(InputError, match="cells of kind none"):
+        read_model(tmp_path, READ.replace("boom.inp", "empty.inp") + "mesh.groups.file = 'nodes.csv'\n")
+
+
+@pytest.mark.parametrize("name", ["plate.mesh", "plate.su2"])
+def test_a_mesh_in_the_plane_is_one_in_space_at_height_zero(name: str, tmp_path: Path) -> None:
+    """Files of some formats have two coordinates for each point."""
+    corners = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 0.5], [0.0, 0.5]])
+    meshio.write(tmp_path / name, meshio.Mesh(corners, [("triangle", np.array([[0, 1, 2], [0, 2, 3]]))]))
+    mesh = read_mesh(tmp_path / name, ("triangle",))
+    rows = sorted(map(tuple, mesh.points.tolist()))
+    assert rows == [(0.0, 0.0, 0.0), (0.0, 0.5, 0.0), (2.0, 0.0, 0.0), (2.0, 0.5, 0.0)]
+
+
+def test_a_time_that_paraview_writes_is_no_group(tmp_path: Path) -> None:
+    corners = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 0.5, 0.0]])
+    cells, file = [("triangle", np.array([[0, 1, 2]]))], tmp_path / "plate.vtu"
+    meshio.write(file, meshio.Mesh(corners, cells, cell_data={"gmsh:physical": [np.array([1])]}), binary=False)
+    time = '<FieldData><DataArray type="Float64" Name="TimeValue" NumberOfTuples="1" format="ascii">1.5</DataArray>'
+    text = file.read_text()
+    assert "<UnstructuredGrid>" in text
+    file.write_text(text.replace("<UnstructuredGrid>", f"<UnstructuredGrid>{time}</FieldData>"))
+    assert not read_mesh(file, ("triangle",)).groups
 
 
 def test_a_face_of_a_hollow_solid_is_the_outermost_with_its_normal(tmp_path: Path) -> None:
