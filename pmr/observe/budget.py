@@ -40,10 +40,9 @@ def output_errors(summary: Summary, motion: LinearMotion, run_step: float | None
 def _error_of(table: Summary, name: str, kind: str) -> float | None:
     """Error, as a fraction, of the output `name` in the `table` of a part of the error budget; None if there is none.
 
-    `kind` is the kind of the output.  The error of a probe of this name is taken first, then that of a quantity of this
-    kind alone, then that which the table has under the word `kind`.  Velocities, accelerations and specific forces, by
-    the first word of `name`, have the error of velocities, or that of the beam's displacements if no velocities are
-    covered.
+    The first entry counts that the table has: of the probe called `name`, of a quantity that has the `kind` of the
+    output and no other, or of the word `kind`.  Velocities, accelerations and specific forces, which the beginning of
+    `name` tells, take the entry of velocities instead of the quantity, or that of the beam's displacements.
     """
     keys = [key for key, quantity in QUANTITIES.items() if quantity.kinds == (kind,)]
     if name.startswith((VELOCITY, ACCELERATION, SPECIFIC_FORCE)):

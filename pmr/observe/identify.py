@@ -42,7 +42,8 @@ AT_BOUND = 1e-3
 class MeasuredFrequencies:
     """Frequencies (m,) in Hz, lowest first, measured at one place of a path; NaN where a mode was not measured.
 
-    Raises InputError for frequencies that do not grow, and for damping ratios that are not between 0 and 1.
+    Raises InputError for frequencies that do not grow, for a `deviation` that is not above 0, and for damping ratios
+    that are not between 0 and 1.
     """
 
     place: float  # m, or the number of the place in a `FrequencyTable`
@@ -55,6 +56,8 @@ class MeasuredFrequencies:
         measured = [frequency for frequency in self.frequencies if np.isfinite(frequency)]
         if sorted(set(measured)) != measured:
             raise InputError("identify", "frequencies", measured, "frequencies that grow from f1 on are allowed")
+        if not self.deviation > 0.0:
+            raise InputError("identify", "deviation", self.deviation, "more than 0 is allowed")
         if any(ratio <= 0.0 or ratio >= 1.0 for ratio in self.damping):
             raise InputError("identify", "damping", self.damping, "damping ratios between 0 and 1 are allowed")
 
@@ -63,9 +66,8 @@ class MeasuredFrequencies:
 class Identification:
     """Fitted parameters with standard errors, and relative errors of the frequencies at fitted and held-out places.
 
-    A relative error is the computed over the measured value, less 1; NaN where nothing was measured.  Places that are
-    held out are not used for the fit, but to judge it.  The columns of m frequencies are followed by those of d damping
-    ratios, if some were measured.
+    A relative error is the computed over the measured value, less 1; NaN where nothing was measured.  Held-out places
+    are not used for the fit, but to judge it.  Columns of m frequencies come first, then those of d damping ratios.
     """
 
     names: tuple[str, ...]  # of the p parameters
@@ -89,6 +91,8 @@ def identify(
 ) -> Identification:
     """Fit parameters of a model to measured frequencies, and to damping ratios if some were measured.
 
+    The fit keeps each parameter between the `SHARES` of its value at the start.
+
     Parameters
     ----------
     frequencies : callable
@@ -102,12 +106,12 @@ def identify(
     Raises
     ------
     InputError
-        If a value at the start is zero, there are fewer measured frequencies than parameters, or the model has fewer
-        frequencies than were measured.
+        If there is no parameter, a value at the start is zero, there are fewer measured frequencies than parameters, or
+        the model has fewer frequencies than were measured.
     """
     names, first = tuple(start), np.array([*start.values()], float)
-    if not np.all(np.isfinite(first) & (first != 0.0)):
-        raise InputError("identify", "start", dict(start), "finite numbers other than zero are allowed")
+    if not names or not np.all(np.isfinite(first) & (first != 0.0)):
+        raise InputError("identify", "start", dict(start), "one finite number or more, other than zero, are allowed")
     m = max((len(each.frequencies) for each in measured), default=0)
     d = max((len(each.damping) for each in measured), default=0)
     targets = np.full((len(measured), m + d), np.nan)
@@ -168,7 +172,7 @@ class NumberTable(NamedTuple):
     def check_units(self, file: Path, allowed: Mapping[str, str]) -> None:
         """Raise an InputError that names `file` if a column has another unit than `allowed` states for its name.
 
-        Columns without a unit are accepted, and columns whose name is not in `allowed`.
+        `allowed` has units by name.  Columns without a unit are accepted, and columns whose name is not in `allowed`.
         """
         for name, unit in zip(self.names, self.units, strict=True):
             expected = allowed.get(name, unit)
@@ -255,8 +259,8 @@ class FrequencyTable:
         of = dict(zip(names, values.T, strict=True))
         held_out, deviation = of.get(HELD_OUT, np.zeros(len(values))), of.get(DEVIATION, np.full(len(values), np.nan))
         places, f, d = (values[:, [names.index(name) for name in columns]] for columns in (paths, modes, ratios))
-        if not np.all(np.isfinite(places)) or not np.all(np.isin(held_out, (0.0, 1.0))) or np.any(deviation <= 0.0):
-            allowed = f"a number for each path, 0 or 1 for {HELD_OUT} and more than 0 for {DEVIATION} are allowed"
+        if not np.all(np.isfinite(places)) or not np.all(np.isin(held_out, (0.0, 1.0))):
+            allowed = f"a number for each path, and 0 or 1 for {HELD_OUT}, are allowed"
             raise InputError(str(file), "values", None, allowed)
         off = np.where(np.isnan(deviation), MeasuredFrequencies.deviation, deviation).tolist()
         try:
@@ -279,6 +283,7 @@ class FrequencyTable:
 
         @cache
         def frequencies(values: tuple[float, ...]) -> Array:
+            """Frequencies in Hz, then damping ratios (k, m + d), with these values of the keys in `start`."""
             system = reduced([f"{name}={value!r}" for name, value in zip(start, values, strict=True)])
             if system.hoist:
                 allowed = "none is allowed: natural frequencies are those of the boom without its payload"

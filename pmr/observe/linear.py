@@ -3,8 +3,8 @@ r"""Linear model of a system along its paths, from the kernel's derivatives of e
 .. math::
     \xi_{k+1} = A_k \xi_k + B_k f_k, \qquad y_k = \bar y_k + C_k \xi_k + D_k f_k
 
-Here :math:`\xi` (n,) is the deviation of the prediction, from which a step of the kernel begins, from that of a
-reference motion, f (i,) the deviation of loads, and y (q,) are quantities with their values :math:`\bar y` in the
+A step of the kernel begins from a prediction.  Here :math:`\xi` (n,) is its deviation from the prediction in a
+reference motion, f (i,) is the deviation of loads, and y (q,) are quantities with their values :math:`\bar y` in the
 reference motion.  The model is exact where contacts hold; contacts that push and pads that rub go on as in the
 reference motion.
 
@@ -116,16 +116,16 @@ class LinearMotion:
         return np.asarray(np.rint((times - self.t[0]) / self.step))
 
     def input_unit(self, name: str) -> str:
-        """Unit of the load called `name`; N if the model has no units."""
+        """Unit of the load called `name`; N if the model states no units.  Errors as `input_number`."""
         number = self.input_number(name)
         return self.input_units[number] if self.input_units else "N"
 
     def output_number(self, name: str) -> int:
-        """Number, from 0, of the output called `name`; raises InputError for a name that the model does not have."""
+        """Number, from 0, of the output called `name`; raises InputError if the model has no such output."""
         return _number(name, self.outputs, "outputs")
 
     def input_number(self, name: str) -> int:
-        """Number, from 0, of the load called `name`; raises InputError for a name that the model does not have."""
+        """Number, from 0, of the load called `name`; raises InputError if the model has no such load."""
         return _number(name, self.inputs, "inputs")
 
 
@@ -156,7 +156,7 @@ def select_outputs(scene: Scene, system: System, targets: Sequence[str]) -> Sele
     The outputs are in the order of `targets`, each once; a key stands for all outputs of its kinds.  Words before the
     name of a displacement choose its rates: ``velocity of``, ``acceleration of`` or, for an accelerometer, which feels
     gravity, ``specific force of``.  Raises InputError for a name that the system does not have, for a key without an
-    output, and for such words before another quantity.
+    output, and for such words before the name of another quantity than a displacement.
     """
     available = (*system.output_names, *map(force_name, system.contact_names))
     units = (*system.output_units, *("N",) * len(system.contact_names))
@@ -252,9 +252,9 @@ def displacements_along(system: System, load: str) -> tuple[str, ...]:
 
 
 def gravity_of(scene: Scene, chosen: Selection) -> Array:
-    """Acceleration (q,) in m/s^2 that each of the q chosen outputs shows at rest, as gravity acts on an accelerometer.
+    """Acceleration (q,) in m/s^2 that each of the q chosen outputs shows at rest.
 
-    The acceleration is zero for outputs that are no specific force.
+    It is opposite to gravity for a specific force, which an accelerometer measures, and zero for other outputs.
     """
     felt = np.zeros(len(chosen.names))
     for k, (name, axis) in enumerate(zip(chosen.names, chosen.axes, strict=True)):

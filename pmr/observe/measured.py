@@ -104,13 +104,13 @@ class Observation:
     ) -> Observation:
         """Estimate from measurements; if `leave_out` is true, also compute the bands without each sensor in turn.
 
-        `measured` has times (n,) in s and values (n,) by sensor.  The entry of a sensor in `without` of the result has
-        the mean standard deviation of each estimate without this sensor, divided by that with all sensors.  There is no
-        entry for a sensor if no other one has a measurement; `without` is empty if `leave_out` is false.
+        `measured` has times (n,) in s and values (n,) by the outputs of the sensors.  For each sensor, `without` of the
+        result has the mean standard deviation of each estimate without this sensor, divided by that with all sensors.
+        There is no entry for a sensor if no other one has a measurement; `without` is empty if `leave_out` is false.
 
         `truth` has times (n,) in s and true values (n,) of estimates by their names, None if no true values are known.
-        `title` is the title of the report.  Raises InputError for a name that is not estimated, or that has no value at
-        the model's steps.
+        `title` is the title of the report.  Raises the errors of `Observer.run`, and InputError for a name in `truth`
+        that is not estimated, or that has no value at the model's steps.
         """
         estimates, without = observer.run(measured), dict[str, dict[str, float]]()
         names, true = (*estimates.unknowns, *estimates.outputs), dict[str, Array]()
@@ -140,7 +140,7 @@ class Observation:
         return cls(observer, estimates, sampled, observability, without, true, title, beyond)
 
     def summary(self) -> dict[str, Any]:
-        """Content of ``observe.json``: last estimates, observability, whiteness, alarms, budget, sensors left out.
+        """Content of ``observe.json``: last estimates, observability, whiteness, alarms, errors, sensors left out.
 
         ``first_alarm`` has the time in s of each sensor's first alarm; sensors without an alarm are left out.
         ``excluded`` has, for each sensor that was excluded, the intervals [from, to] in s of its exclusion; to is null
@@ -255,9 +255,10 @@ def describe_faults(figures: Summary, times: Array) -> list[str]:
 def read_measurements(file: Path, units: Mapping[str, str] | None = None) -> dict[str, tuple[Array, Array]]:
     """Read measurements from a CSV table: times (n,) in s and values (n,) of each column, by the column's name.
 
-    The first column is ``t``, the times.  Units in brackets after a name are left out.  An empty cell is NaN: nothing
-    was measured.  `units` are the allowed units by name (`Observer.units`); None allows all.  Raises an InputError for
-    a cell that is no number, which states the line, a table without times, times that do not grow, and another unit.
+    The first column is ``t``, the times.  Units in brackets after a name are not part of it.  An empty cell is NaN:
+    nothing was measured.  `units` are the allowed units by name (`Observer.units`); None allows all.  Raises an
+    InputError as `read_table`, for a table without times or with fewer than two lines of numbers, for times that do not
+    grow, and for another unit.
     """
     table = read_table(file)
     table.check_units(file, {**(units or {}), TIME: "s"})

@@ -80,7 +80,10 @@ class UnknownLoad:
 
 @dataclass(frozen=True)
 class Payload:
-    """Unknown mass in addition to that of the reference motion; it hangs where a load along z of the model acts."""
+    """Unknown mass in addition to that of the reference motion; it hangs where a load along z of the model acts.
+
+    The acceleration has to be that of the place where the load acts.
+    """
 
     input: str  # name of the load, upwards, at the place that carries the payload
     acceleration: str  # output: acceleration of that place upwards
@@ -159,7 +162,7 @@ class Estimates:
         """Fraction of the true values that lie within the band of the output or unknown `name`.
 
         The band is as wide as a normal distribution needs to hold the fraction `share`.  `truth` (T,) are the true
-        values; times at which it is NaN are left out.
+        values; times at which it is NaN are left out.  The result is NaN if it is NaN at all times.
         """
         (mean, deviation), comparable = self.of(name), np.isfinite(truth)
         width = float(scipy.stats.norm.ppf(0.5 + 0.5 * share))
@@ -309,9 +312,10 @@ class Observer:
     def grid(self, measured: Mapping[str, tuple[Array, Array]]) -> Array:
         """Measurements (T, p) of the p sensors at the model's T steps, NaN where nothing was measured.
 
-        `measured` has times (n,) in s and values (n,) by the sensors' outputs; each value counts at the nearest step.
-        Raises InputError for a name that no sensor has, for times and values of different lengths, and if there is no
-        value within the model's times.
+        `measured` has times (n,) in s and values (n,) by the sensors' outputs, where sensors may be missing.  A value
+        counts at the nearest step, the last one of several, and values beyond the model's times are left out.  Raises
+        InputError for a name that no sensor has, for times and values of different lengths, and if there is no value
+        within the model's times.
         """
         names = [sensor.output for sensor in self.sensors]
         values = np.full((len(self.model.t), len(names)), np.nan)
@@ -329,7 +333,8 @@ class Observer:
     def run(self, measured: Mapping[str, tuple[Array, Array]]) -> Estimates:
         """Estimate outputs and unknowns from measurements, at the steps of the model.
 
-        `measured` has times (n,) in s and values (n,) by the sensors' outputs; InputErrors are those of `grid`.
+        `measured` has times (n,) in s and values (n,) by the sensors' outputs.  Raises the InputErrors of `grid`, and a
+        SimulationError if the covariance of the measurements has no inverse.
         """
         watched = watch(self.kalman_filter(), self.grid(measured), self.model.step)
         unknown = slice(self._first_unknown, self._first_unknown + len(self.unknowns))
@@ -450,9 +455,9 @@ class Observer:
 
 
 def _follows(events: NDArray[np.bool_], steps: float) -> NDArray[np.bool_]:
-    """Mask (T,) of the steps that follow an event by at most `steps` steps, the event's step included.
+    """Mask (T,) of the steps with an event, and of the next `steps` steps after each.
 
-    `events` (T,) is the mask of the steps with an event.
+    `events` (T,) is the mask of the steps with an event; `steps` need not be an integer.
     """
     at = np.where(events, np.arange(len(events)), -np.inf)
     return np.arange(len(events)) - np.maximum.accumulate(at) <= steps

@@ -70,7 +70,7 @@ class ParameterObserver:
             raise InputError("observe", "values", len(self.values), allowed)
 
     def _check_numbers(self) -> None:
-        """Raise InputError for wrong names, shapes of arrays, numbers or `temper`, as the class says."""
+        """Raise InputError for names that are missing or repeated, and for wrong shapes or numbers."""
         p, numbers = len(self.names), {"mean": self.mean, "deviation": self.deviation, "values": self.values}
         if not p or len(set(self.names)) < p:
             raise InputError("observe", "names", tuple(self.names), "a name of its own is needed for each parameter")
@@ -96,10 +96,10 @@ class ParameterObserver:
         return np.concatenate([np.ones((*u.shape[:-1], 1)), u, u[..., i] * u[..., j]], axis=-1)
 
     def run(self, measured: Mapping[str, tuple[Array, Array]]) -> Estimates:
-        """Estimate outputs, unknowns and the p parameters of the scene at the time steps of the observers' models.
+        """Estimate outputs, unknowns and the p parameters at the time steps of the observers' models.
 
-        The parameters, with their standard deviations, follow the unknowns in the result.  `measured` has times (n,) in
-        s and values (n,) by the name of the output that a sensor measures, as for `Observer.run`.
+        In the result the parameters follow the other unknowns.  `measured` has times (n,) in s and values (n,) by the
+        name of the output that a sensor measures, as for `Observer.run`; errors as there.
         """
         every, p = [observer.run(measured) for observer in self.observers], len(self.names)
         first, models = every[0], (self.values - self.mean) / self.deviation

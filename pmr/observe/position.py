@@ -35,7 +35,7 @@ POINTS = 8
 class PlaceModels:
     """Models for steps of constant length at S places of a path, with n = 2 m states and o further outputs.
 
-    The m modes are the r modes of the body, then those that are the same at all places.
+    The m modes are the r modes of the body, then further ones that are the same at all places.
     """
 
     step: float  # s
@@ -215,7 +215,10 @@ class Positions:
         return np.sqrt(np.maximum(self.probability @ self.places**2 - self.mean**2, 0.0))
 
     def quantile(self, share: float) -> Array:
-        """Position (T,) in m below which the true one is with the probability `share`; linear within each place."""
+        """Position (T,) in m below which the true one is with the probability `share`.
+
+        The probability of each place is spread evenly between the midpoints to its neighbours.
+        """
         width = np.diff(self.places).mean()
         edges = np.append(self.places - 0.5 * width, self.places[-1] + 0.5 * width)
         sums = np.cumsum(np.column_stack([np.zeros(len(self.probability)), self.probability]), axis=1)
@@ -275,7 +278,7 @@ class PositionObserver:
         return np.concatenate([-fast[::-1], [0.0], fast])
 
     def bank(self) -> Bank:
-        """Bank of Kalman filters for the kernel: one with stationary gain for each place and each speed."""
+        """Compute the bank of Kalman filters for the kernel: one with stationary gain for each place and each speed."""
         models, settings = self.models, self.settings
         S, n = models.H.shape
         speeds = self.speeds * models.step / np.diff(models.places).mean()

@@ -65,7 +65,7 @@ def test_the_scene_is_written_with_the_values_that_its_frequencies_have(tmp_path
     [
         ("", "columns"), ("s,g1\n1,2\n", "columns"), ("s,f2\n1,2\n", "columns"), ("s [m],f1 [rad/s]\n1,2\n", "columns"),
         ("s [rad],f1 [Hz]\n1,2\n", "columns"), ("s,f1,f1\n1,2,3\n", "columns"), ("s,f1,held_out\n1,2,3\n", "values"),
-        ("s,f1,deviation\n1,2,0\n", "values"), ("s,f1\n,2\n", "values"), ("s,f1\n1,x\n", "line 2, f1"),
+        ("s,f1,deviation\n1,2,0\n", "deviation"), ("s,f1\n,2\n", "values"), ("s,f1\n1,x\n", "line 2, f1"),
         ("s,f1,f2\n1,160.3,26.3\n", "frequencies"), ("s,f1,d1\n1,26.3,7\n", "damping"),
     ],
 )  # fmt: skip

@@ -72,6 +72,9 @@ def test_wrong_measurements_are_refused() -> None:
         ({"length": 1.3, "tension": 1.0}, []),
         ({"length": 1.3, "tension": 1.0}, [MeasuredFrequencies(0.0, (10.0, 20.0), held_out=True)]),
         ({"length": 1.3, "tension": 1.0}, [MeasuredFrequencies(0.0, (-10.0, 20.0))]),
+        ({}, [good]),
     ):
         with pytest.raises(InputError, match="identify"):
             identify(strings, start, measured)
+    with pytest.raises(InputError, match=r"identify: deviation = 0\.0: more than 0 is allowed"):
+        MeasuredFrequencies(0.0, (10.0, 20.0), deviation=0.0)
