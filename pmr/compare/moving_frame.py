@@ -153,13 +153,17 @@ def _signal_range(values: Array, unit: str) -> dict[str, Any]:
 def ground_part(scene: Scene, response: Response) -> SummaryPart:
     """Entry ``ground`` of summary.json: extremes of ``outriggers`` and ``margins``, and of the polygon's ``use``.
 
-    An outrigger that lifts off has ``lifted``: the time in s at which it first does, and for how long in all.
-    ``tips`` is the time in s at which the machine begins to tip, None if it stands.  Times before the weight acts in
-    full do not count.  Warnings say when outriggers lift off, when the machine tips, and if no force is known.
+    An outrigger that lifts off has ``lifted``: ``t``, the time in s at which it first does, and ``duration``, the time
+    in s for which it is off the ground in all.  ``tips`` is the time in s at which the machine begins to tip, None if
+    it stands.  Times before the weight acts in full do not count.  Warnings say when outriggers lift off, when the
+    machine tips, and if forces are not known or the run ends before the weight acts in full.  Then the part has no
+    entry, nor does it for a scene without a ground.
     """
     if scene.frame is None or scene.frame.ground is None:
         return SummaryPart()
     loaded = response.t >= (scene.gravity.rise if scene.gravity is not None else 0.0)
+    if not loaded.any():
+        return SummaryPart(grave=["forces of outriggers are not judged, as the weight still grows when the run ends"])
     t, along = response.t[loaded], scene.path_positions(response.t[loaded])
     rows, lifted = dict[str, list[dict[str, Any]]](), list[str]()
     for kind in ("outrigger", "margin", "tipping"):

@@ -215,12 +215,12 @@ def utilisation_part(scene: Scene, stresses: Mapping[str, Summary]) -> SummaryPa
         By name of the body: result of `pmr.reduction.recovery.RecoveredBody.summary`.
     """
     largest = dict[str, dict[str, Any]]()
-    for part in scene.sections:
-        figures = stresses.get(part.name, {})
+    for name, part in scene.bodies.items():
+        figures = stresses.get(name, {})
         for model, peak in figures.get("stress_peak", {}).items():
             for entry in _utilisations(part, peak, figures.get("stress_by_region", {}).get(model, {})):
                 if entry["value"] > largest.get(model, {"value": -1.0})["value"]:
-                    largest[model] = entry
+                    largest[model] = entry | {"section": name}
     if not largest:
         return SummaryPart()
     used = largest["reduced"]["value"]
@@ -243,4 +243,4 @@ def _utilisations(part: Body, peak: Summary, regions: Summary) -> Iterator[dict[
         if material.yield_stress is not None:
             used = {"value": largest["value"] / material.yield_stress, "stress": largest["value"]}
             where = {key: largest[key] for key in ("t", "position", "face", "region")}
-            yield used | {"yield": material.yield_stress, "section": part.name} | where
+            yield used | {"yield": material.yield_stress} | where

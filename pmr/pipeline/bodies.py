@@ -308,26 +308,26 @@ def stress_at_pads(
     peaks: dict[str, WallPeak] = {}
     missing = dict[str, str]()
     comm = next(iter(built.values())).model.comm
-    for member in members(scene):
-        part, body = member.part, built[member.part.name]
+    for name, member in zip(scene.names, members(scene), strict=True):
+        part, body = member.part, built[name]
         if part.body.box is None or not (body.structure.pads.fixed or body.structure.pads.moving):
             continue
         if not traits_of(member).is_beam:
-            missing[part.name] = "it is no beam: its stress is that of its own cells"
+            missing[name] = "it is no beam: its stress is that of its own cells"
         elif not part.has_even_walls:
-            missing[part.name] = "its walls change along it, or have frames or plates of their own"
+            missing[name] = "its walls change along it, or have frames or plates of their own"
         else:
-            loaded = _loaded_section(body, recovered[part.name], states[part.name])
+            loaded = _loaded_section(body, recovered[name], states[name])
             try:
                 peak = comm.bcast(call_on_first_rank(comm, lambda: wall_peak(part, loaded.states, loaded.rings)))  # noqa: B023
             except UNNEEDED as error:
-                missing[part.name] = error.allowed if isinstance(error, InputError) else str(error)
+                missing[name] = error.allowed if isinstance(error, InputError) else str(error)
                 continue
-            peaks |= {} if peak is None else {part.name: peak}
+            peaks |= {} if peak is None else {name: peak}
     entries: dict[str, Any] = {"wall_stress_missing": missing} if missing else {}
     if peaks:
         name = max(peaks, key=lambda name: peaks[name].stress.middle.value)
-        entry = _peak_entry(scene.bodies[name], peaks[name], float(states[name].t[peaks[name].state]))
+        entry = _peak_entry(name, scene.bodies[name], peaks[name], float(states[name].t[peaks[name].state]))
         even = max(peak.stress.even for peak in peaks.values())
         entries["wall_stress"] = entry | {"even": even.value, "even_error": even.error}
     try:
@@ -338,11 +338,11 @@ def stress_at_pads(
     return entries | ({"pad_yield": {name: asdict(force) for name, force in forces.items()}} if forces else {})
 
 
-def _peak_entry(part: BoomSection, peak: WallPeak, t: float) -> dict[str, Any]:
-    """Return the entry ``wall_stress`` for `peak`, the largest stress of a section, at the time t in s.
+def _peak_entry(name: str, part: BoomSection, peak: WallPeak, t: float) -> dict[str, Any]:
+    """Return the entry ``wall_stress`` for `peak`, the largest stress of the body `name`, at the time t in s.
 
-    The entry has ``value`` and ``error`` in Pa, ``t``, ``position`` in m, ``section``, the wall as ``region``, and, if
-    the material has a yield stress, ``yield`` in Pa.
+    The entry has ``value`` and ``error`` in Pa, ``t``, ``position`` in m, the name of the body as ``section``, the wall
+    as ``region``, and, if the material has a yield stress, ``yield`` in Pa.
     """
     box, material = part.body.box, part.body.material
     assert box is not None
@@ -354,7 +354,7 @@ def _peak_entry(part: BoomSection, peak: WallPeak, t: float) -> dict[str, Any]:
         "error": peak.stress.middle.error,
         "t": t,
         "position": peak.position.tolist(),
-        "section": part.name,
+        "section": name,
         "region": min(off_face, key=lambda name: off_face[name]),
     }
     allowed = None if material is None else material.yield_stress

@@ -371,8 +371,8 @@ def recover(
     """
     settings, recovered = scene.recovery, dict[str, RecoveredBody]()
     assert settings is not None
-    for part in scene.sections:
-        name, at = part.name, reduced[part.name]
+    for name, part in scene.bodies.items():
+        at = reduced[name]
         recovery = Recovery(built[name].model, bodies[name].V, bodies[name].model, part.reduction.solver)
         view = BodyFields(built[name], settings.stress)
         pictures = np.rint(np.linspace(0, len(at.t) - 1, min(settings.frames, len(at.t)))).astype(np.int64).tolist()

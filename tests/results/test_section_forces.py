@@ -1,5 +1,6 @@
 """What a boom of beams has as results: section forces, stress, utilisation and masses, saved and read again."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -123,3 +124,38 @@ def test_a_full_model_in_petsc_has_them_too() -> None:
         assert np.abs(full.most[k] - reduced.most[k]).max() < 1e-4 * largest, name
         assert np.abs(full.least[k] - reduced.least[k]).max() < 1e-4 * largest, name
         assert name == "fly" or abs(full.most[k, -1]) <= 1e-6 * largest
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["", "boom"])
+def test_a_body_alone_has_its_stress_with_and_without_a_name(name: str, unmeasured: Callable[..., None]) -> None:
+    """A list of one section is a body alone, whose results have no name; box walls are given by their mid-surface."""
+    unmeasured(True)
+    body: dict[str, object] = {
+        "body": {
+            "model": "beam3d",
+            "box": {"length": 6.0, "width": 0.22, "height": 0.32, "wall": 0.006},
+            "material": {"young": 2.1e11, "density": 7850.0, "poisson": 0.3, "yield_stress": 355e6},
+        },
+        "mesh": {"elements": 4},
+        "supports": [{"on": "tail", "kind": "clamped"}],
+        "reduction": {"coordinates": 6, "estimate": False},
+    }
+    scene = Scene.model_validate(
+        {
+            "title": "cantilever",
+            **({"sections": [{"name": name, **body}]} if name else body),
+            "gravity": {},
+            "start": "equilibrium",
+            "recovery": {"every": 0.1},
+            "time": {"end": 0.1, "step": 0.05},
+            "compare": {"against": []},
+        }
+    )
+    outcome = pmr.run(scene)
+    assert outcome is not None
+    used = outcome.result.summary["utilisation"]["reduced"]
+    mass, I = 7850.0 * (0.226 * 0.326 - 0.214 * 0.314), (0.226 * 0.326**3 - 0.214 * 0.314**3) / 12.0
+    assert used["stress"] == pytest.approx(mass * 9.80665 * 6.0**2 / 2.0 * 0.163 / I, rel=1e-6)
+    assert used["section"] == "" and used["value"] == used["stress"] / 355e6
+    assert list(outcome.result.bodies) == [""]

@@ -228,6 +228,9 @@ def test_the_summary_says_which_outriggers_lift_off_and_when_the_machine_tips() 
     part = ground_part(scene, empty.with_others(stand.columns(wrench), outputs_of_ground(scene)))
     assert part.figures["ground"]["tips"] == pytest.approx(0.5)
     assert "the machine tips over d to a at 0.5 s" in part.grave[0]
+    growing = scene.with_keys(gravity={"rise": 1.5})
+    part = ground_part(growing, empty.with_others(stand.columns(wrench), outputs_of_ground(scene)))
+    assert part.figures == {} and "the weight still grows when the run ends" in part.grave[0]
 
 
 def test_the_hull_is_convex_and_holds_all_points() -> None:
