@@ -542,10 +542,10 @@ class Gravity(ShorthandTable):
     def _resolve_inclination(cls, data: object) -> object:
         """Add the direction (-sin, 0, -cos) of its `inclination` to a table; without one, return the table unchanged.
 
-        An `inclination` together with a `direction` is refused.
+        An `inclination` together with a `direction` is refused.  One that is no finite number is left to its field.
         """
         angle = data.get("inclination") if isinstance(data, dict) else None
-        if not isinstance(data, dict) or not isinstance(angle, (int, float)):
+        if not (isinstance(data, dict) and isinstance(angle, (int, float)) and math.isfinite(angle)):
             return data
         if "direction" in data:
             raise key_error("inclination", angle, "inclination or direction is allowed, one of them")

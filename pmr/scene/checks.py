@@ -207,10 +207,10 @@ def _check_simulators(scene: Scene) -> None:
     """Refuse simulators that do not support the scene's contacts and supports, as far as a scene alone tells these."""
     choice, (low, high) = scene.reduction, scene.path_bounds
     pushing = tuple(ring.name for ring in scene.pads if ring.unilateral)
-    soft = {ring.name for ring in scene.pads if ring.stiffness != "rigid"}
+    soft = tuple(ring.name for ring in scene.pads if ring.stiffness != "rigid")
     moving = tuple(ring.name for ring in scene.pads if ring.moving) or ("slider",)
     rigid_moving = tuple(name for name in moving if name not in soft) if high > low else ()
-    full = SimulatorNeeds(pushing, (), tuple(soft), rigid_moving, rho_inf=scene.time.rho_inf)
+    full = SimulatorNeeds(pushing, (), soft, rigid_moving, rho_inf=scene.time.rho_inf)
     if "full" in scene.compare.against:
         refuse_unsupported("petsc" if scene.simulation.full == "auto" else scene.simulation.full, full, REFERENCE)
     reduced = full

@@ -51,6 +51,16 @@ STRIBECK_SPEED = 0.01
 OPEN = 1.0
 
 
+def unused_friction_keys(sliding: float, at_rest: float, key_at_rest: str) -> dict[str, str]:
+    """Return the keys of a friction law that have no effect, with the reason.
+
+    `sliding` and `at_rest` are the friction in sliding and at rest; `key_at_rest` is the key of the latter.
+    """
+    falls = f"it has an effect with {key_at_rest} alone, from which the friction falls"
+    unused = {} if at_rest else {"stribeck_speed": falls}
+    return unused if sliding else unused | {"shear_stiffness": "without friction nothing sticks"}
+
+
 class Valve(SceneTable):
     r"""Proportional valve of four edges with a closed centre.
 
@@ -387,6 +397,11 @@ class FreeExtension(DrivenCylinder):
             allowed = "as much as dry_friction, which is above 0, or more is allowed"
             raise key_error("dry_friction_at_rest", self.dry_friction_at_rest, allowed)
         return self
+
+    @property
+    def unused_keys(self) -> dict[str, str]:
+        """Keys of the dry friction that have no effect because of its other keys, with the reason."""
+        return unused_friction_keys(self.dry_friction, self.dry_friction_at_rest, "dry_friction_at_rest")
 
     @property
     def reach(self) -> Interval:

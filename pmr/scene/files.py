@@ -27,7 +27,8 @@ from pydantic import ValidationError
 from pmr.errors import InputError
 from pmr.scene.checks import check_scene
 from pmr.scene.choice import has_axial_motion, has_giving_walls, is_planar, model_of, observed_places, traits_of
-from pmr.scene.joints import has_clearance
+from pmr.scene.cylinder import FreeExtension
+from pmr.scene.joints import JointPads, has_clearance
 from pmr.scene.keys import Schema
 from pmr.scene.members import Member, member_at, members
 from pmr.scene.model_traits import CELLS
@@ -131,7 +132,7 @@ def check_unused(file: TomlFile, scene: Scene) -> None:
             _refuse_any(file, f"sections[{number}].", section, _refused_body_keys(member))
             if number:
                 _refuse_any(file, f"sections[{number}].", section, _unused_joint_keys(scene, number))
-    _refuse_any(file, "", file.data, _unused_simulation_keys(scene))
+    _refuse_any(file, "", file.data, _unused_scene_keys(scene))
 
 
 def _refuse_any(file: TomlFile, prefix: str, content: Mapping[str, object], unused_keys: Iterator[UnusedKey]) -> None:
@@ -165,9 +166,10 @@ def _has_key(data: object, key: str) -> bool:
 def _refused_body_keys(member: Member) -> Iterator[UnusedKey]:
     """Yield the keys of `unused_body_keys` that a scene file must not set.
 
-    With `body.model` ``auto``, keys that have no effect because of the model are left out, as it is not decided yet.
+    Keys that have no effect because of the model are left out if `body.model` is ``auto`` and the body has a box: what
+    it is made of then depends on loads, pads and outputs.
     """
-    decided = member.part.body.model != "auto"
+    decided = member.part.body.model != "auto" or member.part.body.box is None
     return (unused for unused in unused_body_keys(member) if decided or unused.decided_by != "body.model")
 
 
@@ -186,7 +188,8 @@ def unused_body_keys(member: Member) -> Iterator[UnusedKey]:
     if is_planar(member):
         yield from (UnusedKey(key, "", f"{model} has no frames; beam3d and shell have them") for key in STIFFENERS)
     if member.part.mesh.file is not None:
-        yield from (UnusedKey(key, "mesh.file", "the mesh is read from a file") for key in (*CELLS, "mesh.elements"))
+        drawn = (*CELLS, "mesh.elements", "mesh.grading")
+        yield from (UnusedKey(key, "mesh.file", "the mesh is read from a file") for key in drawn)
     else:
         yield UnusedKey("mesh.faces", "mesh.file", "only faces of a mesh that is read are found by their normals")
         yield UnusedKey("mesh.groups", "mesh.file", "only a mesh that is read gets further groups")
@@ -203,24 +206,31 @@ def _unused_joint_keys(scene: Scene, number: int) -> Iterator[UnusedKey]:
     """Yield keys without effect in the joint of section `number`.
 
     The keys are `ratio` and `offset` if the section follows no other one, keys of friction that other keys of their
-    ring make void, and `cylinder` and `rope` if the model has no displacements along the boom.
+    ring or free extension make void, and `cylinder` and `rope` if the model has no displacements along the boom.
     """
     joint, name = scene.joint(number), scene.names[number]
     if joint.follows is None:
         yield from (UnusedKey(f"joint.{key}", "", f"{name} follows no other section") for key in ("ratio", "offset"))
-    keyed = {f"joint.tail.{k}": ring for k, ring in enumerate(joint.tail)}
-    for key, ring in (keyed | {f"joint.mouth.{k}": ring for k, ring in enumerate(joint.mouth)}).items():
-        yield from (UnusedKey(f"{key}.{unused}", "", why) for unused, why in ring.unused_keys.items())
+    keyed: dict[str, JointPads | FreeExtension] = {f"joint.tail.{k}": ring for k, ring in enumerate(joint.tail)}
+    keyed |= {f"joint.mouth.{k}": ring for k, ring in enumerate(joint.mouth)}
+    keyed |= {"joint.extension": joint.extension} if isinstance(joint.extension, FreeExtension) else {}
+    for key, table in keyed.items():
+        yield from (UnusedKey(f"{key}.{unused}", "", why) for unused, why in table.unused_keys.items())
     for key in ("cylinder", "rope") if not has_axial_motion(member_at(scene, number)) else ():
         yield UnusedKey(f"joint.{key}", "", f"{name} has no coordinates along the boom, and so no {key}")
 
 
-def _unused_simulation_keys(scene: Scene) -> Iterator[UnusedKey]:
-    """Yield keys without effect in the tables of comparison and simulation.
+def _unused_scene_keys(scene: Scene) -> Iterator[UnusedKey]:
+    """Yield keys without effect in the tables about all bodies.
 
     The keys are the elements of an ANCF cable if there is no such reference, settings of Newton's method if Exudyn does
-    not simulate, and a play of pads if no pad only pushes or the pads have a clearance already.
+    not simulate, a play of pads if no pad only pushes or the pads have a clearance already, and stops of a luffing
+    cylinder that has no stroke or whose angle is prescribed.
     """
+    frame = scene.frame
+    if frame is not None and frame.cylinder is not None and not (frame.luffing == "free" and frame.cylinder.stroke):
+        why = "stops act on a cylinder that drives a free luffing angle, at the ends of its stroke"
+        yield from (UnusedKey(f"frame.cylinder.stop_{key}", "frame.luffing", why) for key in ("stiffness", "damping"))
     if "ancf" not in scene.compare.against:
         yield UnusedKey("compare.ancf_elements", "compare.against", "compare.against names no ANCF reference")
     if not any(name.startswith("exudyn") for name in (*scene.simulation.simulators, scene.simulation.full)):

@@ -16,7 +16,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from pmr.errors import LONGEST_NAME
 from pmr.scene import run_settings
 from pmr.scene.built import ENDS, Body, Face, Load, MeshChoice, PadRing, Slider, Support, clearance_on
-from pmr.scene.cylinder import SHEAR_STIFFNESS, STRIBECK_SPEED, FreeExtension
+from pmr.scene.cylinder import SHEAR_STIFFNESS, STRIBECK_SPEED, FreeExtension, unused_friction_keys
 from pmr.scene.keys import (
     OVER_TIME,
     AllowedPressure,
@@ -98,9 +98,7 @@ class RingFriction(SceneTable):
     @property
     def unused_keys(self) -> dict[str, str]:
         """Keys of the friction that have no effect because of its other keys, with the reason."""
-        falls = "it has an effect with static_friction alone, from which the friction falls"
-        unused = {} if self.static_friction else {"stribeck_speed": falls}
-        return unused if self.friction else unused | {"shear_stiffness": "without friction nothing sticks"}
+        return unused_friction_keys(self.friction, self.static_friction, "static_friction")
 
 
 class JointPads(RingFriction, PadPlaces):

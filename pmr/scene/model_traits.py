@@ -15,7 +15,7 @@ from pmr.scene.box import Box
 #: Keys of a mesh that is drawn from a box.
 CELLS = ("mesh.size", "mesh.along", "mesh.tail_layer", "mesh.cells")
 #: Keys without effect on a body that is not meshed, and on one that has neither a mesh nor a material.
-_NO_CELLS = (*CELLS, "mesh.faces", "mesh.groups", "body.shear_correction")
+_NO_CELLS = (*CELLS, "mesh.faces", "mesh.groups", "body.shear_correction", "body.thickness")
 _NO_MATERIAL = (*_NO_CELLS, "mesh.elements", "body.material", "body.regions", "body.shear", "body.walls")
 
 
@@ -73,11 +73,11 @@ MODELS: dict[str, ModelTraits] = {
     "solid": ModelTraits(
         "a solid", "cells", is_planar=False, rank=None, may_vary=False, walls_may_give=False,
         probe_faces=lambda box: (),
-        without_effect=("mesh.elements", "body.shear", "body.shear_correction", "body.walls"),
+        without_effect=("mesh.elements", "body.shear", "body.shear_correction", "body.walls", "body.thickness"),
     ),
     "matrices": ModelTraits(
         "given matrices", "matrices", is_planar=False, rank=None, may_vary=False, walls_may_give=False,
-        probe_faces=lambda box: (), without_effect=(*_NO_MATERIAL, "body.thickness"),
+        probe_faces=lambda box: (), without_effect=_NO_MATERIAL,
     ),
     "mover": ModelTraits(
         "a mass on a wheel", "mass", is_planar=True, rank=None, may_vary=False, walls_may_give=False,

@@ -52,6 +52,9 @@ def check_structure(member: Member) -> None:
                 ring.clearance,
                 "0 is allowed, as only pads with unilateral = true have a clearance",
             )
+        for face, clearance in ring.clearance.items() if isinstance(ring.clearance, dict) else ():
+            allowed = f"a clearance on faces that have pads is allowed: {', '.join(ring.faces)}"
+            refuse(face not in ring.faces, f"pads[{i}].clearance.{face}", clearance, allowed)
     _check_travel(member)
     _check_pads(member)
     _check_places(member)
@@ -244,6 +247,7 @@ def _check_mover(member: Member) -> None:
         refuse(load.direction != "z", f"loads[{i}].direction", load.direction, "z is allowed on a mover")
     for key in ("thickness", "regions", "section"):
         refuse(getattr(part.body, key), f"body.{key}", None, "none is allowed on a mover, which has no walls")
+    refuse(part.mesh.file, "mesh.file", str(part.mesh.file), "none is allowed on a mover, which has no mesh")
     refuse(part.body.walls == "give", "body.walls", "give", "'rigid' is allowed on a mover, which has no walls")
     if member.frame is not None:
         raise scene_error("frame", None, "none is allowed beside a mover, whose motion in a frame is not computed")

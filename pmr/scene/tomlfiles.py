@@ -155,7 +155,7 @@ class TomlFile:
 
         The result is the file itself if no such table has an origin.
         """
-        words = tuple(re.findall(r"\w+", key) if isinstance(key, str) else map(str, key))
+        words = tuple(re.findall(r"[^][.]+", key) if isinstance(key, str) else map(str, key))
         inside = [
             source for key_of_origin, source in self.origins.items() if words and key_of_origin[: len(words)] == words
         ]

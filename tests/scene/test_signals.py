@@ -61,7 +61,7 @@ def test_step_takes_its_new_value_at_its_time() -> None:
 
 def test_table_from_a_file_equals_the_inline_one(tmp_path) -> None:
     file = tmp_path / "path.csv"
-    file.write_text("# t, s\n0, 1\n1, 2\n3, 1.5\n")
+    file.write_text("# t, s\n0, 1\n1, 2\n3, 1.5\n", encoding="utf-8-sig")  # as spreadsheets write it
     assert signal.validate_python({"kind": "table", "file": str(file)}) == Table(
         times=(0.0, 1.0, 3.0), values=(1.0, 2.0, 1.5)
     )
@@ -81,7 +81,7 @@ def test_an_evaluated_table_still_equals_another() -> None:
         ("0, 1\n", "at least two lines"),
         ("0\n1\n", "two columns"),
         ("t, s\n0, 1\n1, 2\n", "other lines begin with #"),
-        ("0, 1\n1, nan\n", "line 2 is not finite"),
+        ("# t, s\n\n0, 1\n1, nan\n", "line 4 is not finite"),
         ("0, 1\n0, 2\n", "times must increase"),
         ("0, 1\n1e-300, 4\n1, 1\n", "times must increase, by at least 1e-12 s"),
     ],

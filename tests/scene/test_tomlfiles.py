@@ -26,6 +26,14 @@ def test_changes_are_laid_over_a_file_and_stay_as_they_are(tmp_path: Path) -> No
     assert [file.origin(key) for key in ("x.a", "x.b", "y.b")] == [str(tmp_path / "a.toml"), "second", "second"]
 
 
+def test_a_key_with_a_name_in_several_words_has_the_source_of_its_own_table(tmp_path: Path) -> None:
+    file = read(tmp_path, "x.'lower plate'.a = 1")
+    file.apply(Change({"x": {"lower plate": {"a": 2}}}, "change"))
+    assert [file.origin(key) for key in ("x.lower plate", "x.lower plate.a", "x")] == ["change", "change", "change"]
+    file.apply(Change({"x": {"b": 2}}, "another"))
+    assert [file.origin(key) for key in ("x.lower plate", "x.lower plate.a", "x")] == ["change", "change", "another"]
+
+
 def test_an_option_is_a_change() -> None:
     assert override("a.b=[1, 2]") == Change({"a": {"b": [1, 2]}}, "--set")
     assert override("a = word") == Change({"a": "word"}, "--set")

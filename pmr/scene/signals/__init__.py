@@ -151,14 +151,15 @@ class Table(_Knots):
         if not isfile(path):
             raise ValueError(f"{missing_file_reason(path)}: {path}")
         try:
-            text = path.read_text(encoding="utf-8")
+            text = path.read_text(encoding="utf-8-sig")
         except OSError as error:
             raise ValueError(f"{path} can't be read: {error.strerror}") from None
         except UnicodeDecodeError as error:
             raise ValueError(f"{path}: text is allowed ({error})") from None
-        lines = [line for line in text.splitlines() if line.partition("#")[0].strip()]
+        lines = [line.partition("#")[0] for line in text.splitlines()]
+        numbers = [number for number, line in enumerate(lines, start=1) if line.strip()]
         try:
-            columns = np.array([[float(cell) for cell in line.partition("#")[0].split(",")] for line in lines])
+            columns = np.array([[float(cell) for cell in lines[number - 1].split(",")] for number in numbers])
         except ValueError as error:
             raise ValueError(
                 f"{path}: two columns of numbers are allowed, other lines begin with # ({error})"
@@ -166,7 +167,7 @@ class Table(_Knots):
         if columns.ndim != 2 or columns.shape[1] != 2 or len(columns) < 2:
             raise ValueError(f"{path}: at least two lines of two columns are allowed: time in s, value")
         if not np.isfinite(columns).all():
-            raise ValueError(f"{path}: line {int(np.argmin(np.isfinite(columns).all(axis=1))) + 1} is not finite")
+            raise ValueError(f"{path}: line {numbers[int(np.argmin(np.isfinite(columns).all(axis=1)))]} is not finite")
         if not np.all(np.diff(columns[:, 0]) >= CLOSEST):
             raise ValueError(f"{path}: times must increase, by at least {CLOSEST:g} s")
         return {**content, "times": columns[:, 0].tolist(), "values": columns[:, 1].tolist()}
