@@ -117,6 +117,7 @@ class Contact(FrictionLaw):
         allowed = {
             "direction": (self.direction in (1.0, -1.0), "1 or -1 is allowed"),
             "compliance": (0.0 <= self.compliance < np.inf, "0 or more, in m/N, is allowed"),
+            "arm": (bool(np.isfinite(self.arm)), "a finite number, in m, is allowed"),
             "lengthening": (
                 np.isfinite(self.lengthening) and (not self.lengthening or self.path is not None),
                 "a finite number, with a path, is allowed",

@@ -61,6 +61,7 @@ class BodySystem(Generic[AnyBody]):
     An InputError is raised for any of these faults:
 
     - a contact or term names a missing body or row, or a rope's path does not exist;
+    - a contact has friction, and neither of its places travels on a path with the name of its inner body;
     - two contacts or two terms have the same name;
     - a body has no carriers and the system is not `on_one_path`;
     - a full body's support combines several coordinates, and no contact uses it.
@@ -83,6 +84,10 @@ class BodySystem(Generic[AnyBody]):
         for contact in self.contacts:
             if names.count(contact.name) > 1:
                 raise contact_error(contact.name, "name", contact.name, "names that differ are allowed")
+            travels = {place.path for place in (contact.inner, contact.outer) if place is not None}
+            if contact.friction and contact.inner.body not in travels:
+                allowed = f"0 is allowed, or a place that travels on the path {contact.inner.body!r}"
+                raise contact_error(contact.name, "friction", contact.friction, allowed)
         for side in self.sides:
             name, place = self.contacts[side.contact].name, side.place
             if place.body not in self.bodies:

@@ -176,6 +176,7 @@ PLACE = Place("1", "w", 0.15)
         ({"friction": np.nan}, "contacts.pad.friction"),
         ({"friction": 0.2, "static_friction": 0.1}, "contacts.pad.static_friction = 0.1: 0.2 or more is allowed"),
         ({"stribeck_speed": 0.0}, "contacts.pad.stribeck_speed = 0.0: more than 0 m/s is allowed"),
+        ({"arm": np.nan}, "contacts.pad.arm = nan: a finite number, in m, is allowed"),
         ({"shear_stiffness": np.inf}, "contacts.pad.shear_stiffness = inf: more than 0 N/m is allowed"),
     ],
 )
@@ -190,6 +191,8 @@ def test_contacts_that_mean_nothing(change: dict, said: str) -> None:
         ([Contact("a", PLACE), Contact("a", PLACE)], "names that differ"),
         ([Contact("a", replace(PLACE, body="9"))], "contacts.a.body = '9': 0, 1 are allowed"),
         ([Contact("a", replace(PLACE, row="v"))], "contacts.a.row = 'v': w are allowed on 1"),
+        ([Contact("a", PLACE, friction=0.2)], "friction = 0.2: 0 is allowed, or a place that travels on the path '1'"),
+        ([Contact("a", replace(PLACE, path="0"), Place("0", "w"), friction=0.2)], "travels on the path '1'"),
     ],
 )
 def test_systems_that_do_not_fit(contacts: list, said: str) -> None:
