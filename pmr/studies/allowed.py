@@ -62,7 +62,10 @@ def _share_points(used: UsedShares, loads: Iterable[float]) -> list[Point]:
 
 
 def _find_root(used: UsedShares, points: list[Point], tolerance: float) -> float:
-    """Return the first load in kg, to about `tolerance` kg, at which the used share between ascending points is 1.
+    """Return the first load in kg between `points` at which the share is 1, to about `tolerance` kg.
+
+    The `points` ascend by load.  The share of the first one is below 1, that of a later one 1 or more; it may be
+    infinite.  The function `used` gives shares at further loads.
 
     The method is inverse interpolation: the load is a polynomial in share - 1; the polynomial of one degree less gives
     an estimate of its error.  The interval around the root should be halved by each step.  If it is not, its quarters
@@ -96,11 +99,12 @@ class RootEstimate(NamedTuple):
 
 
 def _interpolate_load(points: Sequence[Point], k: int) -> RootEstimate:
-    """Return the load at which a polynomial through points near the k-th has share 1, and its last change.
+    """Return the load in kg at which a polynomial through points near the k-th has share 1, and its last change.
 
-    The load is a polynomial in share - 1 through at most `POINTS` points along which the share increases, evaluated by
-    Neville's scheme.  The last change is the difference from the value of the polynomial of one degree less.  Both
-    numbers are NaN if the share of the k-th point is infinite.
+    The `points` ascend by load; the k-th is the first with a share of 1 or more.  The load is a polynomial in share - 1
+    through at most `POINTS` points along which the share increases, evaluated by Neville's scheme.  The last change is
+    the difference from the value of the polynomial of one degree less.  Both numbers are NaN if the share of the k-th
+    point is infinite.
     """
     if points[k][1] == np.inf:
         return RootEstimate(np.nan, np.nan)
@@ -161,10 +165,10 @@ class Place:
         return float(self.share(limit)(LoadedStates.from_states([state]))[0])
 
     def allowed_load(self, limit: Limit, top: float, guess: float) -> float:
-        """Return the load in kg at which `limit` is reached; 0 if it is exceeded without a load.
+        """Return the least load in kg at which `limit` is reached; 0 if it is reached or exceeded without a load.
 
-        The result is NaN if the load is above `top` in kg.  `guess` is a load in kg near which the result is expected,
-        or NaN.
+        The result is NaN if no load up to `top` in kg reaches the limit.  `guess` is a load in kg near which the result
+        is expected, or NaN.
         """
         loaded = self.equilibria
         if loaded.holds_both_ways and (directly := limit.kind.eigenvalue_load) is not None:
@@ -175,12 +179,12 @@ class Place:
 
 
 def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, guesses: Array | None = None) -> Array:
-    """Return the load (l,) in kg that each of `limits` and, last, stability allow at a place; NaN above `up_to` in kg.
+    """Return the load (l,) in kg that each of `limits` and, last, stability allow at a place.
 
     A place is a posture and a load case.  The load is 0 for a limit that is exceeded by the boom alone, without a load.
-    It is also NaN if the boom has no stable equilibrium just below the load of the limit.  All loads are 0 if the boom
-    alone is unstable.  `guesses` (l,) are loads in kg that another model allows, near which the searches begin.
-    Entries without a guess are NaN; None stands for no guesses.
+    It is NaN if no load up to `up_to` in kg reaches the limit, or if the boom has no stable equilibrium just below the
+    load of the limit.  All loads are 0 if the boom alone is unstable.  `guesses` (l,) are loads in kg that another
+    model allows, near which the searches begin.  Entries without a guess are NaN; None stands for no guesses.
     """
     loaded, near_loads = place.equilibria, np.full(len(limits) + 1, np.nan) if guesses is None else guesses
     first = loaded.state(0.0)
@@ -204,7 +208,8 @@ def large_rotation_changes(limits: Sequence[Limit], place: Place, loads: Array, 
     u_0)`.  For a limit on overturning, :math:`P / (1 - u_0)` is replaced by `TippingMoments.overturning_load`.
 
     The changes are magnitudes.  The change of a load of 0 or NaN is 0.  The last entry, of stability, is 0, too: how
-    large rotations change the load at which stability is lost is not known.
+    large rotations change the load at which stability is lost is not known.  The share u_0 counts as at most
+    `MOST_UNLOADED`.
     """
     changes, tip = (np.zeros(len(loads)), [n for n, kind in enumerate(place.postures.output_kinds) if kind == "tip"])
     unloaded = place.equilibria.states([0.0])
@@ -248,5 +253,8 @@ def _stability_load(loaded: LoadedStructure, up_to: float) -> float:
 
 
 def _buckling_share(states: LoadedStates) -> Array:
-    """Return the share (p,) of the buckling load that each of p states uses, with the same contacts closed."""
+    """Return the share (p,) of a buckling load that the load of each of p states is.
+
+    The buckling load of a state is that of the boom with the contacts that are closed in this state.
+    """
     return states.load / np.array([form.critical for form in states.forms])

@@ -69,7 +69,7 @@ class Outcome:
     """Results of a call of ``pmr study``.
 
     `results` maps the name of each part of the project to the runs of its study.  `computed` is the number of tasks
-    that this call computed; tasks with a result from an earlier call are not counted.
+    that this call computed; failed tasks, and those with a result from an earlier call, are not counted.
     """
 
     results: Mapping[str, StudyResults]
@@ -154,8 +154,9 @@ def _progress(
 def save(project: Project, outcome: Outcome, folder: Path) -> list[Path]:
     """Write the tables and summaries of all studies of a project with this outcome, and return the tables' paths.
 
-    A single study is written to `folder`.  Each study of a collection is written to a folder of its own in `folder`,
-    which also gets a summary of the runs of all studies.
+    The paths are those of ``runs.csv`` and of the further tables that are not empty.  A single study is written to
+    `folder`.  Each study of a collection is written to a folder of its own in `folder`, which also gets a summary of
+    the runs of all studies.
     """
     written = []
     for part in project.parts:
@@ -257,7 +258,7 @@ def _run_name(part: PlannedStudy, run: Task) -> str:
 
 
 def kind_names() -> list[str]:
-    """Return the names of all kinds of studies, ``"collection"`` included."""
+    """Return the names of all kinds of studies in alphabetical order, ``"collection"`` included."""
     return sorted([*(module.name for module in pkgutil.iter_modules(kinds.__path__)), COLLECTION])
 
 
@@ -303,7 +304,10 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Project:
 
 
 def _read(path: str | Path, changes: Sequence[Change]) -> TomlFile:
-    """Read the study file `path` and apply `changes` to its content; raise an InputError for an unknown kind."""
+    """Read the study file `path` and apply `changes` to its content; raise an InputError for an unknown kind.
+
+    Keys other than the kind are not checked.
+    """
     file = TomlFile.read(path, DIALECT)
     for change in changes:
         file.apply(change)

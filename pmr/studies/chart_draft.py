@@ -46,9 +46,9 @@ BOOMS = 5.0
 def usual_load(scene: Scene) -> float:
     """Return the largest load in kg that a chart looks for unless the user names one, rounded up to two digits.
 
-    The load is the mass of machine and boom, or `BOOMS` times that of a boom without a machine.  The mass of the boom
-    includes the point masses of its sections, but neither payloads nor frames of boxes.  Raises InputError if the mass
-    of a section is not known without its mesh, or if a number of its body is unusual.
+    The load is the mass of machine and boom, or `BOOMS` times the mass of a boom without a machine.  The mass of the
+    boom includes the point masses of its sections, but neither payloads nor frames of boxes.  Raises InputError if the
+    mass of a section is not known without its mesh, or if a number of its body is unusual.
     """
     boom, ground = boom_scales(scene)["boom"], scene.frame.ground if scene.frame is not None else None
     if not boom:
@@ -68,10 +68,10 @@ def words_of_usual_load(scene: Scene) -> str:
 
 
 def _is_symmetric(scene: Scene, axis: int) -> bool:
-    """Return whether the boom with its loads, and all that does not slew, are symmetric about the pivot along an axis.
+    """Return whether the machine is alike at both sides of the pivot along an axis, and the boom on left and right.
 
-    The axis is 0 for front and rear, 1 for left and right.  Machines on inclined ground count as not symmetric, scenes
-    without a ground as symmetric.
+    The axis is 0 for front and rear, 1 for left and right of what does not slew: outriggers and masses.  Machines on
+    inclined ground or with `frame.base` count as not symmetric, scenes without a ground as symmetric.
     """
     frame = scene.frame
     if frame is None or (ground := frame.ground) is None:
@@ -123,8 +123,8 @@ def _slewing_angles(scene: Scene, frame: Frame) -> list[float]:
 def _winds(scene: Scene, frame: Frame) -> dict[str, float | None]:
     """Return the azimuths of wind in service by the names of load cases: from behind, and from the sides in space.
 
-    They are angles from the boom in the frame's unit.  If left and right of the boom are alike, one side counts.  If no
-    section has a box or wind of its own, there is one case without wind, whose azimuth is None.
+    They are angles from the boom in the frame's unit.  If left and right of the boom are alike, only wind from the
+    right is there.  If no section has a box or wind of its own, there is one case without wind, whose azimuth is None.
     """
     if with_winds(scene, {"wind": (0.0, 1.0)}) == scene:
         return {"hoisting": None}
@@ -138,7 +138,7 @@ def _winds(scene: Scene, frame: Frame) -> dict[str, float | None]:
 
 
 class WallLimit(NamedTuple):
-    """Limit on the forces of the pads at one end of a joint, by which the walls of a section begin to yield."""
+    """Limit on the forces of the pads at one end of a joint: beyond it the walls of a section begin to yield."""
 
     name: str  # section whose joint it is, and the end
     place: str  # end of a section at which these pads are, such as "mouth of base"
@@ -149,9 +149,10 @@ class WallLimit(NamedTuple):
 
 
 def _wall_limits(scene: Scene) -> Iterator[WallLimit]:
-    """Yield a limit of a chart for each end of a joint of beams whose walls' stress at pads can be computed.
+    """Yield a limit of a chart for each end of a joint at which the stress of walls under pads can be computed.
 
-    If FEniCSx is not installed or walls can't be computed, a warning is logged and nothing is yielded.
+    Nothing is yielded for a single section, and unless some section is a beam with walls.  If FEniCSx is not installed
+    or walls can't be computed, a warning is logged and nothing is yielded.
     """
     if len(scene.sections) == 1 or not stress_remark(scene):  # shells have a limit of their own, on the stress field
         return
@@ -188,7 +189,7 @@ class SupportLimit(NamedTuple):
 
 
 def _support_limits(scene: Scene) -> Iterator[SupportLimit]:
-    """Yield a limit of a chart for each support that has an allowed force, except supports that hold angles alone."""
+    """Yield a limit of a chart for each support that has an allowed force and holds displacements."""
     names = force_names(scene)["support"]
     for body, part in scene.bodies.items():
         for support in part.supports:
@@ -203,7 +204,10 @@ def _support_limits(scene: Scene) -> Iterator[SupportLimit]:
 
 
 def check_chart(file: Path, scene: Scene, up_to: float) -> None:
-    """Raise InputError if the scene of a file has no luffing angle over time, or `up_to` in kg is not above 0."""
+    """Raise InputError if a scene has no luffing angle over time, or if the load `up_to` in kg is not above 0.
+
+    `file` is that of the scene; the message names it.
+    """
     if scene.frame is None or scene.frame.luffing is None or scene.frame.luffing == "free":
         allowed = "a load chart needs luffing angles; a scene is allowed whose [frame] has luffing over time"
         raise InputError("command line", "SCENE", str(file), allowed)
@@ -318,8 +322,10 @@ class Range(SceneTable):
 def extension_rows(scene: Scene, extensions: Range | Sequence[float | dict[str, float]]) -> list[dict[str, float]]:
     """Return extensions in m by section, in the order of the sections, for each row that a study asks for.
 
-    Sections that follow another one are where they follow it.  Raises InputError if an extension is missing, not where
-    its section follows, or not allowed by the checks of a scene, and if it takes pads to where the model has none.
+    The sections are all but the first.  Sections that follow another one are where they follow it, and need not be
+    given.  Without `extensions` there is one row, which is allowed only for a body alone.  Raises InputError if an
+    extension is missing, not where its section follows, or not allowed by the checks of a scene, and if it takes pads
+    to where the model has none.
     """
     names = scene.names[1:]
     driven = [name for number, name in enumerate(names, 1) if scene.joint(number).follows is None]
@@ -389,9 +395,10 @@ def _check_pads(scene: Scene, still: Scene, key: str) -> None:
 
 
 def check_slewing(scene: Scene, slewing: Sequence[float]) -> None:
-    """Raise InputError if an angle of `slewing` is not 0 while the scene lacks a slewing angle that would matter.
+    """Raise InputError if an angle of `slewing` is not 0, but the scene has no `frame.slewing` and would need it.
 
-    The angle matters if the ground has a slope, the frame has a base, or wind or a load acts along axes of the ground.
+    The scene needs it if the ground has a slope, the frame has a base, or wind or a load acts along axes of the ground,
+    except along z.
     """
     key = next(_keys_of_ground(scene), "")
     if scene.present_frame.slewing is None and key and any(slewing):

@@ -66,9 +66,9 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
 
     - ``richer.``: the postures of `richer_system`; ``mass.``: those of `postures_with_tip_mass`.
     - ``mesh.``: for beams the postures of the model on another mesh, as in a run; ``mesh_share``: the error of the
-      scene's mesh over the difference to this model.
-    - ``play`` (m,): if pads only push, the clearance in m of each of m contacts with another play of pads, as in a run;
-      ``gap``: this play in m from face to face.
+      scene's mesh over the difference to this model.  Both are missing for meshes that are read from files.
+    - ``play`` (m,): if pads only push, the clearance in m of each of m contacts with another play of pads, as in a run,
+      0 for contacts without one; ``gap``: this play in m from face to face.
     - ``too_stiff``: the share that `stiffness_excess` returns.
 
     The task's warnings are those warnings of a run that hold for the scene in all postures.
@@ -115,11 +115,12 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def richer_system(scene: Scene, system: System, positions: PostureSet, up_to: float) -> System:
-    """Return the system with attachment modes for its contact forces without a load and under half the largest load.
+    """Return the `system` with attachment modes for the contact forces of a few of its equilibria.
 
-    Half the load at which the boom buckles is taken if it is less than half of `up_to`, the largest load in kg.
-    Further modes are for the contact forces of the shape in which the boom buckles.  `positions` are all postures of
-    the chart; three luffing angles at each extension are used.
+    The equilibria are those without a load, and under half of `up_to`, the largest load in kg, or half the load at
+    which the boom buckles if this is less.  Further modes are for the contact forces of the shape in which the boom
+    buckles, if it has geometric stiffness.  `positions` are all postures of the chart; up to three luffing angles at
+    each extension are used.
     """
     from pmr.compare.motion import system_with_attachment_modes
 
@@ -142,8 +143,8 @@ def richer_system(scene: Scene, system: System, positions: PostureSet, up_to: fl
 def postures_with_tip_mass(scene: Scene, positions: PostureSet, mass: float) -> PostureMatrices:
     """Return the postures, at `positions`, of the reduced model of a run with a `mass` in kg at the scene's tip.
 
-    The modes of that model move the mass, so the model has an error of its own.  The weight of the mass is removed,
-    since the load of the chart, `HOOK`, acts in its place; the mass matrix still contains the mass.
+    The modes of that model are those of a boom with the mass, so it has an error of its own.  The weight of the mass is
+    removed, since the load of the chart, `HOOK`, acts in its place; the mass matrix still contains the mass.
     """
     last = scene.sections[-1]
     point = next(load.point for load in last.loads if load.name == HOOK)
@@ -161,9 +162,10 @@ def postures_with_tip_mass(scene: Scene, positions: PostureSet, mass: float) -> 
 def stiffness_excess(scene: Scene, better: System, full: System, positions: PostureSet, up_to: float) -> float:
     """Return the largest share by which the richer system's buckling factor exceeds that of full order; 0 if none does.
 
-    `better` is the richer system and `full` the system of full order.  The two are compared in a few of the postures
-    `positions`, under half of `up_to` in kg.  A model with few coordinates buckles at a higher load than the full model
-    (Rayleigh's quotient), so the errors of the reduced and the richer model may cancel in their difference.
+    `better` is the richer system and `full` the system of full order.  The two are compared in at most
+    `FULL_ORDER_POSTURES` of the postures `positions`, under half of `up_to` in kg; postures in which either has no
+    finite factor are ignored.  A model with few coordinates buckles at a higher load than the full model (Rayleigh's
+    quotient), so the errors of the reduced and the richer model may cancel in their difference.
     """
     every = _sample_postures(positions)
     few = positions.select(every[np.linspace(0, len(every) - 1, min(FULL_ORDER_POSTURES, len(every))).astype(int)])
@@ -179,9 +181,9 @@ def stiffness_excess(scene: Scene, better: System, full: System, positions: Post
 
 
 def _sample_postures(positions: PostureSet) -> NDArray[np.int64]:
-    """Return the numbers of up to three postures of each extension: at the least, a middle and the largest angle.
+    """Return the numbers (n,), ascending, of up to three postures of each extension.
 
-    The numbers (n,) ascend.
+    The postures are those with the least, a middle and the largest luffing angle.
     """
     groups = dict[tuple[float, ...], list[int]]()
     for k in range(positions.count):
@@ -249,7 +251,7 @@ class ChartModels:
     def from_needs(cls, needs: Needs) -> ChartModels:
         """Collect the models from the results of `compute_postures` and `compute_richer_postures`.
 
-        The latter may be missing from `needs`.
+        `needs` has them under the names ``postures`` and ``model``; the latter may be missing.
         """
         arrays, model_arrays = needs["postures"].arrays, needs["model"].arrays if "model" in needs else {}
         reduced = npz.record_from_arrays(PostureMatrices, arrays, "reduced.")

@@ -33,7 +33,7 @@ from pmr.system.contacts import Contact
 
 
 class Equilibrium(NamedTuple):
-    """Outputs, contact forces and closed contacts of a boom in equilibrium, and words on its posture and load."""
+    """State of a boom at rest, stable or not (`LoadedState`), and a description of its posture and load in words."""
 
     state: LoadedState
     description: str
@@ -76,12 +76,12 @@ def warnings_of_row(
     cases: Array,
     first: int,
 ) -> tuple[str, ...]:
-    """Return a run's warnings at the points of a row of a chart, without a load and just below the least allowed load.
+    """Return the warnings of a run for a row of a chart: at each point, without a load and just below the load allowed.
 
     `loads` (p, l) in kg are the loads that l limits allow at p points, and `cases` (p, l) the numbers of the load cases
     in which these loads are smallest.  `first` is the number of the row's first point.  ``places(postures, number)``
     returns, for the postures of a model and the number of a point, a `Place` for each load case.  `contacts` are those
-    of the system.  The result is empty if no point has a warning.
+    of the system.  Unstable equilibria are ignored.  The result is empty if no point has a warning.
     """
     reach, equilibria = models.reach, list[Equilibrium]()
     for k, (of_limits, of_cases) in enumerate(zip(loads, cases, strict=True), first):
@@ -101,7 +101,7 @@ def warnings_of_row(
 
 
 def unnamed_loads(scene: Scene, cases: Sequence[Summary]) -> Iterator[str]:
-    """Yield a line on loads that act in runs of the scene but are in ``loads`` of none of the chart's `cases`.
+    """Yield one line on all loads that act in runs of the scene but are in ``loads`` of none of the chart's `cases`.
 
     Forces that pull the last section's tip down in space are left out, as the load that is looked for takes their
     place, and so is wind if wind on the sections is among the loads of a case.
@@ -208,7 +208,7 @@ class StopMotion:
           `limit` is None.
         - The last one is the speed in rad/s.
 
-        If the boom is unstable, all numbers but the speed are NaN.
+        If the boom is unstable under the load, the other four numbers are NaN.
         """
         none, state = np.array([*[np.nan] * 4, self.speed]), place.equilibria.state(load)
         if not state.in_equilibrium:
@@ -274,8 +274,8 @@ def governing_details(
 ) -> dict[str, NDArray[Any]]:
     """Return arrays that describe the boom at p places: the n-th limit governs at the n-th, stability at the last.
 
-    `loads` (p,) in kg act at the p places.  If a limit governs nowhere, its place is None and its rows are NaN; if all
-    places are None, there are no arrays.
+    The boom is under slightly less than `loads` (p,) in kg.  If a limit governs nowhere, its place is None and its rows
+    are NaN; if all places are None, the result is empty.  Arrays by name:
 
     - ``forces`` (p, m) N of m contacts, and their ``kinds`` (m,).
     - ``bent`` (p, b) m: b displacements across the boom, at the distances ``bent.x`` (b,) m from the tails of the
@@ -283,7 +283,7 @@ def governing_details(
     - ``stress`` (p, s) Pa: von Mises stress at s probes.
     - ``used`` (p, l): used shares of all limits; the last one is the load divided by the buckling load.
     - ``luffing`` and ``slewed`` (p,) rad: angles of the boom.
-    - ``stops`` (p, stops, 5): numbers of `StopMotion.stop_figures`.
+    - ``stops`` (p, stops, 5): numbers of `StopMotion.stop_figures`, for each of `stops`.
     - ``forces.names``, ``stress.names``, ``section.names``: names of contacts, probes, sections.
     """
     at = next((place.postures for place in places if place is not None), None)

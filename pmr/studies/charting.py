@@ -49,8 +49,7 @@ PARTS = ("reduction", "mesh", "model", "rotation", "play")
 class Chart:
     """Limits of a chart, and the load cases for which these are evaluated.
 
-    Array shapes in the methods: c load cases; l limits, which are those of `limits` in their order, and stability as
-    last.
+    In shapes of arrays, c is the number of load cases, and l that of limits: `limits` in their order, then stability.
     """
 
     limits: Sequence[Limit]
@@ -65,10 +64,9 @@ class Chart:
     def loads(self, places: Sequence[Place], guesses: Array | None = None) -> Array:
         """Return the load (c, l) in kg that each of l limits allows at each of c `places`.
 
-        A load is NaN if no load up to `up_to` reaches the limit; the last limit is the stability of the boom.
-
-        `guesses` (c, l) holds loads in kg near which each search begins, NaN where there is no guess; None stands for
-        no guesses at all.
+        A load is NaN if no load up to `up_to` reaches the limit, and 0 if the limit is exceeded without a load; see
+        `allowed_loads`.  `guesses` (c, l) holds loads in kg near which each search begins, NaN where there is no guess;
+        None stands for no guesses at all.
         """
         nearby = [None] * len(places) if guesses is None else list(guesses)
         return np.array(
@@ -100,9 +98,10 @@ class Chart:
 
         `loads` (c, l) in kg are the loads that the reduced model allows at the k-th posture.  The error is a margin
         times the difference d between the smallest loads that the reduced model and the richer model
-        `ChartModels.enriched` allow.  For limits that are no eigenvalues, the margin times the error of a run is added;
-        this error is the difference to the smallest load of `ChartModels.with_tip_mass`, but at least d.  For buckling
-        and stability the difference is also computed with a richer model that buckles at a load lower by the share
+        `ChartModels.enriched` allow.  The margin is `MARGIN_OF_BUCKLING` for eigenvalues (buckling, frequency and
+        stability) and `MARGIN` for others.  For these others, the margin times the error of a run is added; this error
+        is the difference to the smallest load of `ChartModels.with_tip_mass`, but at least d.  For buckling and
+        stability the difference is also computed with a richer model that buckles at a load lower by the share
         `ChartModels.stiffness_excess`, and the larger difference is taken.
         """
         assert models.enriched is not None and models.with_tip_mass is not None
@@ -159,8 +158,8 @@ class Chart:
         """Return for each limit the error (l,) in kg by large rotations of its smallest load of all cases.
 
         `loads` (c, l) in kg are the loads that the limits allow at c `places`, one for each case; `reach` is the length
-        of the boom in m.  The error is a margin times the change that `large_rotation_changes` returns for the case in
-        which the limit's load is smallest.
+        of the boom in m.  The error is `MARGIN` times the change that `large_rotation_changes` returns for the case in
+        which the limit's load is smallest; it is 0 for stability, and for limits that no load reaches.
         """
         case, load = _least_case(loads), np.fmin.reduce(loads)
         by_case = {n: MARGIN * large_rotation_changes(self.limits, places[n], load, reach) for n in set(case.tolist())}
@@ -170,9 +169,9 @@ class Chart:
 def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: compute the loads that the limits allow at the points of one row of a chart.
 
-    Argument ``rows`` holds the number of the row's first point and the number of the first point after the row.  The
-    arrays of the result have the sizes p points, l limits (stability last) and c cases of the argument ``left``, those
-    out of service:
+    Argument ``rows`` holds the number of the row's first point and the number of the first point after the row;
+    ``cases`` are the load cases in service, ``left`` those out of service.  In the shapes of the result's arrays, p is
+    the number of points, l that of limits (stability last) and c that of cases out of service:
 
     - ``place`` (p, 2) m: radius and height of the undeformed tip; ``luffing`` (p,) rad.
     - ``load`` (p, l) kg: the smallest over all cases in service, NaN if no load up to ``up_to`` reaches the limit;
@@ -244,10 +243,10 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def _remark(scene: Scene, limit: Limit) -> str:
-    """Return the remark that the report prints after a limit.
+    """Return the remark that the report prints after a limit: its note, empty if it has none.
 
-    The remark is the limit's note.  For a limit on the stress at probes, the names of the probes and the remark on
-    stresses in the walls of boxes come before the note.
+    For a limit on the stress at probes, the names of the probes and the remark on stresses in the walls of boxes come
+    before the note.
     """
     if limit.of != "stress" or limit.kind.names is None:
         return limit.note
@@ -260,8 +259,9 @@ def error_warnings(
 ) -> Iterator[str]:
     """Yield a warning for mesh and for model if one changes a load that governs by more than the scene tolerates.
 
-    `names` are those of the limits but stability; `arrays` has ``load``, ``error.mesh`` and ``error.model``, each
-    (p, l) in kg at p points and of l limits.  The tolerance, a share of the load, is ``compare.model_tolerance``.
+    `names` are those of the limits without stability; `arrays` has ``load``, ``error.mesh`` and ``error.model``, each
+    (p, l) in kg at p points and of l limits.  Only positive loads that are the smallest of their point are looked at.
+    The tolerance, a share of the load, is ``compare.model_tolerance``.
     """
     load, allowed = arrays["load"], scene.compare.model_tolerance
     which = governing_limit(load)
@@ -284,9 +284,10 @@ def error_warnings(
 
 
 def errors_not_covered(by_point: Array) -> str:
-    """Join the clauses on errors that the bars of a chart do not cover; `by_point` (P,) has those at each point.
+    """Join the clauses on errors that the bars of a chart do not cover, each clause once, to one text.
 
-    A clause that does not hold at all points has the number of points at which it does.
+    `by_point` (P,) has the clauses at each point, with `CLAUSES` between them.  Behind a clause that does not hold at
+    all points stands the number of points at which it does.
     """
     counts = Counter(clause for clauses in by_point.tolist() for clause in clauses.split(CLAUSES))
     points = len(by_point)
@@ -294,10 +295,10 @@ def errors_not_covered(by_point: Array) -> str:
 
 
 def left_out_of_chart(scene: Scene, limits: Sequence[Limit], has_play: bool) -> dict[str, str]:
-    """Return what a chart of a scene leaves out but motions, as text by subject, such as ``loads``.
+    """Return what a chart of a scene leaves out, except motions, as text by subject, such as ``loads``.
 
-    The subjects are the limits and what the model lacks.  `has_play` says whether the error bars have a part for the
-    play of pads.
+    The subjects are limits that are not set, and what the model lacks.  `has_play` says whether the error bars have a
+    part for the play of pads.
     """
     usual = dict.fromkeys(kind.words for kind in KINDS.values() if kind.words)
     lacking = [words for words in usual if words not in {limit.kind.words for limit in limits}]
@@ -351,10 +352,10 @@ def _play_words(gap: float) -> str:
 def _point_arrays(
     chart: Chart, models: ChartModels, k: int, rope: Rope | None, scene: Scene
 ) -> dict[str, NDArray[Any]]:
-    """Return point number `k` in arrays of `allow_row`: ``load``, ``case``, ``member``, ``outward`` and errors.
+    """Return the arrays of `allow_row` at the point with the number `k`, by name, without the axis of points.
 
-    With a `rope`, ``hoist`` is there, too.  Errors are NaN without richer models.  The first axis of a
-    point's arrays is left out.
+    They are ``load``, ``case``, ``member``, ``outward``, ``error`` and its parts and, with a `rope`, ``hoist``.  Errors
+    are NaN without richer models.
     """
     places = chart.places(models.reduced, k)
     loads = chart.loads(places)
@@ -386,9 +387,9 @@ def _point_arrays(
 
 
 def _least_case(loads: Array) -> NDArray[np.int64]:
-    """Return for each of l limits the number (l,) of the case with the smallest of its `loads` (c, l) in kg.
+    """Return for each of l limits the number (l,) of the case, of c, with the smallest of its `loads` (c, l) in kg.
 
-    c is the number of cases.
+    Loads that are NaN count as infinite; the number is 0 if all are.
     """
     return np.where(np.isnan(loads), np.inf, loads).argmin(axis=0)
 

@@ -85,14 +85,14 @@ class LeastLoads(NamedTuple):
     error: Array  # (E, A, l) kg
     place: Array  # (E, A, 2) m, radius and height of the tip from the pivot
     luffing: Array  # (A,) rad
-    order: NDArray[np.int64]  # (E,), number of the row of extensions that each boom length is
+    order: NDArray[np.int64]  # (E,), number of the row of the chart that has each boom length
 
     @classmethod
     def from_rows(cls, rows: Sequence[Mapping[str, Array]], turns: int) -> LeastLoads:
-        """Return the smallest loads from the arrays of all rows of a chart, whose points have `turns` slewing angles.
+        """Return the smallest loads of all `turns` slewing angles, from the arrays of all rows of a chart.
 
-        The arrays of a row, by name, have the points of the row as their first axis, all slewing angles of a luffing
-        angle in succession (`pmr.studies.charting.allow_row`).
+        The arrays of a row, by name, are those of `pmr.studies.charting.allow_row`.  Their first axis has the points of
+        the row, all slewing angles of a luffing angle in succession.
         """
         load, error, place = (
             np.array([row[name].reshape(-1, turns, row[name].shape[1]) for row in rows])
@@ -107,12 +107,12 @@ class LeastLoads(NamedTuple):
     def at_radii(self, radii: Array, lower: Array, e: int, up_to: float) -> Array:
         """Return loads, lower bounds and differences (3, R, l) in kg of l limits at R `radii`, for one boom length.
 
-        The boom length has the number `e`, and the `radii` (R,) in m are those of the tip.  Loads are interpolated
-        between luffing angles with curves, and NaN at radii that the tip does not reach.  The differences are those
-        between interpolation with curves and with straight lines; lower bounds are less by them.  `lower` (E, A, l) in
-        kg are lower bounds of the loads with E boom lengths at A luffing angles.  A limit that is not reached counts as
-        reached at `up_to` in kg.  If the tip has a radius at two angles, above and below the horizontal, the smaller
-        load counts, and the larger difference.
+        The boom length has the number `e`, and the `radii` (R,) in m are those of the tip.  All three are NaN at radii
+        that the tip does not reach.  Loads are interpolated between luffing angles with curves.  The differences are
+        those between interpolation with curves and with straight lines.  Lower bounds are interpolated from `lower`
+        (E, A, l) in kg, the bounds with E boom lengths at A luffing angles; the differences are subtracted from them.
+        A limit that is not reached counts as reached at `up_to` in kg.  If the tip has a radius at two angles, above
+        and below the horizontal, the smaller load and bound count, and the larger difference.
         """
         luffing, order = np.unique(self.luffing, return_index=True)
         place, load = self.place[e, order, 0], np.nan_to_num(self.load[e, order], nan=up_to)
@@ -176,7 +176,11 @@ class DutyTable:
         return cls(radii, lengths, limited, bound.min(axis=2), which, up_to, extensions, share.max(initial=0.0))
 
     def csv(self, names: Sequence[str]) -> str:
-        """Return the table as text in CSV; `names` are the names of the limits."""
+        """Return the table as text in CSV; `names` are the names of the limits.
+
+        Each boom length has columns for load, lower bound and limit; their cells are empty at radii that it does not
+        reach.
+        """
         heads = ["radius [m]"]
         for name in self.column_names:
             heads += [f"{name}: {column}" for column in ("load [kg]", "lower bound [kg]", "governed by")]
@@ -225,7 +229,8 @@ class DutyTable:
 def extensions_text(parameters: Mapping[str, Any]) -> str:
     """Return the extensions in m of a row of a chart as text with their names, such as "fly 3.2 + middle 0".
 
-    `parameters` are the extensions of the row's run, by names such as ``extension.fly``; None stands for 0.
+    `parameters` are the extensions of the row's run, by names such as ``extension.fly``; None stands for 0.  The text
+    is empty without extensions.
     """
     return " + ".join(f"{name.removeprefix('extension.')} {float(out or 0.0):.4g}" for name, out in parameters.items())
 
@@ -233,7 +238,8 @@ def extensions_text(parameters: Mapping[str, Any]) -> str:
 def _angles_at_radii(radii: Array, place: Array, luffing: Array) -> Array:
     """Return the two luffing angles (2, R) in rad at which the tip has each of the `radii` (R,) in m.
 
-    `place` (A,) are the tip's radii in m at A increasing angles `luffing`.  Angles outside their range are NaN.
+    `place` (A,) are the tip's radii in m at A increasing angles `luffing`.  An angle is NaN if it is outside their
+    range, or if the tip has the radius at no angle, or at no second one.
     """
     angles = np.full((2, len(radii)), np.nan)
     if len(luffing) == 1:
@@ -251,11 +257,12 @@ def _angles_at_radii(radii: Array, place: Array, luffing: Array) -> Array:
 def interpolate_loads(angles: Array, luffing: Array, load: Array, up_to: float, smooth: bool = True) -> Array:
     """Loads (..., l) in kg that l limits allow at luffing angles `angles` (...) in rad; NaN where an angle is NaN.
 
-    They are interpolated between the loads `load` (A, l) in kg at A increasing angles `luffing` (A,).  The inverse of
-    the load is interpolated, as a moment that a limit allows is the load times a radius.  The interpolation is by
-    monotone cubic curves, or by straight lines if not `smooth`.  `up_to` in kg, the largest load that was tried, sets
-    the small offset that keeps the inverse of a load of 0 finite; it is no upper limit.  Between two angles of which
-    one allows no load, no load is allowed, because the angle at which the boom is permitted again is not known.
+    They are interpolated between the loads `load` (A, l) in kg at A increasing angles `luffing` (A,) in rad; a single
+    angle gives its load everywhere.  The inverse of the load is interpolated, because a moment that a limit allows is
+    the load times a radius.  The interpolation is by monotone cubic curves, or by straight lines if not `smooth`.
+    `up_to` in kg, the largest load that was tried, sets the small offset that keeps the inverse of a load of 0 finite;
+    it is no upper limit.  Between two angles of which one allows no load, no load is allowed, because the angle at
+    which the boom is permitted again is not known.
     """
     if len(luffing) == 1:
         return np.where(np.isnan(angles)[..., None], np.nan, load[0])
@@ -276,10 +283,10 @@ def interpolate_loads(angles: Array, luffing: Array, load: Array, up_to: float, 
 
 
 def _round_radii(radius: Array) -> Array:
-    """Return the least and the greatest `radius` (E, A) in m and round radii between them (R,); all radii if A is 1.
+    """Return ascending radii (R,) in m for a table: the least and the greatest `radius`, and round ones between them.
 
-    `radius` has the radii with E boom lengths at A luffing angles.  All of these are also returned if they are nearly
-    equal.
+    `radius` (E, A) in m has the radii with E boom lengths at A luffing angles.  All of them are returned, each once, if
+    A is 1 or if they are nearly equal.
     """
     low, high = float(radius.min()), float(radius.max())
     if radius.shape[1] == 1 or high - low < 1e-6 * abs(high):
@@ -414,10 +421,10 @@ class LoadCase(SceneTable):
         return self.load > 0.0
 
     def check_loads(self, key: str, forces: Mapping[str, bool]) -> None:
-        """Raise InputError if the case names a load that does not exist.
+        """Raise InputError if the case names a load that the scene lacks, or wind on an area one that is no force.
 
-        `key` is the key of the case in the study file, for the message.  `forces` says of each load of the scene
-        whether it is a force, as that of wind on an area is.
+        `key` is the key of the case in the study file, for the message.  `forces` says of each load of the scene, by
+        name, whether it is a force.
         """
         kinds = {"loads": sorted(forces), "forces": sorted(load for load, is_force in forces.items() if is_force)}
         named: list[tuple[str, str, str, Any]] = [
@@ -444,8 +451,8 @@ class LoadCase(SceneTable):
 
         ``weight`` and ``machine`` are the factors on the weights of the boom and of the machine.  ``load`` is the
         factor on the load that is searched for, times the hoisting factor with the hoisting `classes`.  ``loads`` maps
-        the names of the scene's loads to their values in their own units, such as N; forces or the pressure of the wind
-        are added.
+        the names of loads to their values in their own units, such as N.  The wind's forces, or its pressure under
+        the name `Wind.section_load`, are among them.
         """
         load, loads = self.load * self.hoisting_factor(classes), self.loads | (self.wind.acting if self.wind else {})
         factors = {"weight": self.weight, "machine": self.machine, "load": load}

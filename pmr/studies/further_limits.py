@@ -65,16 +65,19 @@ def compile_expression(text: str, names: tuple[str, ...], tables: tuple[str, ...
 
 
 def entry_names(text: str, table: str) -> list[str]:
-    """Return the names of the entries of a `table` in the expression `text`, one that `compile_expression` accepts."""
+    """Return the names of the entries of `table` that the expression `text` uses, each as often as it uses it.
+
+    `text` is an expression that `compile_expression` accepts.
+    """
     subscripts = [node for node in ast.walk(ast.parse(text, mode="eval")) if isinstance(node, ast.Subscript)]
     of_table = [node for node in subscripts if isinstance(node.value, ast.Name) and node.value.id == table]
     return [str(node.slice.value) for node in of_table if isinstance(node.slice, ast.Constant)]
 
 
 def _compile_node(node: ast.expr, names: tuple[str, ...], tables: tuple[str, ...]) -> Value:
-    """Compile one node of an expression and all nodes below that, with the names that the expression may use.
+    """Compile one node of an expression and all nodes below that to a function, as `compile_expression` does.
 
-    `names` and `tables` are those of `compile_expression`.  Raises ValueError for a node that is not allowed.
+    `names` and `tables` are those that the expression may use.  Raises ValueError for a node that is not allowed.
     """
     if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and not isinstance(node.value, bool):
         constant = _as_float(node.value)
@@ -110,13 +113,13 @@ def _as_float(number: float) -> float:
 
 
 def _operation(function: Callable[..., float], parts: list[Value]) -> Value:
-    """Return a function that applies an operator to the values of `parts`.
+    """Return a function of amounts that applies an operator or a function, `function`, to the values of `parts`.
 
     The returned function raises a ValueError for a complex value.
     """
 
     def apply(at: Amounts) -> float:
-        """Return the operator's value for the amounts `at`; raises ValueError if it is complex."""
+        """Return the value for the amounts `at`; raises ValueError if it is complex."""
         value = function(*(part(at) for part in parts))
         if isinstance(value, complex):
             raise ValueError("a power of a negative number is not a real number")
@@ -134,9 +137,7 @@ class AtRest:
     slewing: float  # rad
     outputs: Mapping[str, float]  # by name: the tip along the boom's axes, probes, forces of supports and at the pivot
     forces: Mapping[str, float]  # N or N m of pads and cylinders by name, positive where they push
-    supports: Mapping[
-        str, float
-    ]  # N or N m by name: forces of supports, those of rigid ones too, with the sign of runs
+    supports: Mapping[str, float]  # N or N m by contact name, such as "base pin x": forces of supports, signs of runs
 
 
 LimitFunction = Callable[[AtRest], float]
@@ -173,9 +174,10 @@ def expression_function(text: str) -> LimitFunction:
 
 
 def names_in_tables(scene: Scene) -> dict[str, list[str]]:
-    """Return the names in the tables ``output`` and ``force`` of expressions on a scene, without a model.
+    """Return the names in the tables ``output`` and ``force`` of expressions on a scene, which need no model.
 
-    A probe has its name alone; in expressions, what it measures follows after a space.
+    The keys are ``output`` and ``force``.  A probe is listed by its name alone; in an expression, what it measures
+    follows after a space.
     """
     outputs, supports = list[str](), list[str]()
     for (body, part), member in zip(scene.bodies.items(), members(scene), strict=True):
@@ -256,19 +258,20 @@ AXES = ("x", "y", "z", "rx", "ry", "rz")
 class TippingMoments:
     r"""Moments about the e edges of the polygon a machine stands on, at one posture; positive moments tip the machine.
 
+    The machine tips over an edge with the unit vector n under the load P in kg for which
+
     .. math::
         \gamma\, \frac{P\; \hat n \cdot (p + u) \times F_1}{-\hat n \cdot (M - P\, (p + u) \times F_1 + M_m)} = 1
 
-    is reached at the load P in kg at which the machine tips over an edge with the unit vector n.  M is the moment about
-    the edge by the force and the moment with which the boom presses on its machine at the pivot, as in a run
-    (`pmr.simulation.reactions`).  M contains the moment of the load: the force of 1 kg of the load, F_1, times P, acts
-    at the tip p, which is displaced by u.  M_m is the moment of the machine's weight, :math:`\gamma` the limit's
-    factor.  All vectors are in the axes of the base, which may be inclined.  Edges run anticlockwise.
+    Here P F_1 is the force of the load, which acts at the tip p, displaced by u.  M is the moment of boom and load: of
+    the force and the moment with which the boom presses on its machine at the pivot, as in a run
+    (`pmr.simulation.reactions`).  M_m is the moment of the machine's weight, and :math:`\gamma` the limit's factor.
+    All vectors are in the axes of the base, which may be inclined.  Edges run anticlockwise.
     """
 
     machine: Array  # (e,) N m: moment of the machine's weight
     boom: Array  # (e, o): moment of boom and load together, by a unit of each of o outputs
-    tip_moment: Array  # (e,) N m: moment of 1 kg of the load at the undeformed tip
+    tip_moment: Array  # (e,) N m/kg: moment of 1 kg of the load at the undeformed tip
     tip_derivative: Array  # (e, o): change of `tip_moment` by a unit of each output
 
     @classmethod
@@ -294,20 +297,19 @@ class TippingMoments:
         )
 
     def share(self, states: LoadedStates, factor: float) -> Array:
-        """Return the share (p,) of the resisting moment that is used, about the worst edge.
+        """Return the share (p,) of the resisting moment that `factor` times the load uses, about the worst edge.
 
-        The used moment is that of `factor` times the load.  There is an entry for each of p states, infinite where no
-        moment resists.
+        The share is infinite in those of the p states in which no moment resists.
         """
         load = states.load[:, None] * (self.tip_moment + states.outputs @ self.tip_derivative.T)
         held = load - self.machine - states.outputs @ self.boom.T
         return np.asarray(np.where(held > 0.0, factor * load / np.where(held > 0.0, held, 1.0), np.inf).max(axis=1))
 
     def overturning_load(self, states: LoadedStates, factor: float) -> float:
-        """Return the load in kg that tips by as much as the acting load and the boom, the boom's moment over `factor`.
+        """Return the acting load P in kg plus abs(m_b) / (`factor` abs(m_l)), the load that stands for the boom.
 
-        With the moments m_l of 1 kg of load and m_b of the boom about the worst edge, it is the acting load plus
-        abs(m_b) / (factor abs(m_l)).  `states` hold one state.
+        m_l is the moment of 1 kg of the load about the worst edge, and m_b the boom's moment about it without the load.
+        `states` hold one state.
         """
         load = states.load[0] * (self.tip_moment + states.outputs[0] @ self.tip_derivative.T)
         boom = states.outputs[0] @ self.boom.T - load
@@ -342,8 +344,8 @@ def _cross_matrix(force: Array) -> Array:
 def pivot_rows(at: PostureMatrices) -> Array:
     """Return the rows (6, o) that select force and moment at the pivot from the o outputs of the postures `at`.
 
-    For a planar boom the rows of y, rx and rz are zero.  Raises InputError if another direction is not among the
-    outputs.
+    The rows are in the order of `AXES`.  For a planar boom the rows of y, rx and rz are zero.  Raises InputError if any
+    other direction is not among the outputs.
     """
     columns, count = at.columns.pivot_columns(), len(at.output_names)
     planar = not {"y", "rx", "rz"} & set(columns)

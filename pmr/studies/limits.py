@@ -1,11 +1,12 @@
 r"""Limits of a load chart: quantities with allowed amounts, and the share of a limit that a load uses.
 
 `KINDS` declares each of them once: its amount, its unit and how the share follows from states.  The share is 1 where
-the limit is reached.  With the limit's safety factor :math:`\gamma`, the share is :math:`\gamma |r| / r_{most}` for a
-quantity r that runs have too (`pmr.results.quantities`), or that is a user's function or expression of
-`pmr.studies.further_limits.AtRest`.  For other kinds, with the allowed amount marked by the index least, it is
+the limit is reached.  With the limit's safety factor :math:`\gamma` and its amount, the key ``most`` or ``least``, the
+share is :math:`\gamma |r| / r_{most}` for a quantity r that runs have too (`pmr.results.quantities`), and for the value
+r of a user's function or expression of `pmr.studies.further_limits.AtRest`.  For other kinds it is
 
 ===========  ===============================================================================
+lift-off     :math:`\gamma r_{least} / r` with the smallest force r of an outrigger on the ground
 buckling     :math:`\gamma \Lambda_{least} / \Lambda` with the buckling factor :math:`\Lambda` on all axial forces
 frequency    :math:`\gamma f_{least} / f` with the lowest frequency f, the load as a mass at the tip
 overturning  :math:`\gamma M_{load} / M_{rest}` with the moments of load and rest about each edge of the polygon
@@ -100,7 +101,7 @@ class Kind:
     in_richer_model : bool
         Whether a richer structural model has the quantity at the same positions.
     words : str
-        Words by which a chart without such a limit says so; empty if few machines have it.
+        Name of the limit in a chart's list of limits that it lacks; empty if it is not listed.
     has_parts : bool
         Whether the limit is on parts with names among which its key ``which`` chooses.
     """
@@ -134,8 +135,8 @@ def _share_of_ground(limit: Limit, at: PostureMatrices, k: int, amounts: Sequenc
     """Return the function from p states to the used shares (p,) of a limit on forces of outriggers or on tipping.
 
     Forces on the ground are those of runs (`pmr.simulation.reactions`), at the k-th posture of `at`, where the
-    components ``at.loads`` act by `amounts` (w,), one for each.  Where the machine tips, outriggers do not hold it,
-    and shares of limits on these are infinite.
+    components ``at.loads`` act by `amounts` (w,), one for each.  Where the machine tips, the shares of limits on
+    forces of outriggers are infinite.  Raises InputError if the scene has no ground.
     """
     at_rest = limit.stand_in(at)
     measure, use = limit.measure(at_rest.columns), at_rest.columns.numbers_of_kind("tipping")
@@ -195,7 +196,7 @@ def _share_of_overturning(limit: Limit, at: PostureMatrices, k: int, amounts: Se
 
 
 def _stress_probes(scene: Scene) -> list[str]:
-    """Names of a scene's probes that measure stress."""
+    """Names of a scene's probes that measure stress, with the name of the section before each of a boom's probes."""
     bodies = scene.bodies.items()
     return [qualified_name(body, p.name) for body, part in bodies for p in part.probes if "stress" in p.measures]
 
@@ -326,7 +327,8 @@ class Limit(SceneTable):
         """Allowed amount: the largest allowed value or, for a limit with `least`, `factor` times `least`.
 
         The largest allowed value is `most`; for a pad with an `area` it is `most`, a pressure, times the area.  The
-        amount is 1, a share, for pads whose allowed pressure the scene states.
+        amount is 1, a share, for pads whose allowed pressure the scene states, and 0, without a meaning, for
+        overturning.
         """
         if self.by_scene:
             return 1.0
@@ -360,7 +362,8 @@ class Limit(SceneTable):
     def governing_member(self, scene: Scene, columns: Columns, values: Array) -> str:
         """Return the name of the pad, cylinder, rope, support or probe with the largest value in a state.
 
-        `values` (c,) are those of the `columns` in this state.  The name is empty for limits without such members.
+        Only members that the limit concerns are compared.  `values` (c,) are those of the `columns` in this state.  The
+        name is empty for limits without such members, as on the ground, a deflection or the stress field.
         """
         sizes = dict[str, float]()
         for member in filter(self.concerns, self.kind.names(scene) if self.kind.names else ()):
@@ -467,7 +470,8 @@ def bodies_with_field(scene: Scene) -> list[str]:
 def with_fields(scene: Scene, patterns: Sequence[str], places: int) -> Scene:
     """Return the scene with probes at all stress points of those bodies and regions that fit one of the `patterns`.
 
-    A region is named by its body and its own name, ``fly: flange``.  `places` is the number of points of the chart.
+    Without patterns the scene is returned as it is.  A region is named by its body and its own name, ``fly: flange``.
+    `places` is the number of points of the chart.
     Raises InputError if no body or region fits, or if the stresses at all these points and places would fill the
     memory.
     """
@@ -490,8 +494,8 @@ def with_fields(scene: Scene, patterns: Sequence[str], places: int) -> Scene:
 def _field_probes(name: str, model: Any, patterns: Sequence[str]) -> Iterator[Probe]:
     """Yield probes at the stress points of each region if its name, or its body's name, fits one of the `patterns`.
 
-    `name` is that of the body, and `model` its structural model.  Nothing is yielded for a model without stresses, or
-    if its stresses are neither on faces nor complete with six components.
+    Points of a shell are those on its `FACES`.  `name` is that of the body, and `model` its structural model.  Nothing
+    is yielded for a model without stresses, or if its stresses are neither on faces nor complete with six components.
     """
     rows = model.stresses() if hasattr(model, "stresses") else None
     if rows is None or not set(FACES) & set(rows.faces) and len(rows.components) < 6:

@@ -15,7 +15,7 @@ TIMES, SAME_EXTENSION = 1001, 1e-3
 
 
 class LeastAllowed(NamedTuple):
-    """Posture of a run in which a chart allows least."""
+    """Posture of a run in which a chart allows least, and the load and limit of the chart there."""
 
     load: float  # kg
     limit: int  # number of the limit that allows this load; -1 if no limit is reached
@@ -35,9 +35,11 @@ def least_allowed(
     """Return the posture of a scene's run in which its chart allows least; None if the chart has none of its postures.
 
     `least` are the loads of the chart, the smallest of all slewing angles, and `rows` the extensions in m of its rows
-    by parameter, such as ``extension.fly``.  Postures are those of `TIMES` even times.  Loads are interpolated between
-    luffing angles as in the duty table, and between two boom lengths in their inverse.  Where one of these two allows
-    nothing, nothing is allowed.  `up_to` in kg is the largest load that was tried.
+    by parameter, such as ``extension.fly``.  Postures are those at `TIMES` even times from 0 to the end of the run.
+    The chart has a posture if its luffing angle is among those of the chart, and its extensions are between those of
+    two rows.  Loads are interpolated between luffing angles as in the duty table, and between two boom lengths in
+    their inverse.  Where one of these two allows nothing, nothing is allowed.  `up_to` in kg is the largest load that
+    was tried; the load is at most that.
     """
     assert scene.frame is not None and scene.frame.luffing is not None
     t, ordered = np.linspace(0.0, scene.time.end, TIMES), [rows[row] for row in least.order]

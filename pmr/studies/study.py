@@ -215,7 +215,7 @@ _PREFIXES = {"m": 1e-3, "k": 1e3, "M": 1e6, "G": 1e9}
 
 
 def _largest_figure(warning: str) -> float:
-    """Number after the first "up to" in a warning, in the unit without prefix; -1 if there is no such number."""
+    """Number after the first "up to" in a warning, in the unit without its SI prefix; -1 if there is no such number."""
     figure = _UP_TO.search(warning)
     return -1.0 if figure is None else float(figure[1]) * _PREFIXES.get(figure[2], 1.0)
 
@@ -238,7 +238,10 @@ class CountedWarning:
         return cls(texts[worst], tuple(texts), worst)
 
     def line(self, count: int) -> str:
-        """Return the warning as a line that names the runs with this warning, out of the study's `count` runs."""
+        """Return the warning as a line that says how many of the `count` runs of the study have it, and which is worst.
+
+        If the study has a single run, the line is the text alone.
+        """
         if count == 1:
             return self.text
         if len(self.runs) == 1:
@@ -278,7 +281,10 @@ class StudyResults:
 
     @classmethod
     def load(cls, folder: Path) -> StudyResults:
-        """Read the results from the summary.json that `save` wrote into `folder`."""
+        """Read the results from the summary.json that `save` wrote into `folder`.
+
+        If `save` was interrupted while it replaced files, this is finished first.
+        """
         finish_swap(folder)
         runs = json.loads((folder / "summary.json").read_text())["runs"]
         return cls(folder, tuple(RunRecord(**run | {"warnings": tuple(run["warnings"])}) for run in runs))
@@ -299,7 +305,10 @@ class StudyResults:
         return all(run.status == "done" for run in self.runs)
 
     def arrays(self, key: str) -> Mapping[str, NDArray[Any]]:
-        """Read the arrays of the run with this key from the store, by name; the study's kind says their shapes."""
+        """Read the arrays of the run with this key from the store, by name; the study's kind says their shapes.
+
+        Raises DamagedError if the file is missing or damaged, as for a run that is not done.
+        """
         file = next(run.file for run in self.runs if run.key == key)
         path = self.folder / file
         return Store(path.parent).read(path.stem).arrays
@@ -369,7 +378,7 @@ def _cell(value: Scalar) -> str:
 
 
 def _column(values: Sequence[Scalar]) -> NDArray[Any]:
-    """Return the `values` of a column as an array (runs,) of texts or of numbers.
+    """Return the `values` of a column as an array (runs,): of texts if one of them is a text, else of numbers.
 
     None becomes an empty text or NaN.
     """

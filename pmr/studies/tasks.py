@@ -44,8 +44,8 @@ KEY = re.compile(rf"[A-Za-z0-9][A-Za-z0-9._=,+-]{{0,{LONGEST - 1}}}")
 def task_key(text: str) -> str:
     """Return a task key that resembles `text`: characters that keys can't contain are replaced by ``_``.
 
-    The end of a text that is too long is replaced by a digest of the text.  A text that does not begin with a letter or
-    a digit gets a ``0`` before it.
+    The end of a text that is too long (`LONGEST`) is replaced by a digest of the text.  A text that does not begin with
+    a letter or a digit gets a ``0`` before it.
     """
     key = re.sub(r"[^A-Za-z0-9._=,+-]+", "_", text)
     key = key if key[:1].isalnum() else f"0{key}"
@@ -88,7 +88,10 @@ class Failure:
         return cls(" ".join(f"{type(error).__name__}: {error}".split()), "".join(traceback.format_exception(error)))
 
     def of_skipped(self, words: str) -> Failure:
-        """Return the failure of a task that is skipped because it needs the task of these words, which failed so."""
+        """Return the failure of a task that is skipped because it needs a task with this failure.
+
+        `words` name the needed task.  If that was skipped itself, the reason is the same as its own.
+        """
         reason = self.reason if self.status == "skipped" else f"needs {words}, which failed: {self.reason}"
         return Failure(reason, status="skipped")
 
@@ -151,7 +154,7 @@ class Plan:
     shared: tuple[Task, ...] = ()  # tasks without a row that several runs need; computed once if a run still needs them
 
     def __post_init__(self) -> None:
-        """Raise InputError if two tasks have the same key.
+        """Raise InputError if two tasks have the same key, where capital and small letters are the same.
 
         A ValueError is raised if a task needs one that does not come before it.
         """
@@ -182,11 +185,12 @@ def digests(plan: Plan, code: str) -> dict[str, str]:
 
 
 def open_tasks(plans: Sequence[Plan], code: str, is_done: Callable[[str], bool]) -> dict[str, Task]:
-    """Return the tasks of `plans` to be computed, by digest.
+    """Return the tasks of `plans` that have to be computed, by digest.
 
-    These tasks are the runs that are not done, and the tasks with missing results on which these runs depend.  The
-    needs of these tasks are digests, no keys; each task comes after the tasks that it needs.  `is_done` returns for a
-    digest whether its result is stored; `code` is the digest of the code.
+    These tasks are the runs that are not done, and the tasks with missing results on which these runs depend.  Equal
+    tasks of several plans are one.  The needs of a returned task are digests in place of keys; each task comes after
+    the tasks that it needs.  `is_done` returns for a digest whether its result is stored; `code` is the digest of the
+    code with which tasks compute.
     """
     tasks = dict[str, Task]()
     for plan in plans:
@@ -206,7 +210,10 @@ COSTS = {"full": 0.5, "ancf": 3.0, "frequencies": 0.5}
 
 
 def scene_arguments(scene: Scene) -> dict[str, Any]:
-    """Return a scene as arguments of a task: ``scene``, its keys, and ``hash``, a digest that covers named files."""
+    """Return a scene as arguments of a task: ``scene``, its keys, and ``hash``, a digest that covers named files.
+
+    Title and published values, which change no result, are left out.
+    """
     plain = scene.model_copy(update={"title": "", "published": None})
     return {"scene": plain.model_dump(mode="json"), "hash": plain.hash}
 
@@ -235,16 +242,17 @@ def full_system(scene: Scene) -> System:
 
 
 def reduced_system(scene: Scene) -> System:
-    """Return all bodies of a scene, reduced by their own settings, as one system."""
+    """Return all bodies of a scene, reduced by their own settings, as one system; it is reduced anew at each call."""
     from pmr.reduction.bodies import join_bodies, reduce_bodies
 
     return join_bodies(scene, reduce_bodies(scene, bodies_of(scene)))
 
 
 def bodies_of(scene: Scene) -> Mapping[str, AssembledBody]:
-    """Return a scene's full models with their structures, by the body's name.
+    """Return a scene's full models with their structures, by the body's name; they have the scene's damping.
 
-    The models are stored for later tasks of this process.
+    The models are stored for later tasks of this process, and shared by scenes that differ in loads, time or comparison
+    alone.
     """
     plain = {"title": "", "published": None, "damping": scene.damping}
     return _build_bodies(_without_loads(scene).model_copy(update=plain))
@@ -252,7 +260,10 @@ def bodies_of(scene: Scene) -> Mapping[str, AssembledBody]:
 
 @lru_cache(maxsize=4)
 def _build_bodies(scene: Scene) -> Mapping[str, AssembledBody]:
-    """Build the full models of a scene's bodies, and log their warnings; return the bodies by name."""
+    """Build the full models of a scene's bodies, and log their warnings; return the bodies by name.
+
+    Those of the last few scenes are stored.
+    """
     from pmr.fullmodel.build import build_bodies, log_warnings
 
     built = build_bodies(scene)
@@ -266,7 +277,10 @@ def with_reduction(scene: Scene, reduction: Reduction) -> Scene:
 
 
 def reference_task(scene: Scene, name: str) -> Task:
-    """Return the task that simulates the reference model `name`, ``"full"`` or ``"ancf"``, for comparison."""
+    """Return the task that simulates the reference model `name` of a single body, ``"full"`` or ``"ancf"``.
+
+    Scenes that differ in their reduction or in other comparisons alone have the same task.
+    """
     is_ancf = name == "ancf"
     alone = scene.model_copy(
         update={
@@ -279,7 +293,7 @@ def reference_task(scene: Scene, name: str) -> Task:
 
 
 def frequencies_task(scene: Scene) -> Task:
-    """Return the task that computes the full model's lowest frequencies over the path."""
+    """Return the task that computes the lowest frequencies of a single body's full model over the path."""
     return _scene_task(compute_frequencies, "frequencies", _without_loads(scene))
 
 
@@ -308,7 +322,10 @@ def compute_frequencies(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def _without_loads(scene: Scene) -> Scene:
-    """Return the scene without loads, damping, comparison and settings of time steps and reduction."""
+    """Return the scene without loads, damping and comparison, and with defaults for simulation and reduction.
+
+    Of the reduction, the solver stays; of the time, the end.  Free motions are allowed.
+    """
     end = scene.time.end  # positions of the path are visited up to this time
     unloaded = scene.without_loads().model_copy(
         update={

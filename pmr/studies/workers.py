@@ -66,7 +66,7 @@ def code_of_tasks() -> str:
 
 
 class Worker:
-    """The parent's side of one child process, which is started at the first order, and again if it has ended.
+    """One child process, as its parent sees it: started at the first order, and again at the next if it has ended.
 
     `path` is where the child finds modules, as in ``sys.path``.
     """
@@ -77,7 +77,10 @@ class Worker:
         self._child: subprocess.Popen[str] | None = None
 
     def run(self, order: Order) -> Failure | None:
-        """Have the child run a task and wait for the end; return None if the result is stored, else the failure."""
+        """Have the child run a task and wait for the end; return None if the result is stored, else the failure.
+
+        If the child dies meanwhile, that is the failure.
+        """
         child = self._child if self._child is not None and self._child.poll() is None else self._start()
         self._log.seek(0)  # parent and child share the file position: the child writes from here on
         self._log.truncate()
@@ -119,7 +122,7 @@ class Worker:
         return self._child
 
     def _last_output(self) -> str:
-        """Return the last lines that the child printed."""
+        """Return the last `LAST_LINES` lines that the child printed since its present order."""
         self._log.seek(0)
         return "\n".join(self._log.read().decode(errors="replace").splitlines()[-LAST_LINES:])
 
@@ -254,7 +257,8 @@ def serve() -> None:
 def _run_order(order: Order, notes: logging.handlers.BufferingHandler) -> Failure | None:
     """Run an order and write its result into the store; return the failure, or None if all went well.
 
-    `notes` collects the warnings that are logged meanwhile, which are added to the warnings of the result.
+    If pmr was edited since the order was made, the result is not stored.  `notes` collects the warnings that are logged
+    meanwhile, which are added to the warnings of the result.
     """
     notes.flush()
     try:

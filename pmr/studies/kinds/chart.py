@@ -54,8 +54,8 @@ MOST_POINTS = 200_000
 class Study(StudyBase):
     """Loads that `limits` and stability allow at all `extensions` and angles, in all `cases`.
 
-    `change` holds keys of the scene.  Masses with ``payload = true`` are left out, as the load that is looked for takes
-    their place.
+    `change` holds keys of the scene.  Masses with ``payload = true`` are left out, because the load that is looked for
+    takes their place.
 
     Figures, which are numbers: ``points`` and ``limits``, of all points and limits.  For each limit, numbers of points:
     ``governs.<name>``, at which the limit allows the smallest load; ``never.<name>``, at which no load up to `up_to`
@@ -128,7 +128,8 @@ class Study(StudyBase):
     def plan(self) -> Plan:
         """Return a task for each row of extensions, and the tasks of all rows: postures and a richer model.
 
-        Raises InputError for a limit or unit that does not fit the scene, too many points, or a missing openpyxl.
+        Raises InputError for a limit, case or angle that does not fit the scene, for a scene that no chart can be made
+        of, for too many points, and if a spreadsheet is asked for and openpyxl is not installed.
         """
         scene, rows, size = self._scene, self._extension_rows, self._row_size
         if self.spreadsheet:
@@ -208,8 +209,8 @@ class Study(StudyBase):
         """Return the payload of the scene's run, and the posture of this run in which the chart allows least.
 
         The keys are those in the docstring of `Study`.  If no posture of the run is in the chart, ``payload`` is the
-        only key.  There are none if the scene has no payload, or if without `change` it is not valid or does not
-        prescribe luffing angle and extensions.
+        only key.  There are no keys if the scene without `change` has no payload, is not valid, or does not prescribe
+        luffing angle and extensions.
         """
         with suppress(InputError):
             scene, done = scenes.load_any(self.scene), [run for run in results.runs if run.status == "done"]
@@ -328,10 +329,10 @@ class Study(StudyBase):
         luffing: float,
         slewing: float,
     ) -> list[tuple[str, float | str]]:
-        """Return pairs (column head, value) of the k-th row of ``chart.csv``.
+        """Return pairs (column head, value) of the k-th row of ``chart.csv``; a value that is NaN is an empty cell.
 
         The point has extensions `row` in m and the angles `luffing` and `slewing` in the scene's unit; `table` is the
-        one that `Study.table` returns, with its `loads`.
+        one that `Study.table` returns, and `loads` are those in it.
         """
         angle, names = self._angle_unit, np.array(self.names)
         load, which, lower = loads.load[k], loads.which[k], float(loads.lower_bound[k])
@@ -370,14 +371,14 @@ class Study(StudyBase):
 
     @property
     def _chart_points(self) -> list[tuple[dict[str, float], float, float]]:
-        """All points: extensions in m by section, luffing and slewing angle in the scene's unit."""
+        """All points: extensions in m by section, luffing and slewing angle in the scene's unit, slewing fastest."""
         return [(row, a, b) for row in self._extension_rows for a in self._luffing_angles for b in self.slewing]
 
     @cached_property
     def _scene(self) -> Scene:
-        """The scene with `change` applied, without payloads, and with second order.
+        """The scene with `change` applied, without payloads, with second order, and with the winds of the cases.
 
-        Raises InputError if no chart can be made of it.
+        Raises InputError if no chart can be made of it, or if a case, a stop or `point` does not fit it.
         """
         scene = scenes.vary(self.scene, [Change(self.change, "change")])
         scene = scene.vary_sections(lambda part: {"masses": tuple(mass for mass in part.masses if not mass.payload)})

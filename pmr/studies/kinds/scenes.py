@@ -51,8 +51,8 @@ def grid_points(grid: Mapping[str, object]) -> Iterator[ScenePoint]:
 
     An empty grid has one point, without changes.  ``{"reduction": {"modes": [4, 6], "coordinates": [10, 20]}}`` has
     four, the first with the words ``modes=4`` and ``coordinates=10``.  A word begins with the last part of the dotted
-    key, or the whole key if two keys end alike.  Raises InputError with source ``"study"`` if the value of a key is not
-    a list with values.
+    key, or the whole key if two keys end alike.  Parameters have the whole keys; values that do not fit into a cell are
+    JSON texts there.  Raises InputError with source ``"study"`` if the value of a key is not a list with values.
     """
     lists = dict(_lists(grid, ""))
     last = Counter(key.rpartition(".")[2] for key in lists)
@@ -81,7 +81,7 @@ def _lists(tables: Mapping[str, object], prefix: str) -> Iterator[tuple[str, Seq
 
 
 def _nest(key: str, value: object) -> dict[str, Any]:
-    """Return tables, each within the one before, that hold a value at a dotted key."""
+    """Return nested tables that hold a value at a dotted key: ``{"a": {"b": value}}`` for ``"a.b"``."""
     first, _, following = key.partition(".")
     return {first: _nest(following, value) if following else value}
 
@@ -92,7 +92,10 @@ def _is_plain(value: object) -> bool:
 
 
 def _word(value: object, number: int) -> str:
-    """Return a value as text for a key; ``no<i>`` with its `number` i in the list if keys can't hold its characters."""
+    """Return a value as text for a task's key; if keys can't hold its characters, ``no1`` for the first in its list.
+
+    `number` is that of the value in its list, from 0.
+    """
     text = str(value).lower() if isinstance(value, bool) else str(value)
     return text if _is_plain(value) and KEY.fullmatch(f"0{text}") else f"no{number + 1}"
 
@@ -117,10 +120,11 @@ class Study(StudyBase):
     grid: dict[str, Any] = Field(default={}, description="Keys of the scenes and the values that each takes in turn")
 
     def plan(self) -> Plan:
-        """Return a task for each run, and the frequencies and references of single bodies, shared by several runs.
+        """Return a task for each run, and tasks for full models' frequencies and references, which runs may share.
 
-        A run computes its own if its scene has several sections, second order, an accuracy or budget, or a model that
-        measurements choose.
+        There are no such further tasks for a run if its scene has several sections, second order, an accuracy or
+        budget, or a model that measurements choose: this run computes them itself.  Raises InputError for a key that
+        the scenes do not allow.
         """
         runs, common = [], dict[str, Task]()
         for file, point in self._run_points():
@@ -137,7 +141,7 @@ class Study(StudyBase):
         return Plan(tuple(runs), tuple(common.values()))
 
     def _run_points(self) -> Iterator[tuple[Path, ScenePoint]]:
-        """Yield the scene's file and the changes of each run."""
+        """Yield the scene's file and the changes of each run, files first, then cases, the grid fastest."""
         for file in self.scenes:
             of_scene: dict[str, Scalar] = {"scene": result_name(file)} if len(self.scenes) > 1 else {}
             for i, case in enumerate(self.cases or [None]):
@@ -248,7 +252,8 @@ def body_figures(summary: Summary) -> dict[str, Scalar]:
 def run_case(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: run a scene with its first simulator; the results are a row of the table, with arrays and warnings.
 
-    A single body's references and frequencies come from `needs`.  Record: ``errors.<model>_vs_<reference>.<output>``
+    References and frequencies of a single body's full model come from `needs`; if that is empty, the run computes them.
+    Record: ``errors.<model>_vs_<reference>.<output>``
     (e_NRMS), ``coordinates.full`` and ``.reduced``, ``max_displacement`` and ``max_error`` (m),
     ``cylinders.<name>.{min,max}`` and ``ropes.<name>.{min,max}`` (N), and the columns of `motion_figures` and
     `body_figures`.  For a boom, ``largest_force`` is the largest force of its pads.  For a single body also
