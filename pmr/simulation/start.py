@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import compress
 
 import numpy as np
 import scipy.sparse as sp
@@ -86,7 +87,7 @@ def consistent_start(
         starts[name] = InitialState(starts[name].q, _stop_at_supports(body, starts[name].v))
     rows = assembly.contact_rows(x)
     rigid = rows.rigid
-    C, names = rows.C[rigid], tuple(name for name, firm in zip(system.contact_names, rigid, strict=True) if firm)
+    C, names = rows.C[rigid], tuple(compress(system.contact_names, rigid))
     q, v = (
         np.concatenate([getattr(starts[name], part)[assembly.free_coordinates[name]] for name in bodies])
         for part in "qv"
@@ -115,9 +116,11 @@ def _stop_at_supports(body: SlidingBody, v: Array) -> Array:
 def complete_states(sizes: Mapping[str, int], initial: Mapping[str, InitialState]) -> dict[str, InitialState]:
     """State of each body, by its name, as float arrays; bodies that `initial` does not name are at rest, undeformed.
 
-    `sizes` are the numbers of coordinates by the bodies' names.  Raises InputError if coordinates or velocities in
-    `initial` are not so many finite values.
+    `sizes` are the numbers of coordinates by the bodies' names.  Arrays of floats in `initial` are not copied.  Raises
+    InputError if `initial` names no body, or if coordinates or velocities in it are not so many finite values.
     """
+    if unknown := [name for name in initial if name not in sizes]:
+        raise InputError("initial state", unknown[0], None, f"one of the bodies is allowed: {', '.join(sizes)}")
     return {
         name: InitialState(*(_vector(part, getattr(initial[name], part), size) for part in ("q", "v")))
         if name in initial
@@ -260,8 +263,7 @@ def describe_unsettled(names: Sequence[str], pushes: Mask) -> str:
 
     `names` are the names of all m contacts, and the mask `pushes` (m,) is true for those that only push.
     """
-    pushing = ", ".join(name for name, only_pushes in zip(names, pushes, strict=True) if only_pushes)
-    return f"which of the rows {pushing} are closed was not settled in 1000 solves"
+    return f"which of the rows {', '.join(compress(names, pushes))} are closed was not settled in 1000 solves"
 
 
 def describe_divergence(term_names: Sequence[str], contacts: Sequence[Contact]) -> str:
@@ -292,19 +294,13 @@ def needs_of(system: BodySystem[Body], rigid: Mask, x: Array, rho_inf: float) ->
     """
     pushing, moving = ~np.isnan(system.clearance), np.zeros(len(rigid), bool)
     moving[[system.sides[k].contact for k in np.flatnonzero((x != x[0]).any(axis=0))]] = True
-
-    rubs = Friction.from_contacts(system.contacts)
-
-    def names(which: Mask) -> tuple[str, ...]:
-        """Names of the contacts of the mask `which` (m,)."""
-        return tuple(name for name, chosen in zip(system.contact_names, which, strict=True) if chosen)
-
+    names, rubs = system.contact_names, Friction.from_contacts(system.contacts)
     return SimulatorNeeds(
-        pushing_rows=names(pushing),
-        rigid_pushing_rows=names(pushing & rigid),
-        flexible_rows=names(~rigid),
-        rigid_moving_rows=names(rigid & moving),
-        friction_rows=() if rubs is None else tuple(system.contact_names[k] for k in rubs.pads),
+        pushing_rows=tuple(compress(names, pushing)),
+        rigid_pushing_rows=tuple(compress(names, pushing & rigid)),
+        flexible_rows=tuple(compress(names, ~rigid)),
+        rigid_moving_rows=tuple(compress(names, rigid & moving)),
+        friction_rows=() if rubs is None else tuple(names[k] for k in rubs.pads),
         hoist=bool(system.hoist),
         rho_inf=rho_inf,
     )

@@ -13,7 +13,7 @@ from pmr.files.arrays import Array
 from pmr.scene.signals import Constant, Ramp, Sine, SmoothRamp, Sum
 from pmr.simulation import Excitation, InitialState, TimeStepping
 from pmr.simulation.excitation import clip_path
-from pmr.simulation.start import consistent_start, describe_divergence
+from pmr.simulation.start import complete_states, consistent_start, describe_divergence
 from pmr.system.assembly import Assembly
 from pmr.system.body import FullBody, SlidingBody
 from pmr.system.contacts import Contact, Place
@@ -157,6 +157,12 @@ def test_a_position_off_the_rows_is_refused_by_name(body: SlidingBody) -> None:
 def test_wrong_vectors_are_refused(rich: FullBody, wrong: Array) -> None:
     with pytest.raises(InputError, match="21 finite values are allowed"):
         started(rich, S, S_RATE, InitialState(np.zeros(21), wrong))
+
+
+def test_a_state_for_no_body_of_the_system_is_refused() -> None:
+    """A misspelt name would otherwise leave its body at rest."""
+    with pytest.raises(InputError, match="initial state: flj: one of the bodies is allowed: base, fly"):
+        complete_states({"base": 3, "fly": 2}, {"flj": InitialState.at_rest(2)})
 
 
 def test_contradicting_rows_are_refused(rich: FullBody) -> None:

@@ -32,11 +32,8 @@ from pmr.files.arrays import Array, Indices
 from pmr.results import Energy
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.exudyn.items import add_force_sensor, add_node_sensors, add_pre_step_function
-from pmr.simulation.exudyn.solver import describe_slider, read_sensor, solve, solver_settings
+from pmr.simulation.exudyn.solver import read_sensor, solve, solver_settings
 from pmr.simulation.stepping import Progress, TimeStepping
-
-#: Position and slope, each in the plane.
-COORDINATES_PER_NODE = 4
 
 #: Shapes S of position and of slope times length h, at an element's left and then right end, as polynomials in xi / h.
 _SHAPES = np.array([[2.0, -3.0, 0.0, 1.0], [1.0, -2.0, 1.0, 0.0], [-2.0, 3.0, 0.0, 0.0], [1.0, -1.0, 0.0, 0.0]])
@@ -169,7 +166,11 @@ def simulate(
     kind = exu.OutputVariableType
     sensors = [add_node_sensors(mbs, items.nNodes, which) for which in (kind.Coordinates, kind.Coordinates_t)]
     sensors.append([add_force_sensor(mbs, items.oJoint)])
-    place = describe_slider(lambda t: s[round(t / stepping.step)])
+
+    def place(t: float) -> str:
+        """Text with the slider's position at t s."""
+        return f"slider at {s[round(t / stepping.step)]:g} m"
+
     seconds = solve(mbs, _settings(cable, stepping), place, progress)
     stored_values = [[read_sensor(mbs, sensor, stepping, place) for sensor in group] for group in sensors]
     q, v, joint = (np.stack(group, axis=1) for group in stored_values)

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 
@@ -44,7 +45,7 @@ class Contacts:
         self._equations = equations
         self.rigid = equations.rows(inputs.positions(0.0)).rigid[0]
         self.gives = ~self.rigid
-        self._names = [name for name, gives in zip(equations.system.contact_names, self.gives, strict=True) if gives]
+        self._names = list(compress(equations.system.contact_names, self.gives))
         clearance = equations.system.clearance[self.gives]
         self._pushes, self._clearance = ~np.isnan(clearance), np.nan_to_num(clearance)
         #: (m',) mask: contacts that were closed when forces were computed last.

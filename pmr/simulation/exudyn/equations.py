@@ -224,8 +224,6 @@ class _Path:
         return [float(self._path.value(t)), float(self._path.rate(t)), second]
 
 
-#: Function of side positions that a simulator needs at every step: ``evaluate(x (1, k)) -> (1, ...)``.
-PositionFunction = Callable[[Array], Array]
 #: A path in m or a load in N: a signal with `value` and `rate`, or a function of the mbs and the time in s, which may
 #: read ``mbs.variables``.
 Driving: TypeAlias = SignalBase | Callable[[exu.MainSystem, float], float]
@@ -262,10 +260,11 @@ class Inputs(ABC):
     def positions(self, t: float) -> Array:
         """Side positions x (1, sides) in m at t s."""
 
-    def function_of_time(self, evaluate: PositionFunction) -> Callable[[float], Array]:
+    def function_of_time(self, evaluate: Callable[[Array], Array]) -> Callable[[float], Array]:
         """Function of t in s that returns the first entry of ``evaluate(x)``, with the side positions x at t.
 
-        `evaluate` is called with x (1, sides) in m, and only if the sides have moved since the last call.
+        `evaluate` is called with x (1, sides) in m, and only if the sides have moved since the last call.  It returns
+        an array (1, ...).
         """
         number, stored = -1, np.empty(0)
 

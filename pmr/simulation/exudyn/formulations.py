@@ -183,6 +183,10 @@ def add_with_multipliers(mbs: exu.MainSystem, equations: Equations, inputs: Inpu
         """Rows of all contacts at t s."""
         return equations.rows(inputs.positions(t)).at_time(0)
 
+    def constraint(at: ContactRows, loads: Array) -> dict[str, Array]:
+        """Parameters of the connector with the rows `at` a time, under `loads` (i,)."""
+        return {"scalingMarker0": at.F, "scalingMarker1": at.C, "offset": -at.H @ loads}
+
     at, loads = rows(0.0), inputs.values_at(0.0).loads
     q, forces = np.concatenate([state.q for state in start.values()]), np.zeros(m)
     forces[gives] = np.linalg.solve(at.F[np.ix_(gives, gives)], (at.C @ q + at.H @ loads)[gives])
@@ -202,14 +206,13 @@ def add_with_multipliers(mbs: exu.MainSystem, equations: Equations, inputs: Inpu
         )
     )
     mRows = mbs.AddMarker(eii.MarkerNodeCoordinates(name=name, nodeNumber=nRows))
-    values = {"scalingMarker0": at.F, "scalingMarker1": at.C, "offset": -at.H @ loads}
-    items = with_contacts(mbs, items, np.arange(m), mRows, **values)
+    items = with_contacts(mbs, items, np.arange(m), mRows, **constraint(at, loads))
 
     def update(mbs: exu.MainSystem, t: float) -> bool:
         """Pre-step function: set rows and forces to those at t; True, so that Exudyn goes on."""
         inputs.begin(t)
         at, loads = rows(t), inputs.values_at(t).loads
-        for key, value in (("scalingMarker0", at.F), ("scalingMarker1", at.C), ("offset", -at.H @ loads)):
+        for key, value in constraint(at, loads).items():
             mbs.SetObjectParameter(items.oContacts, key, value)
         mbs.SetObjectParameter(oRows, "stiffnessMatrix", at.F + rigid)
         mbs.SetObjectParameter(items.oSystem, "forceVector", equations.B @ loads)

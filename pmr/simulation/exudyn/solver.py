@@ -100,7 +100,7 @@ def solve(
     Raises
     ------
     SimulationError
-        If a step fails; with its number, time and path coordinates.
+        If a step fails; with its time and path coordinates.
     """
     if progress is not None:
         _report(mbs, chosen.timeIntegration, progress)
@@ -118,9 +118,7 @@ def solve(
     if not succeeded:
         if solver.conv.linearSolverFailed:
             reason = "singular equations (constraint rows that depend on each other?)"
-        t = solver.it.currentTime
-        number = round(t * chosen.timeIntegration.numberOfSteps / chosen.timeIntegration.endTime)
-        raise SimulationError(f"{_describe_failed_step(number, t, place)}: {reason}")
+        raise SimulationError(f"{_describe_failed_step(solver.it.currentTime, place)}: {reason}")
     return seconds
 
 
@@ -165,8 +163,8 @@ def read_sensor(
         raise SimulationError(f"Exudyn stored {len(values)} of {stepping.steps + 1} steps")
     finite = np.isfinite(values).all(axis=1)
     if not finite.all():
-        number = int(np.argmin(finite))
-        raise SimulationError(f"{_describe_failed_step(number, float(stepping.times[number]), place)}: not finite")
+        t = float(stepping.times[np.argmin(finite)])
+        raise SimulationError(f"{_describe_failed_step(t, place)}: not finite")
     return np.asarray(values)
 
 
@@ -183,17 +181,9 @@ def _warnings_logged() -> Iterator[None]:
             _log.warning("Exudyn: %s", text.removeprefix("WARNING: "))
 
 
-def describe_slider(position: Callable[[float], float]) -> Callable[[float], str]:
-    """Function of t in s that returns a text with a slider's position, from its path coordinate in m."""
-    return lambda t: f"slider at {position(t):g} m"
-
-
-def _describe_failed_step(number: int, t: float, place: Callable[[float], str]) -> str:
-    """Text about the failed step `number`, with its time and the path coordinates.
-
-    `place` returns the path coordinates at a time as text.
-    """
-    return f"Exudyn failed at step {number}, t = {t:g} s, {place(t)}"
+def _describe_failed_step(t: float, place: Callable[[float], str]) -> str:
+    """Text about the step to t s, which failed, with the path coordinates: the text that `place` returns for t."""
+    return f"Exudyn failed at t = {t:g} s, {place(t)}"
 
 
 @dataclass(frozen=True)

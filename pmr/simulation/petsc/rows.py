@@ -337,12 +337,6 @@ def solve_for_carriers(factor: MatrixFactor, E: sp.csr_matrix, comm: MPI.Comm, s
     return CarrierAnswers((P + P.T) / 2.0, stored_rows)
 
 
-def compliances(system: FullSystem, factor: BlockFactor, visited: VisitedCarriers) -> Sequence[Array]:
-    """Matrices P = E^T S^{-1} E (p, p) of all bodies, for p `visited` carriers E each, by `factor`; collective."""
-    parts = zip(factor.of_bodies, visited.of_bodies, strict=True)
-    return [solve_for_carriers(S, E, system.comm, False).compliance for S, E in parts]
-
-
 def rows_on_paths(system: FullSystem, x: Array, step: int = 0) -> PathRows:
     """The system's rows with its q sides at x (T, q) in m, set to number `step` of the T steps."""
     course = Course(system, x)
@@ -395,7 +389,8 @@ def contact_frequency(system: FullSystem, x: Array, mass: BlockFactor) -> float:
     pushing, largest = np.flatnonzero(~np.isnan(system.clearance)), 0.0
     steps = np.unique(np.linspace(0, len(x) - 1, contact_step.PLACES).astype(int))
     rows = rows_on_paths(system, x[steps])
-    mobility = PathCompliance(compliances(system, mass, rows.visited), rows)
+    parts = zip(mass.of_bodies, rows.visited.of_bodies, strict=True)
+    mobility = PathCompliance([solve_for_carriers(M, E, system.comm, False).compliance for M, E in parts], rows)
     F = system.compliance.constant[np.ix_(pushing, pushing)]
     for k in range(len(steps)):
         rows.move(k)

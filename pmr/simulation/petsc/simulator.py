@@ -216,15 +216,6 @@ class Checkpoint:
     seconds: float = 60.0
 
 
-def _differing_entries(stored: Mapping[str, object], expected: Mapping[str, object]) -> str:
-    """Text with the names of those entries in which the stored identity of a simulation differs from the expected one.
-
-    The text is empty if both agree.
-    """
-    names = [key for key, value in expected.items() if not _entries_agree(stored.get(key), value)]
-    return ", ".join(names)
-
-
 def _entries_agree(a: object, b: object) -> bool:
     """Whether a stored entry `a` of an identity agrees with the expected entry `b`.
 
@@ -376,8 +367,8 @@ def read_checkpoint(file: Path, identity: Mapping[str, object]) -> StoredCheckpo
     except _DAMAGE as error:
         allowed = f"a checkpoint is allowed, this is none ({error}); delete it to start from t = 0"
         raise InputError(str(file), "", None, allowed) from None
-    if different := _differing_entries(stored, identity):
-        allowed = f"another simulation's checkpoint: {different} differs; delete it or name another file"
+    if different := [key for key, value in identity.items() if not _entries_agree(stored.get(key), value)]:
+        allowed = f"another simulation's checkpoint: {', '.join(different)} differs; delete it or name another file"
         raise InputError(str(file), "", None, allowed)
     return reached
 

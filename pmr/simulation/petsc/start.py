@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import compress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -349,7 +350,7 @@ class _HeldMass:
         """
         rigid = system.compliance.rigid
         self._comm, self._factor = system.comm, mass
-        self._names = tuple(name for name, stiff in zip(system.contact_names, rigid, strict=True) if stiff)
+        self._names = tuple(compress(system.contact_names, rigid))
         self._C = contact_rows(system, at.x[0])[rigid].toarray()
         self._turning = contact_rows(system, at.x[0], at.rates[0])[rigid].toarray()
         self._mine = system.local_part(self._C)

@@ -27,6 +27,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
@@ -133,7 +134,7 @@ class LoadedStates:
 
     def select(self, mask: Mask) -> LoadedStates:
         """Equilibria selected by a mask (p,)."""
-        forms = tuple(form for form, chosen in zip(self.forms, mask.tolist(), strict=True) if chosen)
+        forms = tuple(compress(self.forms, mask))
         return LoadedStates(self.load[mask], self.outputs[mask], self.forces[mask], self.in_equilibrium[mask], forms)
 
 
