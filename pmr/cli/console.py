@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import os
 import sys
@@ -172,14 +173,18 @@ def scene_file(path: Path) -> Path:
     Raises InputError if it is a study.
     """
     file = _find_file(path, "scene.toml")
-    if "kind" in _tables_or_empty(file):
+    if "kind" in tables_or_empty(file):
         raise InputError("command line", "SCENE", str(path), f"that is a study: pmr study {path} computes it")
     return file
 
 
 def is_study(path: Path) -> bool:
-    """Return whether `path` is a study file, or a workflow of that name that is a study."""
-    return not path.is_dir() and "kind" in _tables_or_empty(_find_file(path, "study.toml"))
+    """Return whether `path` is a study file, or a workflow of that name that is a study.
+
+    A folder is a study if it has a ``study.toml`` and no ``scene.toml``.
+    """
+    file = _find_file(path, "study.toml")
+    return not isfile(path / "scene.toml") and (file == path / "study.toml" or "kind" in tables_or_empty(file))
 
 
 def study_file(path: Path) -> Path:
@@ -194,7 +199,7 @@ def study_file(path: Path) -> Path:
     if script and not path.is_file():
         return script
     file = _find_file(path, "study.toml")
-    keys = _tables_or_empty(file)
+    keys = tables_or_empty(file)
     if "kind" not in keys and {"body", "slider", "sections"} & set(keys):
         raise InputError("command line", "STUDY", str(path), f"that is a scene: pmr run {path} computes it")
     return file
@@ -207,7 +212,7 @@ def _find_file(path: Path, within: str) -> Path:
     return resolve_path(path, within)
 
 
-def _tables_or_empty(file: Path) -> dict[str, object]:
+def tables_or_empty(file: Path) -> dict[str, object]:
     """Return the tables of a file by name.
 
     The result is empty if the file can't be read, as a later function reports the reason.
@@ -218,6 +223,18 @@ def _tables_or_empty(file: Path) -> dict[str, object]:
         return read_tables(file, "file")
     except InputError:
         return {}
+
+
+def run_summary(model: Path) -> Any:
+    """Return the content of the ``summary.json`` that a run left beside its `model`; an empty table if there is none.
+
+    Raises InputError if the file is not JSON.
+    """
+    file = model.with_name("summary.json")
+    try:
+        return json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+    except ValueError as error:
+        raise InputError(str(file), "", None, f"JSON is allowed: {error}") from None
 
 
 def prepare_streams() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -88,15 +87,14 @@ def read_unit_observer(file: Path, model: Path) -> UnitObserver:
     from pmr.scene.keys import RECORDED
     from pmr.system.system import System
 
-    description, system, budget = ObserverFile.read(file), System.load(model), model.parent / "summary.json"
+    description, system = ObserverFile.read(file), System.load(model)
     if "scene" not in system.provenance:
         raise InputError(model.name, "provenance.scene", None, "a file that contains its scene is allowed")
     scene = stored_scene(system.provenance["scene"], "provenance.scene", RECORDED)
     if scene.frame is not None or system.hoist:
         allowed = "a system without a moving frame and without a hoist is allowed"
         raise InputError("command line", "--observer", None, allowed)
-    summary = json.loads(budget.read_text(encoding="utf-8")) if budget.is_file() else {}
-    observer = description.observer(scene, system, summary)
+    observer = description.observer(scene, system, console.run_summary(model))
     chosen = select_outputs(scene, system, observer.model.outputs)
     return UnitObserver(
         data=observer.filter_data(),

@@ -8,13 +8,12 @@ import os
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from rich.table import Table
 from typer import Argument, Option
 
-from pmr.cli.console import Folder, MotionScene, Overrides, out, scene_file
-from pmr.cli.export import Model
+from pmr.cli.console import Folder, Model, MotionScene, Overrides, out, prepare_folder, run_summary, scene_file
 from pmr.errors import InputError, escape_controls
 from pmr.files.whole import finish_swap, write_text
 
@@ -54,14 +53,13 @@ def observe(
     environment.check_report()  # before the work, not after it
     finish_swap(model.parent)
     description, system = ObserverFile.read(observer), System.load(model)
-    file, budget = scene_file(scene), model.parent / "summary.json"
-    summary: Any = json.loads(budget.read_text(encoding="utf-8")) if budget.is_file() else {}
-    loaded = load_any(file, overrides or ())
-    estimator = description.observer(loaded, system, summary)
+    loaded = load_any(scene_file(scene), overrides or ())
+    estimator = description.observer(loaded, system, run_summary(model))
     data = read_measurements(measured, estimator.units)
     true = {} if truth is None else read_measurements(truth, estimator.units)
-    observation = Observation.compute(estimator, data, leave_out, true, loaded.title)
     folder = out_dir or Path("reports", result_name(scene))
+    prepare_folder(folder)
+    observation = Observation.compute(estimator, data, leave_out, true, loaded.title)
     files, figures = observation.write(folder), observation.summary()
     table = Table("estimate at the end", "value", "standard deviation", title_justify="left")
     for name, last in figures["last"].items():
@@ -108,11 +106,13 @@ def identify(
         """Reduce the scene with fitted values, and return its system."""
         return pmr.reduce(load_any(file, [*changes, *fitted])).system
 
-    result = table.identify(reduce_with, start)
     folder = out_dir or Path("reports", f"identify_{result_name(scene)}")
+    prepare_folder(folder)
+    result = table.identify(reduce_with, start)
     fitted, figures = folder / "fitted.toml", folder / "identify.json"
     base = f"extends = {json.dumps(os.path.relpath(file, folder))}"
-    write_text(fitted, "\n".join([base, *map(_toml_line, [*changes, *result.overrides()]), ""]))
+    lines = {change.partition("=")[0].strip(): _toml_line(change) for change in [*changes, *result.overrides()]}
+    write_text(fitted, "\n".join([base, *lines.values(), ""]))
     load_any(fitted)  # refuses what TOML can't hold, such as a key of a list that another change sets as a whole
     parameters = {
         name: {
@@ -174,13 +174,19 @@ def _starts(fit: Sequence[str]) -> dict[str, float]:
 
 
 def _toml_line(change: str) -> str:
-    """Line of a TOML file for a change ``key=value`` of ``--set``, in which a bare word stands for a string."""
+    """Line of a TOML file for a change ``key=value`` of ``--set``, in which a bare word stands for a string.
+
+    Names in the key are quoted where TOML needs it.
+    """
+    from pmr.scene.tomlfiles import toml_key
+
     key, _, value = change.partition("=")
+    name = ".".join(map(toml_key, key.strip().split(".")))
     try:
         tomllib.loads(f"value = {value}")
     except tomllib.TOMLDecodeError:
         value = json.dumps(value.strip())
-    return f"{key.strip()} = {value.strip()}"
+    return f"{name} = {value.strip()}"
 
 
 def _rms_by_mode(errors: Array) -> list[float | None]:

@@ -231,7 +231,7 @@ def chart(
 
     Writes chart.toml, a study over the extensions and luffing angles of the scene, into the folder DIR (--out), and
     computes it as `pmr study` does.  To change limits and factors, edit chart.toml and run the command again: a
-    chart.toml that exists is used as it is.
+    chart.toml that exists is used as it is, and another load than its own is refused.
 
     Example:
 
@@ -250,6 +250,11 @@ def chart(
     folder = out_dir or Path("reports", f"chart_{result_name(scene)}")
     written = folder / STUDY
     loaded, largest = None if written.exists() else load_any(file), up_to
+    if loaded is None and up_to is not None:
+        present = console.tables_or_empty(written).get("up_to", up_to)
+        if present != up_to:
+            allowed = f"{present} is allowed, the up_to of {written}, which exists: change it there, or remove the file"
+            raise InputError("command line", "--up-to", up_to, allowed)
     if loaded is not None:
         if any(traits_of(member).needs_fenicsx for member in members(loaded)):
             environment.check_installed("dolfinx")

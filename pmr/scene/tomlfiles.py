@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -226,6 +227,11 @@ def override(text: str) -> Change:
     for part in reversed(keys):
         nested = {part: nested}
     return Change(nested, OPTION)
+
+
+def toml_key(name: str) -> str:
+    """Return a name as a key of TOML: in quotes unless it has only ASCII letters, digits, - and _."""
+    return name if re.fullmatch("[A-Za-z0-9_-]+", name) else json.dumps(name)
 
 
 def merge_tables(base: Mapping[str, object], update: Mapping[str, object]) -> dict[str, Any]:

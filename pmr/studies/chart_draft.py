@@ -25,6 +25,7 @@ from pmr.scene.joint_checks import check_extension
 from pmr.scene.keys import SceneTable, key_error
 from pmr.scene.members import members, pads_on_faces, ring_name, seats
 from pmr.scene.signals import Constant
+from pmr.scene.tomlfiles import toml_key
 from pmr.simulation.statics.postures import with_winds
 from pmr.studies.study import Count
 from pmr.system.from_scene import force_names
@@ -35,8 +36,6 @@ logger = logging.getLogger(__name__)
 EXTENSIONS, ANGLES = 12, 10
 #: Number of slewing angles in a whole turn.
 SLEWING_STEPS = 8
-#: Key that TOML takes without quotes.
-BARE_KEY = re.compile("[A-Za-z0-9_-]+")
 #: Luffing angles at which the force that buckles the rod of the luffing cylinder is looked at.
 LUFFING_PLACES = 200
 #: Factor on the mass of a boom without a machine for the largest load that a chart looks for.
@@ -244,7 +243,7 @@ def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
     end, numbers = scene.time.end, range(1, len(scene.sections))
     names = {number: scene.names[number] for number in numbers if scene.joint(number).follows is None}
     bounds = [scene.extension(number).bounds(0.0, end) for number in names]
-    keys = [name if BARE_KEY.fullmatch(name) else json.dumps(name) for name in names.values()]
+    keys = [toml_key(name) for name in names.values()]
     rows = [
         [f"{key} = {low + share * (high - low):.6g}" for key, (low, high) in zip(keys, bounds, strict=True)]
         for share in np.linspace(0.0, 1.0, EXTENSIONS if names else 0).tolist()

@@ -84,6 +84,13 @@ def test_info_says_what_a_file_holds(folder: Path, run_command) -> None:
     assert "153" not in scene.stdout and "values (1.25, 3.75) m" in scene.stdout
 
 
+def test_info_describes_the_study_in_a_folder(tmp_path: Path, run_command) -> None:
+    (tmp_path / "study.toml").write_text('extends = "coordinates"')
+    assert "computed by" in run_command("info", str(tmp_path)).stdout
+    (tmp_path / "scene.toml").write_text('extends = "boom_beam"')
+    assert "computed by" not in run_command("info", str(tmp_path)).stdout
+
+
 def test_info_names_inputs_and_outputs_with_units() -> None:
     model = replace(
         flexible(full_body(4), 3),

@@ -33,7 +33,8 @@ def write_frequencies(file: Path) -> None:
 def test_the_scene_is_written_with_the_values_that_its_frequencies_have(tmp_path: Path, run_command) -> None:
     write_frequencies(file := tmp_path / "f.csv")
     words = ["identify", "dropbear", "--measured", str(file), "--out", str(tmp_path / "out")]
-    words += [part for change in CHANGES for part in ("--set", change)]
+    spaced = ["loads.0.name=the sensor", "loads.the sensor.on=0.3", "start=rest"]  # the last one a second time
+    words += [part for change in [*CHANGES, *spaced] for part in ("--set", change)]
     fit = [part for key in (f"{LENGTH}=0.5", f"{STIFFNESS}=250", "damping.ratio=0.01") for part in ("--fit", key)]
     done = run_command(*words, *fit)
     assert done.returncode == 0, done.stderr
@@ -46,7 +47,7 @@ def test_the_scene_is_written_with_the_values_that_its_frequencies_have(tmp_path
         assert place["d1"]["model"] == pytest.approx(place["d1"]["measured"], rel=1e-6)
     fitted = pmr.load_scene(tmp_path / "out" / "fitted.toml")
     assert fitted.body.profile is not None and fitted.body.profile.length == pytest.approx(0.47, rel=1e-6)
-    assert fitted.mesh.elements == 10
+    assert fitted.mesh.elements == 10 and (fitted.loads[0].name, fitted.loads[0].on) == ("the sensor", 0.3)
     for wrong, said in (
         (["--fit", LENGTH], "KEY=START"),
         (["--fit", f"{LENGTH}=0"], "other than zero"),

@@ -210,7 +210,10 @@ def test_the_study_that_it_writes_asks_for_all_that_the_scene_goes_through(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_command
 ) -> None:
     _only_write_charts(monkeypatch)
-    run_command("chart", "crane", "--up-to", "20000", "--out", str(tmp_path))
+    for load, code in (("20000", 0), ("20000", 0), ("30000", 2)):
+        done = run_command("chart", "crane", "--up-to", load, "--out", str(tmp_path))
+        assert done.returncode == code, done.stderr
+    assert "--up-to = 30000.0: 20000.0 is allowed, the up_to of" in done.stderr
     asked = call.load(tmp_path / "chart.toml").parts[0].study
     assert (asked.extensions[0], asked.extensions[-1]) == (
         {"middle": 0.6, "fly": 0.6}, {"middle": 4.5, "fly": 4.5},

@@ -188,6 +188,9 @@ def test_the_command_estimates_a_payload(tmp_path: Path, undrawn: None, run_comm
     (tmp_path / "sensors.toml").write_text(FILE.replace("fly: tip z", "fly: tip x"))
     refused = run_command("observe", str(tmp_path / "system.npz"), *files, *changes)
     assert refused.returncode == 2 and "fly: tip x" in refused.stderr
+    (tmp_path / "summary.json").write_text("{")
+    refused = run_command("observe", str(tmp_path / "system.npz"), *files, *changes)
+    assert refused.returncode == 2 and "summary.json: JSON is allowed: Expecting property" in refused.stderr
 
 
 def test_faults_are_said_with_their_times() -> None:
