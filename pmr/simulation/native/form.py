@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -169,7 +168,7 @@ def driver_signals(form: SystemForm, excitation: Excitation) -> list[SignalBase]
     if system.on_one_path:
         (body,) = system.bodies.values()
         standing = Constant(amount=float(body.domain[0]))
-        paths = [next(iter(excitation.paths.values()), standing)][: kernel.paths]
+        paths = [next(iter(excitation.paths.values()), standing)]
     else:
         paths = [excitation.paths[name] for name in kernel.names("drivers")[: kernel.paths]]
     loads = signals_in_order(excitation.loads, system.input_names)
@@ -211,10 +210,10 @@ def begin(
     start: Callable[..., None],
     excitation: Excitation,
     initial: Mapping[str, InitialState] | None = None,
-) -> tuple[Any, ...]:
-    """Start a kernel of `form` by ``start(kind, *modes)``; return the arguments of the call that started it.
+) -> Callable[[], None]:
+    """Start a kernel of `form` by its function `start`; return a function that starts it in the same way again.
 
-    The kind is ``equilibrium`` or ``rest``, without modes, or ``given`` with coordinates and rates of the modes.  The
+    `start` is `State.start` or `State.start_in_frame`, with all arguments but the kind of the start and the modes.  The
     kernel begins in the states `initial` of bodies by name, at rest if it has none.  If `initial` is None, the kernel
     begins at rest or in equilibrium, as the excitation says.  In addition to the errors of `start`, a StepError is
     raised if no equilibrium with a hoist is found.  For a start in equilibrium, an InputError is raised if nothing
@@ -228,19 +227,20 @@ def begin(
         if system.hoist or (modes <= DENSE and excitation.resting is None):
             try:
                 start("equilibrium")
-                return ("equilibrium",)
+                return partial(start, "equilibrium")
             except StepError as error:
                 failed = error
         initial = static_start(system, excitation)  # raises an error that names motions that are not held
         if system.hoist and failed is not None:
             raise failed  # no other method finds the equilibrium of a rope
-    arguments: tuple[Any, ...] = ("rest",)
+    again = partial(start, "rest")
     if initial:
         rates = dict(zip(excitation.paths, excitation.rates[0].tolist(), strict=True))
         x, x_rate = side_positions(system, excitation)[0], system.side_rates(rates)
-        arguments = ("given", *start_modes(form, x, x_rate, initial))
-    start(*arguments)
-    return arguments
+        z, v = start_modes(form, x, x_rate, initial)
+        again = partial(start, "given", z=z, v=v)
+    again()
+    return again
 
 
 def start_of(system: System, excitation: Excitation) -> dict[str, InitialState]:
@@ -256,22 +256,15 @@ def step_failure(where: str, form: SystemForm, error: StepError, x: Array) -> Si
 
     The sides of contacts are at x (sides,) in m.
     """
-    return SimulationError(f"stopped at {where}: {failure_reason(form.modal, error, x)}")
-
-
-def failure_reason(system: System, error: StepError, x: Array) -> str:
-    """Text that says why a step failed with the kernel's `error`.
-
-    `system` is in modal form, and the sides of its contacts are at x (sides,) in m.
-    """
+    system, reason = form.modal, "not finite" if error.failure == lib.PMR_NOT_FINITE else str(error)
     if error.failure == lib.PMR_UNSETTLED:
-        return describe_unsettled(system.contact_names, ~np.isnan(system.clearance))
-    if error.failure == lib.PMR_UNCONVERGED:
-        return describe_divergence(system.term_names, system.contacts)
-    if error.failure == lib.PMR_DEPENDENT:  # at the start the kernel does not say which rows depend on each other
-        C = Assembly(system).contact_rows(x, effects=False).C
-        return describe_dependence(C[: error.contact + 1] if error.contact >= 0 else C, system.contact_names)
-    return "not finite" if error.failure == lib.PMR_NOT_FINITE else str(error)
+        reason = describe_unsettled(system.contact_names, ~np.isnan(system.clearance))
+    elif error.failure == lib.PMR_UNCONVERGED:
+        reason = describe_divergence(system.term_names, system.contacts)
+    elif error.failure == lib.PMR_DEPENDENT:  # at the start the kernel does not say which rows depend on each other
+        C = form.assembly.contact_rows(x, effects=False).C
+        reason = describe_dependence(C[: error.contact + 1] if error.contact >= 0 else C, system.contact_names)
+    return SimulationError(f"stopped at {where}: {reason}")
 
 
 def path_text(paths: Sequence[str], s: Array) -> str:

@@ -23,7 +23,8 @@ For all further computations the computed angle or extension is a prescribed one
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Literal
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -67,6 +68,11 @@ CYLINDER_UNITS = CYLINDER_COLUMNS | {"power": "W", "power supply": "W"}
 FAR = 1e9
 
 
+def cylinder_columns(oil: Oil | None) -> dict[str, str]:
+    """Units of a cylinder's columns by name (`CYLINDER_COLUMNS`); without `oil`, of length, speed and force alone."""
+    return dict(list(CYLINDER_COLUMNS.items())[: None if oil else 3])
+
+
 def kernel_cylinder(cylinder: LuffingCylinder | FreeExtension, t: Array) -> dict[str, Any]:
     """Return the fields ``cylinder`` and ``drive`` of the kernel's machine, with the drive at times t (T,) in s.
 
@@ -91,8 +97,8 @@ def kernel_cylinder(cylinder: LuffingCylinder | FreeExtension, t: Array) -> dict
         ).constants
         fields["shear_stiffness"] = cylinder.shear_stiffness
     if oil is not None:
-        fields |= {key: getattr(oil, key) for key in ("areas", "bulk_modulus", "leakage")}
-        fields |= {key: getattr(oil, key) for key in ("supply", "tank", "back_pressure")}
+        keys = ("areas", "bulk_modulus", "leakage", "supply", "tank", "back_pressure")
+        fields |= {key: getattr(oil, key) for key in keys}
         fields["volumes"] = [dead + hose for dead, hose in zip(oil.dead_volumes, oil.hose_volumes, strict=True)]
         if oil.valve is not None:
             fields |= {key: getattr(oil.valve, key) for key in ("gain", "dead_band", "laminar")}
@@ -130,14 +136,14 @@ def with_extension_data(frame: MovingFrame, scene: Scene, system: System, form: 
         "extension_numbers": np.array([*extension.reach, *cylinder_numbers(cylinder), *ratios]),
     }
     name = scene.names[number]
-    shown = [*list(CYLINDER_COLUMNS.items())[: None if extension.oil else 3], (ACCELERATION, "m/s^2")]
-    outputs = {column_name(name, of): unit for of, unit in shown}
+    shown = cylinder_columns(extension.oil) | {ACCELERATION: "m/s^2"}
+    outputs = {column_name(name, of): unit for of, unit in shown.items()}
     followers = {scene.names[k]: ratio for k, ratio in moved_sections(scene, number).items()}
     return replace(frame, computed=ComputedData(arrays, outputs, followers))
 
 
 def column_name(section: str, of: str) -> str:
-    """Name of a column of the free extension of a `section`; `of` is in `CYLINDER_COLUMNS`, or is `ACCELERATION`."""
+    """Name of a column of the free extension of a `section`: `of` in `CYLINDER_UNITS`, `ACCELERATION` or `STOP`."""
     motion = {"length": "extension", "speed": "rate of extension", ACCELERATION: "second rate of extension"}
     return f"{motion[of]} of {section}" if of in motion else f"extension cylinder of {section} {of}"
 
@@ -183,16 +189,12 @@ class ExtensionRun:
         record, signals = Record(kernel, 1, (), self._parts[-1]), Signals(self.frame.signals)
         ends, times, parts = list[Array](), list[Array](), list[int]()
 
-        def start(kind: Literal["given", "equilibrium"], *modes: Array) -> None:
-            """Start the kernel from given `modes` or in equilibrium."""
-            state.start_in_frame(kind, self.frame.start, None, *modes)
-
         for k in range(len(t)):
             try:
                 if k:
                     state.advance(signals, 1, record)
                 else:
-                    begin(self.form, start, self._excitation)
+                    begin(self.form, partial(state.start_in_frame, motions=self.frame.start), self._excitation)
             except StepError as error:
                 where = f"step {k}, t = {t[k]:g} s" if k else "t = 0 s"
                 at = path_text((name,), columns[max(k - 1, 0), :1])
@@ -222,7 +224,7 @@ def cylinder_record(columns: Array, oil: Oil | None) -> dict[str, Array]:
     The argument `columns` (T, c) has c columns in the order of `CYLINDER_COLUMNS`; `oil` is None for a cylinder without
     oil.
     """
-    record = dict(zip(list(CYLINDER_COLUMNS)[: None if oil else 3], columns.T, strict=False))
+    record = dict(zip(cylinder_columns(oil), columns.T, strict=False))
     record["power"] = record["force"] * record["speed"]
     return record if oil is None else record | {"power supply": oil.supply * record["flow supply"]}
 
@@ -341,8 +343,8 @@ def _stepped_frame(system: System, stored: StoredScene | None, source: str) -> M
     run = LuffingRun(scene.with_keys(time={"end": scene.time.step}), system)
     outputs = {LUFFING_ANGLE: "rad", f"rate of {LUFFING_ANGLE}": "rad/s"}
     if frame.cylinder is not None:
-        shown = list(CYLINDER_COLUMNS.items())[: None if frame.cylinder.oil else 3]
-        outputs |= {f"{LUFFING_CYLINDER} {name}": unit for name, unit in shown}
+        shown = cylinder_columns(frame.cylinder.oil)
+        outputs |= {f"{LUFFING_CYLINDER} {name}": unit for name, unit in shown.items()}
     return replace(run.frame, computed=ComputedData(luffing_arrays(run.machine, run.frame), outputs))
 
 

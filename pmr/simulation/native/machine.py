@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -352,8 +353,8 @@ class MachineRun:
 
         Errors as `begin`.
         """
-        state, motions = self.simulation.state, self._motions_at(place)
-        begin(self.form, lambda kind, *modes: state.start_in_frame(kind, motions, None, *modes), self._excitation)
+        state = self.simulation.state
+        begin(self.form, partial(state.start_in_frame, motions=self._motions_at(place)), self._excitation)
         return np.array([state.z, state.v])
 
     def _motions_at(self, place: Array) -> Array:

@@ -19,7 +19,8 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -350,7 +351,7 @@ class Stepper:
         return self._step * contact_frequency_within(self._system, self._ranges)
 
     def check_finite(self) -> None:
-        """Raise SimulationError if the state is not finite: loads may have been NaN."""
+        """Raise SimulationError if the state is not finite because the motion has grown without bound."""
         if not np.all(np.isfinite(self._state.z)):
             raise SimulationError(f"stopped at {self._step_text(0)}: not finite")
 
@@ -360,22 +361,17 @@ class Stepper:
         Raises InputError for a system that the simulator does not support or nothing holds; SimulationError if a solve
         fails.
         """
-        kernel, motions = self._state.kernel, self._bound.motions
-        u = kernel.frame_drivers(motions) if kernel.motions else motions[0].copy()
-        paths = self._path_coordinates
+        kernel, motions, paths = self._state.kernel, self._bound.motions, self._path_coordinates
+        if kernel.motions:
+            u = kernel.frame_drivers(motions)
+            start = partial(self._state.start_in_frame, motions=motions, rows=self._bound.rows)
+        else:
+            u, start = motions[0], partial(self._state.start, u=motions[0])
         self._form.refuse_unsupported(self._form.modal.side_coordinates(paths)[None], self._rho_inf)
         try:
-            begin(self._form, self._start_kernel, self._constant_excitation(paths, u, static), initial)
+            begin(self._form, start, self._constant_excitation(paths, u, static), initial)
         except StepError as error:
             raise self._failure("t = 0 s", error) from None
-
-    def _start_kernel(self, kind: Literal["rest", "given", "equilibrium"], *modes: Array) -> None:
-        """Start the kernel from given `modes`, at rest or in equilibrium (`kind`); raise a StepError if that fails."""
-        motions = self._bound.motions
-        if self._state.kernel.motions:
-            self._state.start_in_frame(kind, motions, self._bound.rows, *modes)
-        else:
-            self._state.start(kind, motions[0], *modes)
 
     def _constant_excitation(self, paths: Mapping[str, float], u: Array, static: bool) -> Excitation:
         """Excitation of one step with constant `paths` in m, loads and amplitudes of terms, by drivers u (N,).

@@ -11,8 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from time import perf_counter
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,40 +109,29 @@ class March:
         self._stored, self._work = np.zeros(len(self.t)), np.zeros(len(self.t))
         self.state = State(kernel, Settings(stepping.step, stepping.rho_inf, parts, omega))
         self._drivers, self._sampling = driver_signals(form, excitation), 0.0
-        frame = form.frame
-        self._frame = frame if frame is not None and frame.drives(excitation) else None
+        frame = form.frame if form.frame is not None and form.frame.drives(excitation) else None
         try:
-            self._signals = Signals(self._drivers if self._frame is None else self._frame.signals)
+            self._signals = Signals(self._drivers if frame is None else frame.signals)
         except NotImplementedError:
-            self._frame = self._signals = None
-        self._zero: Array  # motions of the frame, or drivers, at t = 0
-        if self._frame is not None:
-            self._zero = self._frame.motions(excitation, 0.0).ravel()
+            frame = self._signals = None
+        if frame is not None:
+            start = partial(self.state.start_in_frame, motions=frame.motions(excitation, 0.0).ravel())
         else:
-            self._zero = self.sample_drivers(0, 0, 1)[0] if self._signals is None else self._signals.at(0.0)[0]
+            u = self.sample_drivers(0, 0, 1)[0] if self._signals is None else self._signals.at(0.0)[0]
+            start = partial(self.state.start, u=u)
         if initial is None and excitation.start == "equilibrium" and system.hoist and excitation.resting is not None:
             still = March(form, excitation.resting).state  # the kernel alone finds the equilibrium of a rope
             initial = form.initial_states(still.z, still.v)
         try:
-            self._begun = begin(form, self._start, excitation, initial)
+            self._start_again = begin(form, start, excitation, initial)
         except StepError as error:
             raise self._failure(error, 0) from None
-
-    def _start(self, kind: Literal["rest", "given", "equilibrium"], *modes: Array) -> None:
-        """Set the kernel's state to t = 0: at rest, in a given state or in equilibrium, as `kind` says.
-
-        `modes` are the modal coordinates and rates of a given state, and empty for others.  Raises a StepError if the
-        kernel can't start so.
-        """
-        self._sampling = 0.0  # s: time spent to sample drivers, in the steps that follow
-        if self._frame is None:
-            self.state.start(kind, self._zero, *modes)
-        else:
-            self.state.start_in_frame(kind, self._zero, None, *modes)
+        self._sampling = 0.0  # s: time spent to sample drivers since the start
 
     def restart(self) -> None:
         """Set the kernel's state to t = 0 again."""
-        self._start(*self._begun)
+        self._start_again()
+        self._sampling = 0.0
 
     def run(self, take: Callable[[int, Steps], None], progress: Progress | None = None) -> SimulationEnd:
         """Take all steps, and check the energy at the end; return the solver's time and the surplus of energy.

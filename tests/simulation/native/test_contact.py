@@ -18,7 +18,7 @@ from pmr.kernel.state import StepError
 from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.modal import modal_form
-from pmr.simulation.native.form import failure_reason
+from pmr.simulation.native.form import SystemForm, step_failure
 from pmr.simulation.native.systems import remove_pull
 from pmr.system.body import Trajectory, pushing_rows
 
@@ -238,9 +238,8 @@ def test_steps_and_observations_are_those_of_the_simulation(body: ReducedModel) 
 
 def test_what_is_not_settled_is_named(few: ReducedModel) -> None:
     error = StepError("", lib.PMR_UNSETTLED, -1)
-    assert f"which of the rows {', '.join(NAMES)} are closed" in failure_reason(
-        System.of(few), error, np.zeros(len(NAMES))
-    )
+    failure = step_failure("step 1", SystemForm.of(System.of(few)), error, np.zeros(len(NAMES)))
+    assert f"stopped at step 1: which of the rows {', '.join(NAMES)} are closed" in str(failure)
 
 
 def test_pads_that_only_push_never_pull_not_even_by_round_off(few: ReducedModel) -> None:
