@@ -92,7 +92,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "HAS_PETSC", "MPI", "PETSc", "SLEPc", "assemble", "cell_dofs", "cell_topology", "cellwise",
-    "check_fenicsx", "comm_of", "compiled_form", "constant", "create_mesh", "hermite_space",
+    "check_fenicsx", "comm_of", "compiled_form", "constant", "create_mesh", "hermite_space", "integration_measure",
     "lagrange_rule", "lagrange_space", "original_cells", "rule_points", "shell_space", "tabulate", "tabulation_space",
     "unrolled_cell_dofs", "versions",
 ]  # fmt: skip
@@ -324,6 +324,11 @@ def _vertex_element(functions: Sequence[Callable[[Array], Array]], derivative: i
         interval, [], coefficients, at, duals, 1, basix.MapType.identity, basix.SobolevSpace.H1, False,
         complete_degree, 3,
     )  # fmt: skip
+
+
+def integration_measure(mesh: Mesh, degree: int) -> ufl.Measure:
+    """UFL measure by which integrands of the polynomial `degree` are integrated over a mesh, exactly on simplices."""
+    return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degree})
 
 
 def constant(mesh: Mesh, value: float | Array) -> Constant:

@@ -44,10 +44,10 @@ class UnitState:
     acceleration: Array  # (3,) m/s^2, of the frame in which the body rests
     stretch: float  # 1/s^2: increase of the frame's acceleration along x per metre along x
     forces: Sequence[tuple[str | float, Array]]  # pairs of a place on the body and the force (3,) in N that acts there
-    solve: Callable[[UnitState], Function]  # displacement under the loads of this state; collective
+    solve: Callable[[UnitState], Function]  # returns the displacement under the loads of a state; collective
 
-    def displacement(self, space: FunctionSpace) -> Function:
-        """Displacement of the body under the loads of this state, as a function on `space`, the model's; collective."""
+    def displacement(self) -> Function:
+        """Displacement under the loads of this state, a new function on the model's function space; collective."""
         return self.solve(self)
 
 

@@ -22,7 +22,7 @@ import scipy.sparse as sp
 import ufl
 
 from pmr.errors import InputError
-from pmr.fem.compat import MPI, cellwise, create_mesh
+from pmr.fem.compat import MPI, cellwise, create_mesh, integration_measure
 from pmr.files.arrays import Array, Indices
 from pmr.models import DIRECTIONS, Cut, FiniteElementModel, UnitState, rigid_motions
 from pmr.models.meshed import CellValues, cell_values
@@ -437,7 +437,7 @@ class Beam(FiniteElementModel, ABC):
 
 def measure(mesh: Mesh) -> ufl.Measure:
     """UFL measure by which weak forms of beams are integrated."""
-    return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 6})
+    return integration_measure(mesh, 6)
 
 
 def beam_body(member: Member) -> Beam3DBody:

@@ -126,9 +126,9 @@ class MeshedModel(TracedModel):
         """
         if place not in self._traces:
             if isinstance(place, str):
-                self._traces[place] = group_trace(self.mesh, self.nodes, place, degree=2)
+                self._traces[place] = group_trace(self.mesh, self.nodes, place)
             else:
-                self._traces[place] = section_trace(self.mesh, self.nodes, place, degree=2)
+                self._traces[place] = section_trace(self.mesh, self.nodes, place)
         return self._traces[place]
 
     @cached_property

@@ -88,6 +88,12 @@ def triangle_normals(corners: Array) -> Array:
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2.0
 
 
+def unit_normals(corners: Array) -> Array:
+    """Unit normals (C, 3) of C triangles, from the first three `corners` (C, k, 3) in m."""
+    normals = triangle_normals(corners)
+    return np.asarray(normals / np.linalg.norm(normals, axis=1)[:, None])
+
+
 def _corner_volumes(cell: str, corners: Array) -> Array:
     """Triple products in m^3 of the three edges at corners of C cells: (C, 8) for hexahedra, (C, 1) for tetrahedra.
 
@@ -410,7 +416,6 @@ def _outermost(points: Array, facets: Skin, face: FaceNormal) -> Indices:
 
 def _both_sides(mesh: NamedMesh) -> Skin:
     """Triangles of a shell, each twice: first with the normals of one side, then with those of the other side."""
-    normals = triangle_normals(mesh.points[mesh.cells])
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    normals = unit_normals(mesh.points[mesh.cells])
     number = np.arange(len(mesh.cells))
     return Skin(np.tile(number, 2), np.tile(mesh.cells, (2, 1)), np.concatenate([normals, -normals]))

@@ -46,7 +46,7 @@ import numpy as np
 import ufl
 
 from pmr.errors import InputError
-from pmr.fem.compat import cellwise, constant, rule_points, shell_space
+from pmr.fem.compat import cellwise, constant, integration_measure, rule_points, shell_space
 from pmr.files.arrays import Array
 from pmr.models import Forms, UnitState
 from pmr.models.box_mesh import TAPERED, BoxBoom
@@ -60,7 +60,7 @@ from pmr.models.meshed import (
     outward_signs,
     region_properties,
 )
-from pmr.models.named_mesh import NamedMesh
+from pmr.models.named_mesh import NamedMesh, unit_normals
 from pmr.models.trace import FLAT
 from pmr.results.field_stress import PLANE, StressRows
 from pmr.scene import Body
@@ -124,14 +124,13 @@ class Shell(MeshedModel):
         normal = _frame(mesh)[2]
         of, by = Strains(u, theta, _frame(mesh)), Strains(du, dtheta, _frame(mesh))
         G, h, correction = E / (2 * (1 + nu)), ufl.CellDiameter(mesh), constant(mesh, self.body.shear_correction)
-        dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 2})
         stiffness = (
             t * ufl.inner(_plane_stress(E, nu, of.membrane), by.membrane)
             + t**3 / 12 * ufl.inner(_plane_stress(E, nu, of.curvature), by.curvature)
             + correction * G * t * ufl.dot(of.shear, by.shear)
             + E * t**3 / h**2 * of.drilling * by.drilling
-        ) * dx
-        drilling = rho * t**3 / 12 * ufl.dot(theta, normal) * ufl.dot(dtheta, normal) * _mass_measure(mesh)
+        ) * integration_measure(mesh, 2)
+        drilling = rho * t**3 / 12 * ufl.dot(theta, normal) * ufl.dot(dtheta, normal) * integration_measure(mesh, 4)
         return Forms(self.inertia(space, ufl.Identity(3)) + drilling, stiffness)
 
     def inertia(self, space: FunctionSpace, S: Expr) -> Form:
@@ -147,7 +146,7 @@ class Shell(MeshedModel):
         (u, theta), (du, dtheta) = ufl.TrialFunctions(space), ufl.TestFunctions(space)
         turn, dturn = ufl.cross(theta, normal), ufl.cross(dtheta, normal)
         of_plate = rho * t * ufl.dot(du, ufl.dot(S, u)) + rho * t**3 / 12 * ufl.dot(dturn, ufl.dot(S, turn))
-        return of_plate * _mass_measure(mesh)
+        return of_plate * integration_measure(mesh, 4)
 
     def geometric_stiffness(self, space: FunctionSpace, state: UnitState) -> Form:
         r"""UFL form of the work of a state's membrane stress sigma on products of displacement gradients.
@@ -161,11 +160,10 @@ class Shell(MeshedModel):
         E, nu, _, t = self._cellwise(mesh)
         frame = _frame(mesh)
         (u, _), (du, _) = ufl.TrialFunctions(space), ufl.TestFunctions(space)
-        at_rest, turned = ufl.split(state.displacement(space))
+        at_rest, turned = ufl.split(state.displacement())
         sigma = _plane_stress(E, nu, Strains(at_rest, turned, frame).membrane)
         of, by = (_surface_gradient(field, frame) for field in (u, du))
-        measure = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 3})
-        return t * ufl.inner(ufl.dot(of, sigma), by) * measure
+        return t * ufl.inner(ufl.dot(of, sigma), by) * integration_measure(mesh, 3)
 
     def _cellwise(self, mesh: Mesh) -> list[Function]:
         """Young's modulus (Pa), Poisson's ratio, density (kg/m^3) and thickness (m), constant in each cell."""
@@ -230,11 +228,6 @@ def _in_plane(frame: Sequence[Expr]) -> Expr:
 def _surface_gradient(field: Expr, frame: Sequence[Expr]) -> Expr:
     """Derivatives of a field along the first two vectors of a frame; the last axis counts the two vectors."""
     return ufl.dot(ufl.grad(field), ufl.transpose(_in_plane(frame)))
-
-
-def _mass_measure(mesh: Mesh) -> ufl.Measure:
-    """UFL measure by which forms of the mass are integrated."""
-    return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 4})
 
 
 def _plane_stress(E: Expr, nu: Expr, strain: Expr) -> Expr:
@@ -331,8 +324,7 @@ def frames(mesh: NamedMesh) -> Array:
     For a triangle that lies across the body's axis, the next of the axes x, y, z is used instead of the body's axis.
     """
     corners = mesh.points[mesh.cells]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    n = _outward(mesh, corners.mean(axis=1), normals / np.linalg.norm(normals, axis=1)[:, None])
+    n = _outward(mesh, corners.mean(axis=1), unit_normals(corners))
     along = np.eye(3)[np.where(np.abs(n[:, mesh.axis]) > ACROSS, (mesh.axis + 1) % 3, mesh.axis)]
     e1 = along - np.sum(along * n, axis=1)[:, None] * n
     e1 /= np.linalg.norm(e1, axis=1)[:, None]

@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import ufl
 
-from pmr.fem.compat import cellwise, lagrange_rule, lagrange_space, rule_points
+from pmr.fem.compat import cellwise, integration_measure, lagrange_rule, lagrange_space, rule_points
 from pmr.models import Forms, UnitState
 from pmr.models.meshed import (
     FACES,
@@ -94,7 +94,7 @@ class Solid(MeshedModel):
         """Mass and stiffness as UFL forms on `space`."""
         u, du = ufl.TrialFunction(space), ufl.TestFunction(space)
         # Tetrahedra: exact.  Hexahedra: exact for boxes, three Gauss points in each direction.
-        dk = _measure(space.mesh, 4 if self.mesh.cell == "hexahedron" else 2)
+        dk = integration_measure(space.mesh, 4 if self.mesh.cell == "hexahedron" else 2)
         stiffness = ufl.inner(self._stress(space.mesh, u), ufl.sym(ufl.grad(du))) * dk
         return Forms(self.inertia(space, ufl.Identity(3)), stiffness)
 
@@ -102,7 +102,7 @@ class Solid(MeshedModel):
         """UFL form of the integral of rho v . S u over the volume, for the trial function u and the test function v."""
         rho = cellwise(space.mesh, self.materials.values("density"))
         u, du = ufl.TrialFunction(space), ufl.TestFunction(space)
-        return rho * ufl.dot(du, ufl.dot(S, u)) * _measure(space.mesh, 4)
+        return rho * ufl.dot(du, ufl.dot(S, u)) * integration_measure(space.mesh, 4)
 
     def geometric_stiffness(self, space: FunctionSpace, state: UnitState) -> Form:
         """UFL form of the integral of sigma_jk u_i,j v_i,k over the volume, for trial and test functions u and v.
@@ -110,8 +110,8 @@ class Solid(MeshedModel):
         sigma are the stresses of a unit state.
         """
         u, du = ufl.TrialFunction(space), ufl.TestFunction(space)
-        sigma = self._stress(space.mesh, state.displacement(space))
-        return ufl.inner(ufl.dot(ufl.grad(u), sigma), ufl.grad(du)) * _measure(space.mesh, 4)
+        sigma = self._stress(space.mesh, state.displacement())
+        return ufl.inner(ufl.dot(ufl.grad(u), sigma), ufl.grad(du)) * integration_measure(space.mesh, 4)
 
     def _stress(self, mesh: Mesh, u: Expr) -> Expr:
         """Stress tensor in Pa of a displacement u, in UFL."""
@@ -152,11 +152,6 @@ class Solid(MeshedModel):
             faces=tuple(name for k, name in enumerate(FACES) if np.any(face == k)),
             face=np.unique(face, return_inverse=True)[1],
         )
-
-
-def _measure(mesh: Mesh, degree: int) -> ufl.Measure:
-    """UFL measure for integrands of the given polynomial degree."""
-    return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degree})
 
 
 def of(body: Body, mesh: NamedMesh) -> Solid:

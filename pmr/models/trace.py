@@ -29,7 +29,7 @@ from pmr.errors import InputError
 from pmr.fem.compat import cell_topology, lagrange_rule
 from pmr.files.arrays import Array, Indices
 from pmr.models.mesh_nodes import Nodes
-from pmr.models.named_mesh import Group, NamedMesh, triangle_normals
+from pmr.models.named_mesh import Group, NamedMesh, unit_normals
 
 ENTITY_KINDS = {(0, 1): "point", (1, 2): "interval", (2, 3): "triangle", (2, 4): "quadrilateral",
                 (3, 4): "tetrahedron", (3, 8): "hexahedron"}  # fmt: skip
@@ -109,8 +109,8 @@ class Trace:
         return sp.csr_matrix(sp.csr_matrix(np.linalg.inv(J)) @ moments)
 
 
-def group_trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int, parts: int = 1) -> Trace:
-    """Trace of the displacement on the group called `name`, in a Lagrange space of the given polynomial degree.
+def group_trace(mesh: NamedMesh, nodes: Nodes, name: str, parts: int = 1) -> Trace:
+    """Trace of the displacement on the group called `name`, which is quadratic in each entity of the group.
 
     Each entity of the group is cut into `parts` along every direction, for weights that vary within the entity.
 
@@ -118,7 +118,7 @@ def group_trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int, parts: in
     """
     group = _named_group(mesh, name)
     kind = ENTITY_KINDS[group.dim, group.entities.shape[1]]
-    weights, shape, _ = lagrange_rule(kind, degree, QUADRATURE_DEGREE, parts)
+    weights, shape, _ = lagrange_rule(kind, 2, QUADRATURE_DEGREE, parts)
     _, linear, slopes = lagrange_rule(kind, 1, QUADRATURE_DEGREE, parts)
     corners = mesh.points[group.entities]
     if kind in SIMPLICES:
@@ -140,11 +140,11 @@ def group_trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int, parts: in
     )
 
 
-def section_trace(mesh: NamedMesh, nodes: Nodes, at: float, degree: int) -> Trace:
+def section_trace(mesh: NamedMesh, nodes: Nodes, at: float) -> Trace:
     """Trace of the displacement on the cross-section at the coordinate `at` (m) along the mesh's longest extent.
 
-    `degree` is that of the displacement in each cell.  The displacements are weighted by a hat over the cells around
-    the cross-section, as a mesh need not have nodes in it.
+    The displacements, which are quadratic in each cell, are weighted by a hat over the cells around the cross-section,
+    as a mesh need not have nodes in it.
 
     Raises an `InputError` if the mesh does not reach the cross-section.
     """
@@ -160,7 +160,7 @@ def section_trace(mesh: NamedMesh, nodes: Nodes, at: float, degree: int) -> Trac
     near = np.flatnonzero((high > at - reach) & (low < at + reach))
     name, dim = f"section at {at:g} m", 2 if mesh.cell == "triangle" else 3
     cut = replace(mesh, groups={name: Group(dim, mesh.cells[near])}, regions={name: near})
-    cells_around = group_trace(cut, nodes, name, degree, parts=2 if dim == 2 else 1)
+    cells_around = group_trace(cut, nodes, name, parts=2 if dim == 2 else 1)
     hat = np.maximum(0.0, 1.0 - np.abs(cells_around.points[:, axis] - at) / reach)
     return replace(cells_around, weights=cells_around.weights * hat).shift_to(axis, at)
 
@@ -306,8 +306,7 @@ def flat_face(mesh: NamedMesh, name: str) -> FlatFace:
 
     Raises an `InputError` if there is no such face, it is not flat, or it lies across the axis.
     """
-    mesh.require([name])
-    group, axis = mesh.groups[name], mesh.axis
+    group, axis = _named_group(mesh, name), mesh.axis
     if group.dim != 2:
         raise InputError(mesh.source, "", None, f"group {name} is not a face; pads slide on faces only")
     normal = _face_normal(mesh, group, name)
@@ -339,7 +338,7 @@ def face_strip(face: FlatFace, nodes: Nodes, window: Window) -> Strip:
         allowed = f"cells of this face are up to {parts} times as large as a pad resolves; finer cells or larger pads"
         raise InputError("scene", "pads.on", name, f"{allowed} are allowed")
     cut = replace(mesh, groups={name: Group(2, mesh.groups[name].entities[inside])})
-    points = group_trace(cut, nodes, name, degree=2, parts=max(1, parts))
+    points = group_trace(cut, nodes, name, parts=max(1, parts))
     place = points.points @ face.axes.T
     within = np.flatnonzero(((place > low) & (place < high)).all(axis=1))
     displacement = sum(c * component[within] for c, component in zip(face.normal, points.values, strict=True) if c)
@@ -370,8 +369,7 @@ def _face_normal(mesh: NamedMesh, group: Group, face: str) -> Array:
     The order of the entities' vertices does not matter.  Raises an `InputError` if the face is not flat.
     """
     corners = mesh.points[group.entities]
-    normals = triangle_normals(corners)
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    normals = unit_normals(corners)
     normals *= np.sign(normals @ normals[0])[:, None]
     mean = normals.mean(axis=0)
     mean /= np.linalg.norm(mean)

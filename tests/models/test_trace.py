@@ -35,7 +35,7 @@ def test_a_trace_is_exact_for_quadratic_fields(name: str) -> None:
     if name == "cells":
         mesh.groups["cells"] = type(mesh.groups["u1"])(2, mesh.cells[:5])  # type: ignore[index]
     nodes = number_nodes("triangle", mesh.points, mesh.cells, SHELL)
-    found, q = group_trace(mesh, nodes, name, 2), field(nodes, quadratic)
+    found, q = group_trace(mesh, nodes, name), field(nodes, quadratic)
     assert np.stack([value @ q for value in found.values], axis=1) == pytest.approx(quadratic(found.points), abs=1e-13)
 
 
@@ -46,7 +46,7 @@ def test_a_trace_on_a_solids_face_is_exact_for_quadratic_fields(kind: str) -> No
     nodes = number_nodes(kind, mesh.points, mesh.cells, dict.fromkeys(dims, (0, 1, 2)))
     q = field(nodes, quadratic)
     for name, measure in (("tip", 1.0), ("top", 2.0), ("all", 1.0)):
-        found = group_trace(mesh, nodes, name, 2)
+        found = group_trace(mesh, nodes, name)
         assert found.measure == pytest.approx(measure, rel=1e-13)
         values = np.stack([value @ q for value in found.values], axis=1)
         assert values == pytest.approx(quadratic(found.points), abs=1e-13)
@@ -56,7 +56,7 @@ def test_a_trace_on_a_solids_face_is_exact_for_quadratic_fields(kind: str) -> No
 def test_mean_and_rotation_are_those_of_a_rigid_motion(name: str) -> None:
     mesh = surface()
     nodes = number_nodes("triangle", mesh.points, mesh.cells, SHELL)
-    found = group_trace(mesh, nodes, name, 2)
+    found = group_trace(mesh, nodes, name)
     translation, rotation, about = np.array([0.3, -1.0, 2.0]), np.array([0.2, 0.5, -0.7]), np.array([1.0, -2.0, 0.5])
     q = field(nodes, lambda x: translation + np.cross(rotation, x))
     motion = found.motion(about) @ q
@@ -70,7 +70,7 @@ def test_a_section_is_where_it_was_asked_for(at: float) -> None:
     """Beside the ends too, where all cells lie on one side."""
     mesh = mapped((7, 4), lambda u, v: np.stack([2 * u**2, 0.2 * np.sin(v), 0.2 * np.cos(v)], axis=1))
     nodes = number_nodes("triangle", mesh.points, mesh.cells, SHELL)
-    found = section_trace(mesh, nodes, at, 2)
+    found = section_trace(mesh, nodes, at)
     assert found.centroid[0] == pytest.approx(at, abs=1e-12)
     q = field(nodes, lambda x: np.array([0.3, -1.0, 2.0]) + np.cross([0.2, 0.5, -0.7], x))
     assert found.motion()[3:] @ q == pytest.approx([0.2, 0.5, -0.7], abs=1e-11)
@@ -82,7 +82,7 @@ def test_the_rotation_is_the_nearest_one() -> None:
     """What is left of any field has no mean and no moment about the centroid."""
     mesh = surface()
     nodes = number_nodes("triangle", mesh.points, mesh.cells, SHELL)
-    found, q = group_trace(mesh, nodes, "u1", 2), field(nodes, quadratic)
+    found, q = group_trace(mesh, nodes, "u1"), field(nodes, quadratic)
     motion = found.motion() @ q
     r = found.points - found.centroid
     rest = quadratic(found.points) - motion[:3] - np.cross(motion[3:], r)
@@ -93,7 +93,7 @@ def test_the_rotation_is_the_nearest_one() -> None:
 def test_a_weighted_mean_weighs() -> None:
     mesh = surface()
     nodes = number_nodes("triangle", mesh.points, mesh.cells, SHELL)
-    found = group_trace(mesh, nodes, "v0", 2)
+    found = group_trace(mesh, nodes, "v0")
     found = replace(found, weights=found.weights * found.points[:, 0])
     q = field(nodes, lambda x: x)
     assert (found.mean @ q)[0] == pytest.approx(4.0 / 3.0, rel=1e-13)  # int x^2 / int x over 0 to 2
@@ -103,7 +103,7 @@ def test_a_straight_line_leaves_a_rotation_open() -> None:
     mesh = surface()
     nodes = number_nodes("triangle", mesh.points, mesh.cells, SHELL)
     with pytest.raises(InputError, match="'10'.*on a line, so the rotation about that line is not defined"):
-        group_trace(mesh, nodes, "10", 2).motion()
+        group_trace(mesh, nodes, "10").motion()
 
 
 def test_all_coordinates_on_a_line_are_found() -> None:
