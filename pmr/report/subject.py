@@ -16,7 +16,7 @@ from pmr.results import BodyResult, RunResult
 from pmr.results.quantities import QUANTITIES
 from pmr.scene.built import Load, PadRing
 from pmr.scene.choice import input_directions
-from pmr.scene.joints import JointPads, has_clearance
+from pmr.scene.joints import JointPads
 from pmr.scene.keys import ALONE, LUFFING_CYLINDER, input_name, qualified_name
 from pmr.scene.mechanism import AT_PIVOT, pin_and_cylinder, supports_at_lug
 from pmr.scene.members import members
@@ -57,7 +57,7 @@ def play_clause(result: RunResult, quantity: str, name: str = "") -> str:
     rings = [ring for part in result.scene.sections for ring in part.rings if ring.unilateral]
     return (
         "; computed without play of pads, which no error bar includes"
-        if rings and not any(map(has_clearance, rings))
+        if rings and not any(ring.has_clearance for ring in rings)
         else ""
     )
 

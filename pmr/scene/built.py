@@ -314,17 +314,41 @@ class Slider(SceneTable):
     travel: tuple[Place, Place] | None = Field(default=None, description="Smallest and largest s of the saved model")
 
 
-def clearance_on(clearances: float | Mapping[Face, float], face: str) -> float:
-    """Return the clearance in m of the pads on a face.
+class PadPlaces(SceneTable):
+    """Places, sizes, stiffness and clearance of a ring of pads."""
 
-    `clearances` is one number for all faces or a mapping by face; a face that the mapping lacks has the clearance 0.
-    """
-    if not isinstance(clearances, Mapping):
-        return clearances
-    return {str(name): gap for name, gap in clearances.items()}.get(face, 0.0)
+    name: NameOrNone = Field(default="", description="Name of the ring, where one end has several")
+    at: Distance = Field(description="Distance of the pads' centre from the tail, or from the mouth")
+    faces: Annotated[dict[Face, tuple[Place, ...]], Usual(0.0, 5.0)] | None = Field(
+        default=None,
+        description="Places of the pads across each face, by its name; none: a point on the axis of planar beams",
+    )
+    length: Annotated[Length, Usual(0.001, 5.0)] = Field(default=0.3, description="Length of a pad along the axis")
+    width: Annotated[Length, Usual(0.001, 3.0)] = Field(default=0.08, description="Width of a pad across the face")
+    stiffness: PadStiffness | Literal["rigid"] = Field(default=3e8, description="Stiffness of each pad")
+    unilateral: Switch = Field(default=False, description="Whether pads only push, and lift off where they would pull")
+    clearance: Annotated[Distance | dict[Face, Distance], Usual(0.0, 0.2)] = Field(
+        default=0.0, description="Gap between pads that only push and the undeformed body, of all faces or by face"
+    )
+    allowed_pressure: AllowedPressure | None = Field(
+        default=None,
+        description="Largest mean pressure of a pad, its force over length times width; the first page has the share "
+        "that is used",
+    )
+
+    def clearance_on(self, face: str) -> float:
+        """Return the clearance in m of the pads on a face; 0 for a face that clearances by face do not name."""
+        if not isinstance(self.clearance, dict):
+            return self.clearance
+        return next((gap for name, gap in self.clearance.items() if name == face), 0.0)
+
+    @property
+    def has_clearance(self) -> bool:
+        """Whether the clearance is not 0 on one of the faces."""
+        return any(self.clearance.values()) if isinstance(self.clearance, dict) else self.clearance > 0.0
 
 
-class PadRing(SceneTable):
+class PadRing(PadPlaces):
     """A ring of pads at one position along the axis, which is fixed on the body or moves along it.
 
     `faces` gives the coordinate in m of each pad across its face: y on bottom and top, z on left and right.  On slanted
@@ -341,26 +365,14 @@ class PadRing(SceneTable):
     faces: Annotated[dict[Face, tuple[Place, ...]], Field(min_length=1), Usual(0.0, 5.0)] = Field(
         description="Places of the pads across each face, by the face's name"
     )
-    length: Annotated[Length, Usual(0.001, 5.0)] = Field(default=0.3, description="Length of a pad along the axis")
-    width: Annotated[Length, Usual(0.001, 3.0)] = Field(default=0.08, description="Width of a pad across the face")
-    stiffness: PadStiffness | Literal["rigid"] = Field(default=3e8, description="Stiffness of each pad")
-    unilateral: Switch = Field(default=False, description="Whether pads only push, and lift off where they would pull")
-    clearance: Annotated[Distance | dict[Face, Distance], Usual(0.0, 0.2)] = Field(
-        default=0.0, description="Gap between pads that only push and the undeformed body, of all faces or by face"
-    )
-    allowed_pressure: AllowedPressure | None = Field(
-        default=None,
-        description="Largest mean pressure of a pad, its force over length times width; the first page has the share "
-        "that is used",
-    )
-
-    def clearance_on(self, face: Face) -> float:
-        """Return the clearance of the pads on a face, m."""
-        return clearance_on(self.clearance, face)
 
     @property
     def named_pads(self) -> list[tuple[str, Face, float]]:
-        """For each pad its name, its face and its coordinate across the face in m."""
+        """For each pad its name, its face and its coordinate across the face in m.
+
+        The name is that of ring and face.  On a face with two pads on both sides of the coordinate 0, the word for the
+        side follows (`SIDES`, `UPWARDS`); on another face with several pads the number of the pad, from 1 on.
+        """
         pads = []
         for face, places in self.faces.items():
             for number, across in enumerate(places, start=1):

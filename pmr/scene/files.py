@@ -28,7 +28,7 @@ from pmr.errors import InputError
 from pmr.scene.checks import check_scene
 from pmr.scene.choice import has_axial_motion, has_giving_walls, is_planar, model_of, observed_places, traits_of
 from pmr.scene.cylinder import FreeExtension
-from pmr.scene.joints import JointPads, has_clearance
+from pmr.scene.joints import JointPads
 from pmr.scene.keys import Schema
 from pmr.scene.members import Member, member_at, members
 from pmr.scene.model_traits import CELLS
@@ -239,7 +239,7 @@ def _unused_scene_keys(scene: Scene) -> Iterator[UnusedKey]:
     pushing = [ring for part in scene.sections for ring in part.rings if ring.unilateral and ring.faces is not None]
     if not pushing:
         yield UnusedKey("compare.play", "", "no ring of pads on faces has unilateral = true, and others have no play")
-    elif any(map(has_clearance, pushing)):
+    elif any(ring.has_clearance for ring in pushing):
         yield UnusedKey("compare.play", "", "pads have a clearance, without which `pmr run` simulates the scene again")
 
 

@@ -17,7 +17,7 @@ from pydantic import BaseModel
 
 from pmr.scene.built import GRAVITY, Load
 from pmr.scene.choice import has_walls_that_could_give, traits_of
-from pmr.scene.joints import BoomSection, has_clearance
+from pmr.scene.joints import BoomSection
 from pmr.scene.keys import Hinted, Usual, qualified_name, quantity_of, usual_ranges
 from pmr.scene.members import Member, members
 from pmr.scene.scene import Scene
@@ -393,7 +393,7 @@ def _pad_effects(scene: Scene, at_rest: bool, play_in_bars: bool) -> list[str]:
         return []
     clauses = [] if not at_rest and any(getattr(ring, "friction", 0.0) for ring in rings) else ["friction"]
     clauses += ["wear", "spread of the pressure under a pad"]
-    if not any(map(has_clearance, rings)):
+    if not any(ring.has_clearance for ring in rings):
         clauses.append(
             "play beyond error bars" if play_in_bars else "play (at side pads it changes the stress in walls)"
         )

@@ -15,18 +15,14 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from pmr.errors import LONGEST_NAME
 from pmr.scene import run_settings
-from pmr.scene.built import ENDS, Body, Face, Load, MeshChoice, PadRing, Slider, Support, clearance_on
+from pmr.scene.built import ENDS, Body, Load, MeshChoice, PadPlaces, PadRing, Slider, Support
 from pmr.scene.cylinder import SHEAR_STIFFNESS, STRIBECK_SPEED, FreeExtension, unused_friction_keys
 from pmr.scene.keys import (
     OVER_TIME,
-    AllowedPressure,
     AxialStiffness,
     Count,
-    Distance,
     Friction,
     Length,
-    NameOrNone,
-    PadStiffness,
     Place,
     Quantity,
     SceneTable,
@@ -38,29 +34,6 @@ from pmr.scene.keys import (
 from pmr.scene.signals import Constant, Signal, SignalBase
 from pmr.scene.signals.base import Array, Floats, Interval, Strand
 from pmr.scene.structures import PointMass, Probe
-
-
-class PadPlaces(SceneTable):
-    """Places, sizes and stiffness of a ring of pads."""
-
-    name: NameOrNone = Field(default="", description="Name of the ring, where one end has several")
-    at: Distance = Field(description="Distance of the pads' centre from the tail, or from the mouth")
-    faces: Annotated[dict[Face, tuple[Place, ...]], Usual(0.0, 5.0)] | None = Field(
-        default=None,
-        description="Places of the pads across each face, by its name; none: a point on the axis of planar beams",
-    )
-    length: Annotated[Length, Usual(0.001, 5.0)] = Field(default=0.3, description="Length of a pad along the axis")
-    width: Annotated[Length, Usual(0.001, 3.0)] = Field(default=0.08, description="Width of a pad across the face")
-    stiffness: PadStiffness | Literal["rigid"] = Field(default=3e8, description="Stiffness of each pad")
-    unilateral: Switch = Field(default=True, description="Whether pads only push, and lift off where they would pull")
-    clearance: Annotated[Distance | dict[Face, Distance], Usual(0.0, 0.2)] = Field(
-        default=0.0, description="Gap between pads that only push and the undeformed section, of all faces or by face"
-    )
-    allowed_pressure: AllowedPressure | None = Field(
-        default=None,
-        description="Largest mean pressure of a pad, its force over length times width; the first page has the share "
-        "that is used",
-    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,6 +81,8 @@ class JointPads(RingFriction, PadPlaces):
     above and one below.
     """
 
+    unilateral: Switch = Field(default=True, description="Whether pads only push, and lift off where they would pull")
+
     @model_validator(mode="after")
     def _check_friction_and_clearance(self) -> JointPads:
         """Refuse a clearance of pads that hold both ways, or on faces without pads, and too small a static friction.
@@ -125,10 +100,6 @@ class JointPads(RingFriction, PadPlaces):
         if strange:
             raise ValueError(f"a clearance of faces that have pads is allowed: {strange[0]} has none")
         return self
-
-    def clearance_on(self, face: str) -> float:
-        """Return the clearance of the pads on a face, m."""
-        return clearance_on(self.clearance, face)
 
 
 class Cylinder(SceneTable):
@@ -228,12 +199,6 @@ class Joint(SceneTable):
     def rings(self) -> tuple[JointPads, ...]:
         """Rings of pads of the joint: those at the section's tail, then those at the mouth."""
         return (*self.tail, *self.mouth)
-
-
-def has_clearance(ring: PadRing | JointPads) -> bool:
-    """Whether a ring of pads has a clearance that is not 0 on one of its faces."""
-    clearance = ring.clearance
-    return any(clearance.values()) if isinstance(clearance, dict) else clearance > 0.0
 
 
 class ScaledSignal(SignalBase):

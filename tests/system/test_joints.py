@@ -9,7 +9,8 @@ import pytest
 import pmr
 from pmr import scene as scenes
 from pmr.compare.simulated import excitation_of_scene
-from pmr.scene.joints import JointPads, PadPlaces, RingFriction
+from pmr.scene.built import PadPlaces
+from pmr.scene.joints import JointPads, RingFriction
 from pmr.simulation import Excitation
 from pmr.simulation.native import systems
 from pmr.system.contacts import Contact, Friction, Place, pad_at_mouth, pad_at_tail
