@@ -153,7 +153,7 @@ class Run:
     def _cylinders(self) -> dict[str, float]:
         """Forces of the sections' cylinders."""
         names = self.scene.names[1:]
-        return {name: abs(float(self.response.force(f"force of cylinder of {name}", 0)[0])) for name in names}
+        return {name: abs(float(self.response.force(f"force of cylinder of {name}")[0])) for name in names}
 
     def _frequency(self) -> float:
         """Lowest natural frequency in Hz."""
@@ -175,7 +175,7 @@ class Run:
         """Whether a unilateral pad is open; frequencies and buckling factors of a run assume closed pads."""
         pushing = ~np.isnan(self.system.clearance)
         names = [f"force of {name}" for name, one in zip(self.system.contact_names, pushing, strict=True) if one]
-        return any(not self.response.force(name, 0)[0] > 0.0 for name in names)
+        return any(not self.response.force(name)[0] > 0.0 for name in names)
 
     def _support(self) -> float:
         """Largest resultant force of a support: of springs along z, of a pin or a clamp along all axes."""

@@ -372,7 +372,7 @@ def supply_warnings(
         if fed.any():
             most = with_unit(float(pressure[fed].max()), "Pa")
             warnings.append(
-                f"the supply of {supply} is too weak for the {cylinder}: {response.when(response.t[np.argmax(fed)])} "
+                f"the supply of {supply} is too weak for the {cylinder}: at {response.t[np.argmax(fed)]:g} s "
                 f"the valve is open to {verb} it, but the oil on the {side} side has up to {most}, and flows back "
                 "unless a counterbalance valve holds it"
             )
@@ -381,7 +381,7 @@ def supply_warnings(
             k = int(np.argmax(np.where(shut, pressure, -np.inf)))
             warnings.append(
                 f"the oil on the {side} side of the {cylinder} has up to {with_unit(float(pressure[k]), 'Pa')} "
-                f"{response.when(response.t[k])} while the supply does not feed it, more than the supply's {supply}: "
+                f"at {response.t[k]:g} s while the supply does not feed it, more than the supply's {supply}: "
                 "the model has no relief valve"
             )
     return warnings

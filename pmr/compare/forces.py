@@ -11,7 +11,7 @@ import scipy.sparse.linalg as spla
 
 from pmr.files.arrays import Array
 from pmr.results import Response
-from pmr.results.quantities import FORCE
+from pmr.results.quantities import FORCE_OF
 from pmr.results.response import Extremes
 from pmr.results.run import SummaryPart
 from pmr.results.tables import lug_forces, reaction_extremes, support_forces
@@ -58,7 +58,7 @@ def limits_part(scene: Scene, system: System, response: Response) -> SummaryPart
     limits = run_limits(scene, system.contacts, max(NO_FORCE, response.force_floor))
     exceeded = exceeded_limits(limits, histories(scene, response))
     rows: list[dict[str, Any]] = [{"what": of.limit.event, "t": float(response.t[of.first])} for of in exceeded]
-    lines = exceeded_warnings(exceeded, lambda k: response.when(float(response.t[k])))
+    lines = exceeded_warnings(exceeded, lambda k: f"at {response.t[k]:g} s")
     return SummaryPart({"exceeded": rows} if rows else {}, grave=list(lines))
 
 
@@ -67,11 +67,11 @@ def histories(scene: Scene, response: Response) -> History:
 
     def history(name: str) -> Array | None:
         if name in response.force_names:
-            return response.force(name, 0)
+            return response.force(name)
         if name == LUFFING and scene.frame is not None:
             return np.asarray(scene.frame.angles.luffing.value(response.t))
         # the force of a rigid pad that does not move is the reaction of a support
-        named = (name, reaction_name(name.removeprefix(FORCE)))
+        named = (name, reaction_name(name.removeprefix(FORCE_OF)))
         stored_name = next((of for of in named if of in response.other_names), None)
         return None if stored_name is None else response.other(stored_name)
 
@@ -134,7 +134,7 @@ def _cylinder_rows(scene: Scene, system: System, response: Response) -> Iterator
     driven = {force_name(cylinder_name(name)): name for name in scene.names[1:]}
     for force in response.force_names:
         if (body := driven.get(force)) is not None:
-            history = response.clear_round_off(response.force(force, 0))
+            history = response.clear_round_off(response.force(force))
             extremes = Extremes.from_history(history, response.t, along)
             row = {"name": cylinder_name(body), **extremes.summary()}
             if friction_name(body) in response.other_names:
@@ -154,7 +154,7 @@ def _friction_figures(scene: Scene, system: System, response: Response, body: st
     friction = Friction.from_contacts(system.contacts)
     assert friction is not None  # the response has friction
     joint = friction.joints.index(body)
-    f, drive = response.other(friction_name(body)), response.force(force_name(cylinder_name(body)), 0)
+    f, drive = response.other(friction_name(body)), response.force(force_name(cylinder_name(body)))
     y = scene.paths[body].value(response.t) - friction.cylinder_compliance[joint] * drive
     grip = friction.stiffness[friction.first_pads[joint] : friction.first_pads[joint + 1]].sum()
     dissipated = (f[1:] + f[:-1]) @ np.diff(y) / 2.0 - (f[-1] ** 2 - f[0] ** 2) / (2.0 * grip)
@@ -173,7 +173,7 @@ def reaction_rows(scene: Scene, response: Response, path: Array) -> dict[str, ob
     for body, part in zip(scene.names, scene.sections, strict=True):
         for name, unit in part.spring_units.items():
             if (force := qualified_name(body, force_name(name))) in response.force_names:
-                extremes = Extremes.from_history(response.force(force, 0), response.t, path)
+                extremes = Extremes.from_history(response.force(force), response.t, path)
                 rows.append({"name": qualified_name(body, name), "unit": unit, **extremes.summary()})
     return {"reactions": rows} if rows else {}
 
@@ -209,7 +209,7 @@ def _pad_force(response: Response, name: str) -> Array | None:
     The force of a rigid pad that does not move is the reaction of a support.
     """
     if force_name(name) in response.force_names:
-        return response.force(force_name(name), 0)
+        return response.force(force_name(name))
     return response.other(reaction_name(name)) if reaction_name(name) in response.other_names else None
 
 
@@ -292,7 +292,7 @@ def rope_forces(scene: Scene, response: Response) -> dict[str, Array]:
     if any(force_name(cylinder_name(name)) not in response.force_names for name in shares):
         return {}
     cylinders = [name for name in map(cylinder_name, scene.names[1:]) if force_name(name) in response.force_names]
-    forces_of_all = np.array([response.force(force_name(name), 0) for name in cylinders])
+    forces_of_all = np.array([response.force(force_name(name)) for name in cylinders])
     return {name: row @ forces_of_all for name, row in drive_rows(scene, cylinders).items() if name in shares}
 
 

@@ -154,9 +154,9 @@ def missed_stress_part(scene: Scene, response: Response) -> SummaryPart:
         return SummaryPart()
     history = histories[missed]
     most, at_most = (with_unit(float(of.max()), missed.unit) for of in (history, history[steps]))
-    when = response.when(response.t[np.argmax(history)])
-    line = f"the largest stress may be missed: {missed.name} has {most} {when}, and at most {at_most} at the times of "
-    return SummaryPart(warnings=[f"{line}recovery; recovery.every = {recovery.every:g} s, a smaller one shows more"])
+    t = response.t[np.argmax(history)]
+    line = f"the largest stress may be missed: {missed.name} has {most} at {t:g} s, and at most {at_most} at the times "
+    return SummaryPart(warnings=[f"{line}of recovery; recovery.every = {recovery.every:g} s, a smaller one shows more"])
 
 
 def fatigue_part(scene: Scene, response: Response) -> SummaryPart:

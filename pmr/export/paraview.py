@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from pmr.files.arrays import Array
 from pmr.results.field_series import CUBE, Boxes, Fields, Grid, Pose, pad_corners
+from pmr.results.quantities import FORCE_OF
 from pmr.results.run import RunResult
-from pmr.results.tables import FORCE_OF
 from pmr.scene.box import Box
 from pmr.scene.keys import ALONE
 
@@ -47,7 +47,7 @@ def pads_over_time(result: RunResult) -> Boxes | None:
         if not ring.moving:
             corners[:, k, :, 0] += along[:, None]
         if FORCE_OF + name in response.force_names:
-            force[:, k] = np.interp(t, response.t, response.force(FORCE_OF + name, 0))
+            force[:, k] = np.interp(t, response.t, response.force(FORCE_OF + name))
     if (pose := result.pose(t)) is not None:
         corners = pose.positions(corners.reshape(len(t), -1, 3)).reshape(corners.shape)
     return Boxes(tuple(name for _, name, _, _ in places), corners, {"force": force})

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.files.arrays import Array
 from pmr.report.subject import luffing_support_names, shown_force_name
 from pmr.results import Response, RunResult
-from pmr.results.tables import FORCE_OF
+from pmr.results.quantities import FORCE_OF
 from pmr.scene.hoist import PLACES as HOOK_PLACES
 from pmr.scene.hoist import Hoist
 from pmr.scene.keys import qualified_name
@@ -84,7 +84,7 @@ class Force:
 
     def history(self, response: Response) -> Array:
         """Read the force or moment (T,) in its `unit` from a response."""
-        return response.force(self.output_name, 0)
+        return response.force(self.output_name)
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,7 @@ from pmr.report.blocks import SAME, WITHIN, ErrorTable, Row, deviating_rows, mar
 from pmr.report.numbers import SPACE, TINY, decimals_of, format_length, format_percent, format_quantity, significant
 from pmr.report.subject import force_words, is_alone, shown_force_name, with_shown_label
 from pmr.results import RunResult
-from pmr.results.quantities import COMPARED, PIVOT, error_label
-from pmr.results.tables import REACTION_OF
+from pmr.results.quantities import COMPARED, PIVOT, REACTION_OF, error_label
 
 NAMES = {"full": "full", "ancf": "ANCF", "reduced": "reduced"}
 #: Order of the pairs of models in the error table, and order of the kinds of errors of each pair.

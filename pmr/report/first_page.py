@@ -84,7 +84,7 @@ def _left_out_rows(result: RunResult) -> Rows:
     rows, recovery = left_out(result.scene), result.scene.recovery
     if has_pushing_pads(result) and (result.frequencies.models or "factor" in result.summary.get("buckling", {})):
         forces = [Extremes.from_summary(pad) for pad in result.summary.get("pads", ())]
-        opened = [force.size for force in forces if force.least == 0.0]
+        opened = [force.size for force in forces if force.lowest.value == 0.0]
         idle = sum(size <= result.responses["reduced"].force_floor for size in opened)
         numbers = ((len(opened) - idle, "at times"), (idle, "at all times"))
         counts = ", ".join(f"{number} {when}" for number, when in numbers if number)

@@ -24,9 +24,9 @@ from pmr.report.subject import (
     shown_force_name,
 )
 from pmr.results import RunResult
-from pmr.results.quantities import UNIT_QUANTITIES
+from pmr.results.quantities import REACTION_OF, UNIT_QUANTITIES
 from pmr.results.response import ROUND_OFF, Output
-from pmr.results.tables import REACTION_OF, reaction_extremes
+from pmr.results.tables import reaction_extremes
 from pmr.scene.keys import LUFFING_CYLINDER
 from pmr.scene.mechanism import AT_PIVOT
 

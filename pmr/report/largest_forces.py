@@ -20,9 +20,8 @@ from pmr.report.subject import (
     shown_force_name,
 )
 from pmr.results import RunResult
-from pmr.results.quantities import QUANTITIES, resultant_name
+from pmr.results.quantities import FORCE_OF, QUANTITIES, REACTION_OF, resultant_name
 from pmr.results.response import Extreme, Extremes
-from pmr.results.tables import FORCE_OF, REACTION_OF
 from pmr.scene.keys import cylinder_name, qualified_name
 from pmr.scene.mechanism import AT_GROUND, AT_PIVOT
 
@@ -86,7 +85,7 @@ def _driven_rows(result: RunResult) -> LargestValues:
             text = f"{format_percent(most.value)} of the allowed force, {extreme_clause(result, most)}"
             yield largest_value("luffing_use", f"{text}; allowed: {_allowed_forces_words(result)}", most.value)
         pressures = {side: Extremes.from_summary(of) for side in OIL_SIDES if (of := cylinder.get(f"pressure_{side}"))}
-        for side in sorted(pressures, key=lambda side: pressures[side].most)[-1:]:
+        for side in sorted(pressures, key=lambda side: pressures[side].highest.value)[-1:]:
             yield largest_value("driven_pressure", value_at(result, pressures[side].largest, "Pa", OIL_SIDES[side]))
         if flow := cylinder.get("flow_supply"):
             power = f"{format_quantity(cylinder['power_supply']['max'], 'W')} at most"
@@ -398,8 +397,8 @@ def _ground_rows(result: RunResult) -> LargestValues:
         ("tipping", [ground["use"]]),
     ):
         quantity, extremes = QUANTITIES[key], {row["name"]: Extremes.from_summary(row) for row in rows}
-        name = min(extremes, key=lambda name: extremes[name].least)
-        value = quantity.value(extremes[name])
+        name = min(extremes, key=lambda name: extremes[name].lowest.value)
+        value = quantity.reported_extreme(extremes[name])
         if key == "tipping":
             text = f"{format_percent(value.value)} (the machine tips at 100{SPACE}%), {extreme_clause(result, value)}"
             yield largest_value(key, text, value.value)

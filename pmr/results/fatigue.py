@@ -31,7 +31,7 @@ REFERENCE_CYCLES = 2e6
 def rainflow_cycles(t: Array, x: Array) -> Array:
     """Return the rainflow cycles of a history x (T,) at times t (T,) in s, the largest first (ASTM E1049-85).
 
-    A cycle that does not close counts as half a cycle.
+    A cycle that does not close counts as half a cycle, and cycles of the range 0 are left out.
 
     Returns
     -------

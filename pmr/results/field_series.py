@@ -53,7 +53,7 @@ class Grid:
     cells: Indices
     regions: Mapping[str, Indices] = field(default_factory=dict)
 
-    def region(self, cell: int) -> str:
+    def region_names(self, cell: int) -> str:
         """Return the names of the regions that contain the cell number `cell`, joined by commas.
 
         The text is empty if no region contains this cell.

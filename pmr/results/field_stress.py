@@ -28,6 +28,7 @@ import scipy.sparse as sp
 
 from pmr.files.arrays import Array, Indices
 from pmr.results.field_series import Grid
+from pmr.results.response import ROUND_OFF
 
 Position = tuple[float, float, float]  # x, y and z in m
 
@@ -94,7 +95,7 @@ class StressRows:
         return von_mises(stresses, self.mises)
 
     def points_on(self, face: str) -> Indices:
-        """Return the indices (k,) of the points on the face called `face`."""
+        """Return the indices (k,) of the points on the face called `face`, one of `faces`; others raise ValueError."""
         return np.flatnonzero(self.face == self.faces.index(face))
 
     def by_cell(self, values: Array, cells: int) -> dict[str, Array]:
@@ -115,7 +116,7 @@ class StressRows:
         """Return stress components (S, cells) in Pa at the point of each cell at which the von Mises stress is largest.
 
         The arrays have the keys ``"FACE COMPONENT"``; `stresses` are (S, P, c) in Pa.  If a cell has no point on a
-        face, the point of its largest von Mises stress on any face is taken.
+        face, the point of its largest von Mises stress on any face is taken.  Each of the `cells` needs a point.
         """
         mises, components = self.von_mises(stresses), dict[str, Array]()
         largest_anywhere = _largest_indices(mises, self.cell, cells)
@@ -211,7 +212,7 @@ def stress_history(
         if np.linalg.norm(earlier - rows.points[q], axis=1).min() > near:  # neighbouring cells have points in common
             shared.append(_point_tuple(rows.points[q]))
     on = rows.faces[rows.face[p]]
-    peak = StressPeak(float(largest[k]), float(t[k]), place, on, cell, grid.region(cell), tuple(shared))
+    peak = StressPeak(float(largest[k]), float(t[k]), place, on, cell, grid.region_names(cell), tuple(shared))
     return StressHistory(np.asarray(t), largest, point, peak)
 
 
@@ -260,8 +261,6 @@ def _largest_indices(values: Array, cell: Indices, cells: int) -> Indices:
     return result
 
 
-#: A value is round-off up to this share of the largest value with the same unit.
-ROUND_OFF = 1e-9
 #: Units of section forces, by the names of the forces.
 FORCES = {
     "normal force": "N",

@@ -34,7 +34,8 @@ Measure = Callable[[Array], Array]
 DIRECTION = re.compile(r" r?[xyz](?= (?:at|on) |$)")
 #: SI prefixes of values in sentences, each after the factor that it stands for.
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
-REACTION, PIVOT, FORCE = reaction_name(""), reaction_name(f"{AT_PIVOT} "), force_name("")
+#: Beginnings of the names of forces of contacts, of reactions of rigid supports, and of those at the pivot.
+FORCE_OF, REACTION_OF, PIVOT = force_name(""), reaction_name(""), reaction_name(f"{AT_PIVOT} ")
 #: Matrices A by which the square of the von Mises stress is s^T A s, by the names of the stress components s.
 MISES: Mapping[tuple[str, ...], Array] = {
     ("axial",): FIBRE[:1, :1],
@@ -76,9 +77,12 @@ class Columns:
 
     @classmethod
     def from_scene(cls, scene: Scene, response: Response) -> Columns:
-        """Return the description of the columns of a scene's response, in the order of those in the response."""
+        """Return the description of the columns of a scene's response, in the order of `Response.outputs`.
+
+        Names of forces lose their beginning ``force of``, so that a pad has its own name.
+        """
         return cls.of_outputs(
-            scene, [replace(output, name=output.name.removeprefix(FORCE)) for output in response.outputs]
+            scene, [replace(output, name=output.name.removeprefix(FORCE_OF)) for output in response.outputs]
         )
 
     @classmethod
@@ -89,7 +93,7 @@ class Columns:
             name: unit
             for body, part in scene.bodies.items()
             for row, unit in part.spring_units.items()
-            for name in (qualified_name(body, FORCE + row), f"{body} {row}".strip())
+            for name in (qualified_name(body, FORCE_OF + row), f"{body} {row}".strip())
         }
         columns = cls(
             names,
@@ -119,7 +123,7 @@ class Columns:
         return [k for k in self.numbers_of_kind("support", "reaction") if not self.names[k].startswith(on_machine)]
 
     def stress_columns(self) -> dict[str, dict[str, int]]:
-        """Return the numbers of the columns of stress at probes: for each probe a mapping by the stress component."""
+        """Return, by the name of each probe, the numbers of its columns of stress by the stress component."""
         by_probe = dict[str, dict[str, int]]()
         for k in self.numbers_of_kind("probe"):
             probe, separator, component = self.names[k].rpartition(" stress ")
@@ -194,12 +198,12 @@ class Quantity:
     def histories(self, response: Response) -> dict[str, Array]:
         """Return the columns (T,) of a response that hold the quantity, by the names of the outputs.
 
-        The columns are those of `Response.column`.
+        The columns are those of `Response.column`.  There are none for a quantity without `kinds`.
         """
         outputs = enumerate(response.outputs)
         return {output.name: response.column(k) for k, output in outputs if output.kind in self.kinds}
 
-    def value(self, extremes: Extremes) -> Extreme:
+    def reported_extreme(self, extremes: Extremes) -> Extreme:
         """Return the extreme that is reported for the quantity: the largest absolute, the highest or the lowest value.
 
         `extremes` are those of a history; the quantity's field `extreme` says which one is reported.
@@ -208,7 +212,10 @@ class Quantity:
 
 
 def with_unit(value: float, unit: str) -> str:
-    """Return a value as text with three digits and its unit; from a thousand on with an SI prefix."""
+    """Return a value as text with three digits and its unit, such as ``12.3 kN``.
+
+    Absolute values from a thousand on get the prefix k, M or G; smaller values get none.
+    """
     size, prefix = next(((size, name) for size, name in _PREFIXES if abs(value) >= size), (1.0, ""))
     return f"{value / size:.3g} {prefix}{unit}"
 
@@ -267,10 +274,10 @@ def _support_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measu
 
 
 def columns_by_support(columns: Columns, looks_at: Callable[[str], bool]) -> dict[str, list[int]]:
-    """Return the numbers of the columns of each support's forces, by the support's name.
+    """Return the numbers of the columns of each support's forces, by body and support such as ``base pivot``.
 
-    If no chosen support has a force, they are the columns of moments.  `looks_at` takes a name and says whether the
-    support of this name is chosen; columns at the pivot and on the ground are never chosen.
+    If no chosen support has a force, they are the columns of moments.  `looks_at` takes one of the two names of
+    `support_names` and says whether this support is chosen.  Columns at the pivot and on the ground are never chosen.
     """
     chosen = [k for k in columns.support_columns() if any(looks_at(name) for name in support_names(columns, k))]
     groups = dict[str, list[int]]()
@@ -333,16 +340,16 @@ def support_names(columns: Columns, number: int) -> tuple[str, ...]:
     body, name = columns.bodies[number], columns.names[number]
     if name.startswith(f"{body} "):  # a contact's
         return name, name
-    row = name.removeprefix(REACTION).removeprefix(f"{body}: ").removeprefix(FORCE)
+    row = name.removeprefix(REACTION_OF).removeprefix(f"{body}: ").removeprefix(FORCE_OF)
     return name, f"{body} {row}".strip()
 
 
 def _cylinder_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-    """Return a function from the values (T, c) of all c columns to the largest force (T,) that moves a section.
+    """Return a function from the values (T, c) of all c columns to the largest absolute force (T,) of section drives.
 
     `looks_at` says whether a limit depends on the cylinder of a name; None is returned if it depends on no cylinder.
-    The force is computed by `pmr.scene.mechanism.drive_rows`: the force of one cylinder, or a sum over several
-    cylinders for a section that hangs on ropes or that other sections follow.
+    The force that moves a section along the boom is that of `pmr.scene.mechanism.drive_rows`: the force of one
+    cylinder, or a sum over several cylinders for a section that hangs on ropes or that other sections follow.
     """
     return _drive_measure([row for name, row in columns.drives.items() if looks_at(cylinder_name(name))])
 
@@ -607,9 +614,10 @@ LIMITED = {quantity.limit.key: quantity for quantity in QUANTITIES.values() if q
 
 
 def error_label(name: str) -> str:
-    """Return words for the quantity of the error `name` in summary.json, such as ``pad_force_between_kinks``.
+    """Return words for the error with the key `name` in summary.json, such as ``pad_force_between_kinks``.
 
-    If the key is not in `QUANTITIES`, it stands for its own words.
+    The words are the label of the quantity, with "between kinks" behind it if the key says so.  A key that is not in
+    `QUANTITIES`, such as the name of a probe, is returned itself.
     """
     key, separator, _ = name.partition("_between_kinks")
     label = QUANTITIES[key].label if key in QUANTITIES else key
@@ -619,13 +627,13 @@ def error_label(name: str) -> str:
 def von_mises_stress(components: Array, names: Sequence[str]) -> Array:
     """Return the von Mises stress (...) in Pa of stress components (..., c) in Pa.
 
-    `names` are the names of the c components.
+    `names` are the names of the c components, one of the keys of `MISES`; others raise KeyError.
     """
     return von_mises(components, MISES[tuple(names)])
 
 
 def matches_pattern(patterns: Sequence[str], name: str) -> bool:
-    """Return whether a name fits one of the patterns, in which ``*`` stands for any text."""
+    """Return whether a whole name fits one of the patterns, in which ``*`` stands for any text, also for none."""
     return any(re.fullmatch(".*".join(map(re.escape, pattern.split("*"))), name) for pattern in patterns)
 
 
@@ -641,11 +649,11 @@ class ReductionErrors(NamedTuple):
 
 
 def reduction_error(summary: Summary) -> ReductionErrors:
-    """Return the errors of the reduction of a run with this summary.
+    """Return the errors of the reduction in the summary of a run, for those kinds of `COMPARED` that it has.
 
     If the full model was simulated, they are differences to the full model, else estimates; errors of frequencies and
     of reactions of rigid supports are always estimates.  Forces that jump at kinks of extensions are compared between
-    the kinks only, and pad forces with impacts are left out.
+    the kinks only, and pad forces with impacts are left out.  Without an error of displacements there are no errors.
     """
     errors, estimate = summary.get("errors", {}).get("reduced_vs_full", {}), summary.get("estimate") or {}
     source, how = (errors, "compared with the full model") if "beam" in errors else (estimate, "estimated")

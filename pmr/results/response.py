@@ -23,6 +23,7 @@ KINDS = (
 )  # fmt: skip
 #: Name of the column of a luffing angle that was computed.
 LUFFING_ANGLE = "luffing angle"
+#: Kinds of outputs that are columns of `Response.slider_force`.
 FORCES = ("pad", "cylinder", "support")
 
 
@@ -43,7 +44,7 @@ class Output:
 
     @property
     def is_force(self) -> bool:
-        """Whether the column is the force of a contact or of an elastic support."""
+        """Whether the column is the force of a contact or of an elastic support; reactions of rigid ones are not."""
         return self.kind in FORCES
 
     @property
@@ -70,7 +71,7 @@ class Output:
         return cls(name, what, body, place, direction, unit)
 
 
-#: Share of the largest force up to which a force is round-off.
+#: Share of the largest value in the same unit up to which a value is round-off.
 ROUND_OFF = 1e-9
 
 
@@ -180,20 +181,24 @@ class Response:
 
     @property
     def force_floor(self) -> float:
-        """Force in N up to which a force may be round-off: `force_round_off`, or a billionth of the largest force."""
-        reactions = [k for k, unit in enumerate(self.other_units) if unit == "N"]
-        support_forces = np.empty((0, 0)) if self.others is None else self.others[:, reactions]
-        largest = max(float(np.abs(forces).max(initial=0.0)) for forces in (self.slider_force, support_forces))
+        """Force in N up to which a force may be round-off: `force_round_off` or, if larger, the share `ROUND_OFF`.
+
+        That is a share of the largest force in all columns in N, those of `others` among them.
+        """
+        in_newton = [k for k, unit in enumerate(self.other_units) if unit == "N"]
+        other_forces = np.empty((0, 0)) if self.others is None else self.others[:, in_newton]
+        largest = max(float(np.abs(forces).max(initial=0.0)) for forces in (self.slider_force, other_forces))
         return max(self.force_round_off, ROUND_OFF * largest)
 
     def clear_round_off(self, force: Array) -> Array:
-        """Return the history `force` (T,) in N, or zeros (T,) if all of the force is round-off (`force_floor`)."""
+        """Return the history `force` (T,) in N itself, or zeros (T,) if it is never above round-off (`force_floor`)."""
         return force if np.abs(force).max(initial=0.0) > self.force_floor else np.zeros_like(force)
 
     def of(self, kind: str, body: str | None = None, direction: str | None = None) -> Array:
-        """Return the histories (T, k) of the k columns of one kind; k may be 0.
+        """Return the histories (T, k) of the k columns of one kind (`KINDS`), in the order of `outputs`; k may be 0.
 
-        If `body` or `direction` is not None, only the columns of this body or along this direction are returned.
+        If `body` or `direction` is not None, only the columns of this body or along this direction are returned.  Each
+        history is that of `column`.
         """
         chosen = [
             self.column(k)
@@ -203,7 +208,10 @@ class Response:
         return np.stack(chosen, axis=1) if chosen else np.empty((len(self.t), 0))
 
     def with_forces(self, numbers: Sequence[int]) -> Response:
-        """Return this response with only those columns of `slider_force` whose `numbers` are given, in this order."""
+        """Return this response with only the columns of `slider_force` with these `numbers`, from 0, in this order.
+
+        `force_peaks`, names, kinds and bodies follow; all other columns stay.
+        """
         chosen, first, end = list(numbers), len(self.output_names), len(self.output_names) + len(self.force_names)
         columns = [*range(first), *(first + k for k in chosen), *range(end, len(self.kinds))] if self.kinds else []
         return replace(
@@ -230,13 +238,6 @@ class Response:
             bodies=(*self.bodies, *(output.body for output in added)),
         )
 
-    def when(self, t: float, s: float | None = None) -> str:
-        """Return words such as ``at 2 s (s = 1.5 m)`` for the time `t` in s and the path coordinate `s` in m.
-
-        The path coordinate is left out if it is None.
-        """
-        return f"at {t:g} s" + ("" if s is None else f" (s = {s:.4g} m)")
-
     def column(self, number: int) -> Array:
         """Return the history (T,) of the column with this number, in the order of `outputs`.
 
@@ -251,34 +252,31 @@ class Response:
         raise IndexError(number)
 
     def other(self, name: str) -> Array:
-        """Return the history (T,) of the output called `name` among `others`."""
+        """Return the history (T,) of the output called `name` among `others`; raises ValueError if it has no such."""
         assert self.others is not None
         return self.others[:, self.other_names.index(name)]
 
-    def force(self, name: str, unnamed: int) -> Array:
-        """Return the force (T,) in N of the contact called `name`, NaN if there is none.
+    def force(self, name: str) -> Array:
+        """Return the force (T,) in N called `name`, such as ``force of cylinder of fly``; NaN (T,) if there is none.
 
-        If forces have no names, column number `unnamed` is returned.  For a pad that only pushes, it is the largest
-        force within each step, if such forces are stored.
+        For a pad that only pushes, it is the largest force within each step, if such forces are stored.
         """
-        forces = self.slider_force if self.force_peaks is None else self.force_peaks
-        if not self.force_names:
-            return forces[:, unnamed]
         if name not in self.force_names:
             return np.full(len(self.t), np.nan)
-        return forces[:, self.force_names.index(name)]
+        return self.column(self.displacement.shape[1] + self.force_names.index(name))
 
     @property
     def columns(self) -> dict[str, list[str]]:
-        """Names of the columns, with their units in brackets, of each array (T, c), by the name of the array."""
-        displacement_names = self.output_names or tuple(f"output {k}" for k in range(self.displacement.shape[1]))
-        forces = self.force_names or tuple(f"force {k}" for k in range(self.slider_force.shape[1]))
-        other_columns = [f"{name} [{unit}]" for name, unit in zip(self.other_names, self.other_units, strict=True)]
+        """Names of the columns, with their units in brackets, of each array (T, c), by the name of the array.
+
+        The arrays are `displacement`, `slider_force` and, if there are any, `others`.
+        """
         names = {
-            "displacement": [f"{name} [m]" for name in displacement_names],
-            "slider_force": [f"{name} [N]" for name in forces],
+            "displacement": [f"{name} [m]" for name in self.output_names],
+            "slider_force": [f"{name} [N]" for name in self.force_names],
+            "others": [f"{name} [{unit}]" for name, unit in zip(self.other_names, self.other_units, strict=True)],
         }
-        return names | ({"others": other_columns} if other_columns else {})
+        return {array: of_array for array, of_array in names.items() if array != "others" or of_array}
 
     @property
     def tip(self) -> Array:
@@ -298,36 +296,24 @@ class Extreme:
 
 @dataclass(frozen=True)
 class Extremes:
-    """Smallest and largest value of a history, with their times in s and path coordinates in m."""
+    """Smallest and largest value of a history, each with its time and path coordinate."""
 
-    least: float
-    t_least: float
-    s_least: float
-    most: float
-    t_most: float
-    s_most: float
+    lowest: Extreme
+    highest: Extreme
 
     @classmethod
     def from_history(cls, values: Array, t: Array, s: Array) -> Extremes:
-        """Return the extremes of `values` (T,) at times t (T,) in s, with the path coordinates s (T,) in m."""
-        first, last = int(np.argmin(values)), int(np.argmax(values))
-        low, high = float(values[first]), float(values[last])
-        return cls(low, float(t[first]), float(s[first]), high, float(t[last]), float(s[last]))
+        """Return the extremes of `values` (T,) at times t (T,) in s, with the path coordinates s (T,) in m.
 
-    @property
-    def lowest(self) -> Extreme:
-        """The smallest value of the history, with its time and path coordinate."""
-        return Extreme(self.least, self.t_least, self.s_least)
-
-    @property
-    def highest(self) -> Extreme:
-        """The largest value of the history, with its time and path coordinate."""
-        return Extreme(self.most, self.t_most, self.s_most)
+        Of several equal values, the first one counts.  Raises ValueError if there are no values.
+        """
+        ends = int(np.argmin(values)), int(np.argmax(values))
+        return cls(*(Extreme(float(values[k]), float(t[k]), float(s[k])) for k in ends))
 
     @property
     def largest(self) -> Extreme:
-        """The extreme with the larger absolute value, with its sign, time and path coordinate."""
-        return self.highest if self.most >= -self.least else self.lowest
+        """The extreme with the larger absolute value; its value has its sign."""
+        return self.highest if self.highest.value >= -self.lowest.value else self.lowest
 
     @property
     def size(self) -> float:
@@ -338,13 +324,15 @@ class Extremes:
     def from_summary(cls, summary: Mapping[str, float], place: str = "s_") -> Extremes:
         """Return the extremes from a mapping as `Extremes.summary` returns it.
 
-        `place` is the beginning of the keys of places: ``s_`` for path coordinates, ``x_`` for positions along a beam.
+        `place` is the beginning of the keys of places: ``s_`` for path coordinates, ``x_`` for positions along a beam,
+        which then stand in the field `s`.
         """
-        return cls(*(float(summary[f"{what}{end}"]) for end in ("min", "max") for what in ("", "t_", place)))
+        keys = [[f"{what}{end}" for what in ("", "t_", place)] for end in ("min", "max")]
+        return cls(*(Extreme(*(float(summary[key]) for key in of_end)) for of_end in keys))
 
     def summary(self) -> dict[str, float]:
         """Return the extremes with the keys ``min``, ``t_min``, ``s_min``, ``max``, ``t_max`` and ``s_max``."""
+        low, high = self.lowest, self.highest
         return {
-            "min": self.least, "t_min": self.t_least, "s_min": self.s_least,
-            "max": self.most, "t_max": self.t_most, "s_max": self.s_most,
+            "min": low.value, "t_min": low.t, "s_min": low.s, "max": high.value, "t_max": high.t, "s_max": high.s,
         }  # fmt: skip

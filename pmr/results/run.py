@@ -153,7 +153,7 @@ _MODELS = ("reduced", "full", "closed_form")
 _RENAMED = {"frequencies.reach": "frequencies.along", "frequencies.extensions": "frequencies.paths"}
 
 Data = Mapping[str, NDArray[Any]]
-Columns = Mapping[str, list[str]]
+ColumnNames = Mapping[str, list[str]]
 
 
 @dataclass(frozen=True)
@@ -255,7 +255,7 @@ class RunResult:
 
     @property
     def moving_fields(self) -> dict[str, tuple[Fields, Array]]:
-        """Fields of each body, and the distance (F,) in m that the body has slid along x, by the body's name.
+        """Fields of each body that has some, and the distance (F,) in m that it has slid along x, by the body's name.
 
         The distance is given at the F times of the fields.  A section of a boom slides out of the base by the sum of
         the extensions up to its own.  A body alone slides by -s into the pads that hold it; a body along which points
@@ -312,9 +312,9 @@ class RunResult:
         return column_names
 
     def save(self, folder: Path) -> None:
-        """Write scene.json, summary.json, the fields of bodies, and trajectories.npz into `folder`.
+        """Write scene.json, summary.json, the fields of bodies, and trajectories.npz into `folder`, which may be new.
 
-        The entry ``columns`` of trajectories.npz names the columns of its arrays.
+        The entry ``columns`` of trajectories.npz names the columns of its arrays.  Other files in the folder stay.
         """
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "scene.json").write_text(self.scene.model_dump_json(indent=1, exclude={"section"}), encoding="utf-8")
@@ -351,6 +351,7 @@ class RunResult:
     def load(cls, folder: Path) -> RunResult:
         """Return the result from a folder that `save` of this version or of an earlier one wrote.
 
+        If a replacement of the folder's files was interrupted, it is finished first (`pmr.files.whole.finish_swap`).
         Raises an InputError if the columns of its histories have no kinds, as in results of early checkouts.
         """
         finish_swap(folder)
@@ -396,7 +397,7 @@ def _fields_file(body: str) -> str:
     return f"{'-'.join(filter(None, ('fields', body)))}.npz"
 
 
-def _read_paths(data: Data, columns: Columns) -> Paths:
+def _read_paths(data: Data, columns: ColumnNames) -> Paths:
     """Return the paths from `data`, the arrays of trajectories.npz, and the names of their columns."""
     if "s" in data:
         return Paths((SLIDER,), data["s"][:, None], data["s_rate"][:, None])
@@ -405,8 +406,11 @@ def _read_paths(data: Data, columns: Columns) -> Paths:
     return Paths(names, values, data["extension_rates"])
 
 
-def _read_loads(values: Array, columns: Columns) -> Loads:
-    """Return the loads from their values (T, i) and the names of the columns, which have units in brackets."""
+def _read_loads(values: Array, columns: ColumnNames) -> Loads:
+    """Return the loads from their values (T, i) and the names of the columns, which have units in brackets.
+
+    Without names of the columns, the loads have no names and units.
+    """
     parts = [column.removesuffix("]").rpartition(" [") for column in columns.get("loads", ())]
     return Loads(tuple(name for name, _, _ in parts), tuple(unit for _, _, unit in parts), values)
 

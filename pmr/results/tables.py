@@ -23,6 +23,8 @@ from pmr.files.arrays import Array, Summary
 from pmr.files.whole import finish_swap
 from pmr.results.fatigue import rainflow_cycles
 from pmr.results.quantities import (
+    FORCE_OF,
+    REACTION_OF,
     Columns,
     columns_by_support,
     lug_measure,
@@ -32,7 +34,6 @@ from pmr.results.quantities import (
 from pmr.results.response import ROUND_OFF, Extremes, Response
 from pmr.results.run import RunResult
 from pmr.scene import Scene
-from pmr.scene.built import force_name, reaction_name
 from pmr.scene.keys import ALONE, qualified_name
 
 if TYPE_CHECKING:
@@ -40,11 +41,6 @@ if TYPE_CHECKING:
 
 
 Cell = str | float
-
-#: Beginning of the names of forces of pads, sliders and elastic supports in a response, and beginning of the names of
-#: reactions of rigid supports.
-FORCE_OF, REACTION_OF = force_name(""), reaction_name("")
-
 
 #: Name of the only region of a body without named regions.
 WHOLE = "whole body"
@@ -54,9 +50,9 @@ LEAST_LISTED = 0.01
 
 @dataclass(frozen=True)
 class Table:
-    """Table: `names` of the columns, and rows of values."""
+    """Table: names of the c columns, and rows of c values each."""
 
-    columns: tuple[str, ...]
+    columns: tuple[str, ...]  # (c,), with units in brackets
     rows: tuple[tuple[Cell, ...], ...]
 
 
@@ -77,7 +73,7 @@ def build_tables(result: RunResult) -> dict[str, Table]:
 
 
 def write_tables(result: RunResult, folder: Path) -> None:
-    """Write each table of a run that has rows as ``tables/<name>.csv`` into `folder`; old tables stay."""
+    """Write each table of a run that has rows as ``tables/<name>.csv`` into `folder`; tables of other names stay."""
     (folder / "tables").mkdir(parents=True, exist_ok=True)
     for name, table in build_tables(result).items():
         with (folder / "tables" / f"{name}.csv").open("w", encoding="utf-8", newline="") as stream:
@@ -100,12 +96,12 @@ def force_table(result: RunResult) -> Table:
 
 
 def force_extremes(response: Response, path: Array) -> dict[str, Extremes]:
-    """Return the extremes of each force of a response, by the name of its contact.
+    """Return the extremes in N of each force of a response (`Response.force`), by the name of its contact.
 
     `path` (T,) are path coordinates in m over time.
     """
     return {
-        name.removeprefix(FORCE_OF): Extremes.from_history(response.force(name, 0), response.t, path)
+        name.removeprefix(FORCE_OF): Extremes.from_history(response.force(name), response.t, path)
         for name in response.force_names
     }
 
@@ -122,26 +118,28 @@ def probe_extremes(response: Response, path: Array) -> dict[str, Extremes]:
 def reaction_extremes(response: Response, path: Array) -> dict[Reaction, Extremes]:
     """Return the extremes of the force in N, or moment in N m, by the `Reaction` of each rigid support.
 
-    A reaction that is round-off at all times is set to zero.  `path` (T,) are path coordinates in m over time.
+    A reaction that is round-off at all times, compared with the largest one of any unit, is set to zero.  `path` (T,)
+    are path coordinates in m over time.
     """
-    extremes, largest = dict[Reaction, Extremes](), 0.0
-    for name in response.other_names:
-        if name.startswith(REACTION_OF):
-            largest = max(largest, float(np.abs(response.other(name)).max()))
-    for name, unit in zip(response.other_names, response.other_units, strict=True):
-        if name.startswith(REACTION_OF):
-            values = response.other(name)
-            if np.abs(values).max() <= max(response.force_round_off, ROUND_OFF * largest):
-                values = np.zeros_like(values)
-            extremes[Reaction(name.removeprefix(REACTION_OF), unit)] = Extremes.from_history(values, response.t, path)
-    return extremes
+    reactions = {
+        Reaction(name.removeprefix(REACTION_OF), unit): response.other(name)
+        for name, unit in zip(response.other_names, response.other_units, strict=True)
+        if name.startswith(REACTION_OF)
+    }
+    sizes = {of: float(np.abs(values).max()) for of, values in reactions.items()}
+    floor = max(response.force_round_off, ROUND_OFF * max(sizes.values(), default=0.0))
+    return {
+        of: Extremes.from_history(values if sizes[of] > floor else np.zeros_like(values), response.t, path)
+        for of, values in reactions.items()
+    }
 
 
 def support_forces(scene: Scene, response: Response, directions: int = 1) -> dict[str, Array]:
     """Return the force (T,) in N over time of each support that has forces along at least `directions` directions.
 
-    The forces are given by the support's name.  The force of a support with several directions is its resultant, 0 or
-    more; that of a support with a single direction has a sign.  Supports with moments alone are left out.
+    The forces are given by body and support, such as ``base: pivot``.  The force of a support with several directions
+    is its resultant, 0 or more; that of a support with a single direction has a sign.  Components that are round-off
+    are set to zero.  Supports with moments alone are left out, and so are forces at the pivot and on the ground.
     """
     columns, forces = Columns.from_scene(scene, response), dict[str, Array]()
     for name, numbers in columns_by_support(columns, lambda _: True).items():
@@ -177,9 +175,10 @@ def reaction_table(result: RunResult) -> Table:
 
 
 def frequency_table(result: RunResult) -> Table:
-    """Return a table of the lowest frequencies in Hz over the path coordinate, or over the reach of a boom.
+    """Return a table of the lowest frequencies in Hz of each model over the path coordinate, or the reach of a boom.
 
-    The last column is the lowest frequency without pads that are open at rest, if it is known.
+    The last column is the lowest frequency without pads that are open at rest, if it is known.  The table has no rows
+    if there are no frequencies.
     """
     lowest = result.frequencies
     heads = [f"{name.replace('_', ' ')} {k + 1} [Hz]" for name, f in lowest.models.items() for k in range(f.shape[1])]

@@ -138,7 +138,7 @@ def balance(found: Run) -> dict[str, Array]:
         stiffness = {force_name(one.name): one.stiffness for one in (*pads.supports, *pads.fixed)}
         for k in np.flatnonzero(force_outputs(full)):
             said = full.output_names[k]
-            add("ground", -response.force(f"{name}: {said}", 0)[:, None] * (full.outputs[k] @ R) / stiffness[said])
+            add("ground", -response.force(f"{name}: {said}")[:, None] * (full.outputs[k] @ R) / stiffness[said])
     return parts
 
 
@@ -166,7 +166,7 @@ def test_a_summary_has_all_supports_whether_they_give_way_or_not() -> None:
     assert outcome is not None
     found = {one["name"]: one for one in outcome.result.summary["reactions"]}
     assert set(found) == {"base: pivot x", "base: pivot z", "base: luffing"}
-    luffing = outcome.result.responses["reduced"].force("base: force of luffing", 0)
+    luffing = outcome.result.responses["reduced"].force("base: force of luffing")
     assert found["base: luffing"]["min"] == luffing.min() and found["base: luffing"]["unit"] == "N"
     resultants = {one["name"]: one for one in outcome.result.summary["supports"]}
     of_pivot = [outcome.result.responses["reduced"].other(f"reaction of base: pivot {axis}") for axis in "xz"]

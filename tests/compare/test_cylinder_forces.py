@@ -54,7 +54,7 @@ def test_at_a_constant_rate_a_cylinder_pushes_as_the_full_model_says(stiffness: 
     for kind in ("cylinder_force", "cylinder_force_between_kinks", "pad_force", "pad_force_between_kinks"):
         assert true[kind] < 0.05 and estimated[kind] == pytest.approx(MARGIN * true[kind], rel=0.2)
     reduced, full = (
-        np.array([found.responses[model].force(f"force of cylinder of {name}", 0) for name in ("middle", "fly")])
+        np.array([found.responses[model].force(f"force of cylinder of {name}") for name in ("middle", "fly")])
         for model in ("reduced", "full")
     )
     settled = (found.responses["full"].t > 0.3) & (found.responses["full"].t < 0.44)
@@ -78,7 +78,7 @@ def test_impulses_at_kinks_are_what_forces_add_up_to() -> None:
         assert first["impulse"] == pytest.approx(expected[name], rel=1e-9)
         assert second["impulse"] == pytest.approx(-expected[name], rel=1e-9)
         given = float(
-            scipy.integrate.trapezoid(response.force(f"force of cylinder of {name}", 0)[before], response.t[before])
+            scipy.integrate.trapezoid(response.force(f"force of cylinder of {name}")[before], response.t[before])
         )
         assert given == pytest.approx(expected[name], rel=1e-4)
     (line,) = [one for one in found.summary["warnings"] if "kinks" in one]
@@ -110,7 +110,7 @@ def test_an_extension_that_moves_from_the_start_on_has_no_kink_there() -> None:
     """A boom at a constant rate stands still in the frames that move along: there is no force but of its weight."""
     constant = "section.joint.extension={kind='ramp',times=[0.0,0.6],values=[1.0,1.2]}"
     found = result("boom_two.toml", constant, "sections.fly.loads.0.signal=0.0", "compare.against=[]")
-    force = found.responses["reduced"].force("force of cylinder of fly", 0)
+    force = found.responses["reduced"].force("force of cylinder of fly")
     assert "kinks" not in found.summary["cylinders"][0]
     assert np.abs(force).max() < 1e-6 * np.abs(found.responses["reduced"].slider_force).max()
 

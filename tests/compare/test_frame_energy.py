@@ -99,7 +99,7 @@ def test_the_drives_work_is_that_of_the_base_s_reactions_and_the_cylinders() -> 
     for number, name in enumerate(scene.names):
         if number:
             out += scene.extension(number).rate(t)
-            power += pressed.force(f"force of cylinder of {name}", 0) * scene.extension(number).rate(t)
+            power += pressed.force(f"force of cylinder of {name}") * scene.extension(number).rate(t)
         rigid = needed(scene, number, t)
         power -= np.einsum("tk,tk->t", rigid.moment, omega) + rigid.force[:, 0] * out
     work = np.append(0.0, np.cumsum(power[1:] + power[:-1]) / 2.0 * scene.time.step)

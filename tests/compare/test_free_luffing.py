@@ -102,7 +102,7 @@ def test_pads_that_pull_have_a_remedy_that_a_free_angle_takes(result: RunResult)
     (line,) = [line for line in aside if "holds both ways and pulls" in line]
     assert "the one on the other side would bear all" in line and "leave only" not in line
     mouth = force_name("middle mouth bottom right")
-    of_faces, of_rings = (run.responses["reduced"].force(mouth, 0)[0] for run in (result, full))
+    of_faces, of_rings = (run.responses["reduced"].force(mouth)[0] for run in (result, full))
     assert of_faces == pytest.approx(2.0 * of_rings, rel=0.02)
 
 

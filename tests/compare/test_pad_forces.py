@@ -108,7 +108,7 @@ def test_only_forces_that_both_know_are_compared(at_rest: RunResult) -> None:
     one, other = with_common_forces(response, fewer)
     assert one.force_names == other.force_names == fewer.force_names
     assert np.array_equal(one.slider_force, other.slider_force)
-    missing = fewer.force(response.force_names[0], unnamed=0)
+    missing = fewer.force(response.force_names[0])
     assert missing.shape == response.t.shape and np.isnan(missing).all()
 
 
@@ -134,7 +134,7 @@ def test_pads_that_are_pulled_are_named(at_rest: RunResult) -> None:
     assert pads["mouth bottom left"]["pressure"] == pytest.approx(largest / (0.3 * 0.08), rel=1e-15)
     response = at_rest.responses["reduced"]
     for name, pad in pads.items():
-        force = response.force(force_name(name), unnamed=0)
+        force = response.force(force_name(name))
         assert (pad["min"], pad["max"]) == (force.min(), force.max())
         assert (
             force[response.t == pad["t_min"]][0] == force.min() and force[response.t == pad["t_max"]][0] == force.max()
@@ -158,7 +158,7 @@ def boom(*overrides: str) -> Scene:
 def pull_warnings(scene: Scene, response: Response) -> list[str]:
     """Warnings of a run about pads of a single body that pull."""
     exceeded = exceeded_limits(pulled_pads(scene, ()), histories(scene, response))
-    return list(exceeded_warnings(exceeded, lambda k: response.when(response.t[k])))
+    return list(exceeded_warnings(exceeded, lambda k: f"at {response.t[k]:g} s"))
 
 
 def test_a_pull_counts_beside_what_else_is_borne() -> None:
@@ -238,4 +238,4 @@ def test_forces_stand_under_their_pads_in_rings_of_any_kind_and_order() -> None:
         response = simulate(scene, reduce(scene).reduced)
         for name in (name for ring in scene.pads for name, _, _ in ring.named_pads):
             exact = shares.get(name, 0.0) * of_ring.get(name.split()[0], 0.0)
-            assert response.force(force_name(name), 0)[-1] == pytest.approx(exact, rel=5e-3, abs=2.0), (name, pads)
+            assert response.force(force_name(name))[-1] == pytest.approx(exact, rel=5e-3, abs=2.0), (name, pads)

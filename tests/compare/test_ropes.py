@@ -223,7 +223,7 @@ def test_a_section_swings_on_a_winchs_rope_as_its_equation_says(simulator: str) 
     else:
         scene = winch(simulator)
         found = pmr.simulate(scene, pmr.reduce(scene).system)
-    force, known = -found.force(force_name(cylinder_name("fly")), 0), swinging(scene, found.t)
+    force, known = -found.force(force_name(cylinder_name("fly"))), swinging(scene, found.t)
     late = np.sqrt(2e6 / 2.0 / fly_mass()) ** 3 * 1e-3**2 / 12.0 * 1.2  # rad: of the trapezoidal rule, at the shortest
     assert force == pytest.approx(known, abs=late * np.ptp(known) / 2.0) and late < 0.006
     assert found.surplus < 1e-4
@@ -290,7 +290,7 @@ def test_a_chain_of_ropes_gives_way_alike_in_all_simulators(tmp_path: Path) -> N
         system = found[0][0] if found else pmr.reduce(asked).system
         found.append((system, pmr.simulate(asked, system)))
     for name in ("first", "second", "fly"):
-        one, other = (response.force(force_name(cylinder_name(name)), 0) for _, response in found)
+        one, other = (response.force(force_name(cylinder_name(name))) for _, response in found)
         assert np.ptp(one) > 100.0
         assert one == pytest.approx(other, abs=1e-6 * np.abs(other).max())
     changing = system.save(tmp_path / "changing.npz")

@@ -246,7 +246,7 @@ def test_a_reduced_model_of_version_4_is_read(tmp_path: Path) -> None:
 
 def test_fields_of_version_1_are_read_and_checkpoints_refused() -> None:
     fields = Fields.load(EARLIER / "fields.npz")
-    assert fields.grid.region(0) == "left" and fields.kind == "line" and fields.displacement.dtype == np.float32
+    assert fields.grid.region_names(0) == "left" and fields.kind == "line" and fields.displacement.dtype == np.float32
     assert np.array_equal(fields.von_mises["top"], [[1.0], [2.0]]) and fields.displacement[1, 1, 2] == 11.0
     with pytest.raises(InputError, match="checkpoint.npz: a checkpoint is allowed, this is none"):
         read_checkpoint(EARLIER / "checkpoint.npz", {"n": 2, "norms": [1.0, 2.0]})

@@ -64,7 +64,7 @@ def test_summary_says_what_each_section_and_joint_does(outcome: Outcome) -> None
     assert any(
         "at boom lengths of 30 m are left out: this boom is 8 to 9.2 m long" in said for said in summary["warnings"]
     )
-    force = outcome.result.responses["reduced"].force("force of fly mouth top", 0)
+    force = outcome.result.responses["reduced"].force("force of fly mouth top")
     listed = next(pad for pad in summary["pads"] if pad["name"] == "fly mouth top")
     assert listed["min"] == force.min() and listed["max"] == force.max()
 
@@ -356,7 +356,7 @@ def test_a_rigid_cylinder_pushes_with_mass_times_acceleration_weight_along_the_b
     fly = masses["fly"] * (2.0 * a + g)
     expected = {"fly": fly, "middle": masses["middle"] * (a + g) + fly}
     for name, one in expected.items():  # where the motion begins a step sees half of it
-        pushed = found.force(f"force of cylinder of {name}", 0) - found.other(f"friction of {name}")
+        pushed = found.force(f"force of cylinder of {name}") - found.other(f"friction of {name}")
         assert np.abs(pushed - one)[1:].max() < 1e-6 * np.abs(one).max()
     tail, slides = given.s, given.s[:, -1] > 1.001
     across = 9.80665 * np.cos(slope)
@@ -371,7 +371,7 @@ def test_a_rigid_cylinder_pushes_with_mass_times_acceleration_weight_along_the_b
         added = found.other(f"friction of {name}")
         assert np.abs(added - resisting)[slides].max() < 1e-3 * np.abs(resisting).max()
     listed = {one["name"]: one for one in forces_part(boom, system, found).figures["cylinders"]}
-    assert listed["cylinder of fly"]["max"] == found.force("force of cylinder of fly", 0).max()
+    assert listed["cylinder of fly"]["max"] == found.force("force of cylinder of fly").max()
     assert listed["cylinder of middle"]["friction"] == pytest.approx(np.abs(resisting).max(), rel=1e-3)
 
 

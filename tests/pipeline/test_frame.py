@@ -100,8 +100,8 @@ def test_rigid_sections_press_and_push_as_newton_and_euler_say() -> None:
     ):
         assert found.other(f"reaction of pivot {name}") == pytest.approx(expected, abs=1e-6 * size)
     for k, name in ((1, "middle"), (2, "fly")):
-        cylinder = found.force(f"force of cylinder of {name}", 0)
-        tail, mouth = (found.force(f"force of {name} {end}", 0) for end in ("tail", "mouth"))
+        cylinder = found.force(f"force of cylinder of {name}")
+        tail, mouth = (found.force(f"force of {name} {end}") for end in ("tail", "mouth"))
         assert cylinder == pytest.approx(beyond[k][0][:, 0], abs=1e-6 * largest)
         assert tail + mouth == pytest.approx(-beyond[k][0][:, 2], abs=1e-6 * largest)
         # moment about y at the pivot, of forces across at their places and of the cylinder on the axis
@@ -132,11 +132,11 @@ def test_rigid_sections_in_space_press_and_push_as_newton_and_euler_say() -> Non
     pushed = {"bottom": (2, 1.0), "top": (2, -1.0), "right": (1, 1.0), "left": (1, -1.0)}
     for k, name in ((1, "middle"), (2, "fly")):
         carried = np.zeros_like(force)
-        carried[:, 0] = found.force(f"force of cylinder of {name}", 0)
+        carried[:, 0] = found.force(f"force of cylinder of {name}")
         for pad in found.force_names:
             if pad.startswith((f"force of {name} tail", f"force of {name} mouth")):
                 axis, sign = next(way for face, way in pushed.items() if face in pad)
-                carried[:, axis] += sign * found.force(pad, 0)
+                carried[:, axis] += sign * found.force(pad)
         assert carried == pytest.approx(sum(one.force for one in each[k:]), abs=1e-6 * largest)
 
 
@@ -151,7 +151,7 @@ def test_a_boom_that_luffs_and_slides_out_moves_as_another_code_says() -> None:
     assert tip[0] == pytest.approx(TIP[0], abs=1e-3)  # nothing has moved
     assert tip == pytest.approx(TIP, rel=5e-3)
     for name, largest in (("middle", 8190.0), ("fly", 4720.0)):
-        force = found.force(f"force of cylinder of {name}", 0)
+        force = found.force(f"force of cylinder of {name}")
         assert np.abs(force).max() == pytest.approx(largest, rel=5e-3)
 
 
@@ -198,7 +198,7 @@ def test_axial_forces_bend_what_is_bent_as_another_code_says() -> None:
     assert tip[0] == pytest.approx(BENT[0], abs=1e-3)
     assert np.abs(tip).max() == pytest.approx(LARGEST, rel=5e-3)
     pads = [name for name in found.force_names if "cylinder" not in name]
-    assert max(np.abs(found.force(name, 0)).max() for name in pads) == pytest.approx(PAD, rel=5e-3)
+    assert max(np.abs(found.force(name)).max() for name in pads) == pytest.approx(PAD, rel=5e-3)
 
 
 def test_second_order_of_a_reduced_boom_is_that_of_its_full_model() -> None:

@@ -91,7 +91,7 @@ def test_the_extreme_that_is_reported_has_its_sign_time_and_place(key: str, valu
     extremes = Extremes.from_history(
         np.array([-7.0, -8.0, 4.0]), np.array([0.0, 1.0, 2.0]), np.array([10.0, 20.0, 30.0])
     )
-    assert QUANTITIES[key].value(extremes) == value and extremes.size == 8.0
+    assert QUANTITIES[key].reported_extreme(extremes) == value and extremes.size == 8.0
 
 
 def test_forces_below_a_billionth_of_the_largest_are_round_off() -> None:

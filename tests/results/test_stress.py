@@ -109,7 +109,7 @@ def test_fields_are_read_as_they_were_written(tmp_path: Path) -> None:
     fields = Fields(grid, np.array([0.5]), np.ones((1, 3, 3), np.float32), cells)
     fields.save(tmp_path / "fields.npz")
     found = Fields.load(tmp_path / "fields.npz")
-    assert found.grid.cell == "line" and found.grid.region(0) == "first half" and found.grid.region(1) == ""
+    assert found.grid.cell == "line" and found.grid.region_names(0) == "first half" and found.grid.region_names(1) == ""
     assert np.array_equal(found.grid.points, grid.points) and np.array_equal(found.grid.cells, grid.cells)
     assert np.array_equal(found.t, fields.t) and np.array_equal(found.displacement, fields.displacement)
     assert found.displacement.dtype == np.float32

@@ -42,7 +42,7 @@ def test_forces_have_their_extremes_times_and_places(folder: Path) -> None:
     assert [f"force of {row['force of']}" for row in found] == list(response.force_names)
     assert "cylinder" in {row["force of"] for row in found}
     for row in found:
-        force = response.force(f"force of {row['force of']}", 0)
+        force = response.force(f"force of {row['force of']}")
         assert (float(row["min [N]"]), float(row["max [N]"])) == (force.min(), force.max())
         at = int(np.flatnonzero(response.t == float(row["t_max [s]"]))[0])
         assert force[at] == force.max() and float(row["s_max [m]"]) == pytest.approx(result.abscissa[at], rel=1e-12)

@@ -144,9 +144,9 @@ def test_a_response_has_the_peaks_of_pads_that_only_push() -> None:
     response = respond(body, found, np.zeros(201), np.tile([9.81, 0.0], (201, 1)))
     assert found.peaks is not None and response.force_peaks is not None
     name = response.force_names[0]
-    assert np.array_equal(response.force(name, 0), found.peaks[:, 0])
+    assert np.array_equal(response.force(name), found.peaks[:, 0])
     again = npz.record_from_arrays(type(response), npz.record_arrays(response))
-    assert np.array_equal(again.force(name, 0), found.peaks[:, 0])
+    assert np.array_equal(again.force(name), found.peaks[:, 0])
 
 
 def test_a_contact_that_no_part_resolves_is_told_with_a_step_that_does() -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from pmr.files.arrays import Array, Indices, Mask
 from pmr.kernel.laws import Stand
-from pmr.results.quantities import FORCE, Columns
+from pmr.results.quantities import FORCE_OF, Columns
 from pmr.results.response import Output
 from pmr.scene import Scene
 from pmr.scene.built import Load
@@ -216,7 +216,7 @@ class StandAtRest:
         if still.frame is None or still.frame.ground is None:
             return None
         numbers = np.arange(postures.count, dtype=float)
-        outputs = [replace(output, name=output.name.removeprefix(FORCE)) for output in outputs_of_ground(still)]
+        outputs = [replace(output, name=output.name.removeprefix(FORCE_OF)) for output in outputs_of_ground(still)]
         columns = Columns.of_outputs(still, outputs)
         return cls(Stand.of_ground(still.frame.ground), columns, machine_wrench(still, numbers))
 
