@@ -221,9 +221,9 @@ class Assembly:
         return moved_by_moments
 
     def side_weights(self, name: str, x: Array) -> SideWeights:
-        """Weights of the contacts' rows on the carriers of the body `name`, whose sides are at x (sides,) in m.
+        """Weights of the contacts' rows on the carriers of the body `name`, which has at least one side of a contact.
 
-        x has the sides of all bodies.
+        The sides of all bodies are at x (sides,) in m.
         """
         numbers = self.system.sides_of(name)
         sides = [self.system.sides[number] for number in numbers]
@@ -386,7 +386,8 @@ class Assembly:
             \zeta_k = \phi_k^T D \phi_k / (2 \omega_k), \qquad \phi_k^T M \phi_k = 1
 
         D is without terms that vary in time.  Columns are in the order of ascending frequencies, and NaN beyond the
-        last mode.  If a ratio is small, a logarithmic decrement or a half-power width gives the same.
+        last mode.  A mode without stiffness, whose omega is zero, has the ratio infinity, or NaN without damping.  If a
+        ratio is small, a logarithmic decrement or a half-power width gives the same.
         """
         ratios, D = np.full((len(x), count), np.nan), self.damping()
         for of_place, at in zip(ratios, x, strict=True):

@@ -86,7 +86,7 @@ def with_cylinder_modes(model: ReducedModel) -> ReducedModel:
 
 
 def has_frame_matrices(model: ReducedModel) -> bool:
-    """Whether attachment modes that are added to the model get its matrices of a moving frame and of second order.
+    """Whether the model's matrices of a moving frame and of second order are known on attachment modes to be added.
 
     The result is also true for a model that has no such matrices.
     """
@@ -185,7 +185,8 @@ def with_attachment_modes(
 
     The principal responses are those with the most inertia, at most `MOST`, that together have all but a share
     `left_out` of the inertia of all responses.  If the section has a cylinder, `RICHER` modes of the cylinder are
-    included.  If no load moves the residual part and there is no cylinder, the model is returned unchanged.
+    included.  If no load moves the residual part and there is no cylinder, the model is returned unchanged; any other
+    result has no enrichment modes.
 
     The result has no reactions of rigid supports if the model lacks ``carriers.support_inertia``, as models of earlier
     versions do.  A ValueError is raised if the model lacks flexibility or inertia of its residual part on carriers.
@@ -243,10 +244,11 @@ def _diagonalise(K: Array, M: Array) -> _DiagonalForm:
 
 
 def _append_vectors(model: ReducedModel, stiffness: Array, measures: Array, outputs: Array) -> ReducedModel:
-    """Return the model with a further M-orthonormal vectors as its last coordinates.
+    """Return the model with a further M-orthonormal vectors as its last coordinates, out of its residual flexibility.
 
     Their stiffnesses omega^2 are `stiffness` (a,).  Their values on K carriers and at i inputs are `measures` (K + i,
-    a), and their outputs are `outputs` (o, a).
+    a), and their outputs are `outputs` (o, a).  The result has no enrichment modes and no reactions, and its carriers
+    have neither `inertia` nor `answers`.
     """
     carriers = model.carriers
     assert carriers is not None

@@ -337,8 +337,9 @@ def unpack_model(data: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str
     """Arrays (any shape) of a model in full, from those of a file whose names begin with `prefix`: undoes `pack_model`.
 
     `data` are all arrays of the file; earlier versions stored them in full.  The names in the result begin with
-    `prefix`, too, as `pmr.files.npz.record_from_arrays` reads them; errors of this function are raised.  A ValueError
-    is raised if tables are missing and carriers are not sound, or if a triangle has a wrong number of entries.
+    `prefix`, too, as `pmr.files.npz.record_from_arrays` reads them.  A ValueError is raised if tables are missing and
+    carriers are not sound, or if a triangle has a wrong number of entries.  Carriers from which tables are computed
+    raise the errors of `record_from_arrays`.
     """
     content = dict[str, NDArray[Any]]()
     for name, array in data.items():

@@ -147,7 +147,8 @@ class EliminatedContacts:
     def response(self, s: Array) -> InputResponse:
         """Response to inputs with the paths at s (P,) m: its matrices B and E, and their derivatives by s.
 
-        The last few responses are stored, and returned again for the same s.
+        If no contact gives way, these are those of the assembly, and the derivatives are zero.  The last few responses
+        are stored, and returned again for the same s.
         """
         key = s.tobytes()
         if key not in self._stored:

@@ -161,8 +161,8 @@ def contact_error(contact: str, key: str, value: object, allowed: str) -> InputE
 def pad_at_tail(pad: Contact, outer: str, path: str) -> Contact:
     r"""Contact of a pad at the tail of a section that slides within the next outer section, `outer`.
 
-    The inner place of `pad` is its distance d in m from the inner section's tail.  This tail is at the path coordinate
-    s on the section `outer`, so that the two coordinates of the contact are
+    In `pad`, ``inner.at`` is the distance d in m from the inner section's tail.  This tail is at the path
+    coordinate s on the section `outer`, so that the two coordinates of the contact are
 
     .. math:: x_{in} = d,\; x_{out} = s + d
 
@@ -174,8 +174,8 @@ def pad_at_tail(pad: Contact, outer: str, path: str) -> Contact:
 def pad_at_mouth(pad: Contact, outer: str, path: str, length: float) -> Contact:
     r"""Contact of a pad at the mouth of a telescope's section `outer`, in which the next section slides.
 
-    The inner place of `pad` is its distance d in m from the mouth of the section `outer`.  The `length` of this section
-    is L in m:
+    In `pad`, ``inner.at`` is the distance d in m from the mouth of the section `outer`.  With the `length` L of
+    this section in m, the two coordinates of the contact are
 
     .. math:: x_{in} = L - d - s,\; x_{out} = L - d
 

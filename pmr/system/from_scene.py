@@ -288,7 +288,7 @@ def combine_rings(system: System) -> CombinedRings:
 
 
 def _rings(contacts: Sequence[Contact], bodies: Mapping[str, _BodyRows]) -> list[tuple[list[int], Array]]:
-    """Numbers of the contacts of each ring, and the ring's matrix S (pads, contacts), which combines its pads.
+    """Pairs, one for each ring: the numbers of its pads' contacts, and its matrix S (pads, contacts) (`_ring_basis`).
 
     A ring's pads touch the same places of the same bodies, hold both ways, have a compliance and do not rub.  S is
     [[1]] for a contact that stays single.  `bodies` have the rows of the bodies by name.
@@ -411,7 +411,10 @@ class _BodyRows:
 
     @property
     def model(self) -> ReducedModel:
-        """Body with the combined rows instead of its own, on their carriers."""
+        """Body with the combined rows instead of its own, on their carriers.
+
+        Its tables over the path, pads and clearance are still those of its own rows: systems do not use them.
+        """
         old, rows = self._carriers, list(self._rows.values())
         each = np.arange(len(old.values))
         numbers, where, shares = map(np.concatenate, zip((each, each, np.ones(len(each))), *self._parts, strict=True))

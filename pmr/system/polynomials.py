@@ -36,8 +36,8 @@ def clip_to_domain(s: ArrayLike, low: float, high: float, label: str) -> Array:
 def evaluate(table: PPoly, s: ArrayLike, derivative: int = 0, label: str = "slider") -> Array:
     """Values ``(*s.shape, *shape)`` of a table at s in m, or of its derivative with the order `derivative`.
 
-    `shape` is the shape of the table's values.  A ValueError that names `label` is raised if s is outside the table's
-    breaks.
+    `shape` is the shape of the table's values.  Where s is outside the table's breaks by round-off, the values are
+    those at the nearest end; further outside, a ValueError that names `label` is raised.
     """
     return np.asarray(table(clip_to_domain(s, table.x[0], table.x[-1], label), nu=derivative))
 
@@ -127,7 +127,7 @@ def transpose(A: PPoly) -> PPoly:
 def add_tables(A: PPoly, B: PPoly, factor: float) -> PPoly:
     """Table A(s) + factor B(s) of two tables with values of the same shape.
 
-    Breaks and degrees of A and B may differ; the result has the domain of A.
+    Breaks and degrees of A and B may differ; the result has the domain of A, on which B is continued (`refine_table`).
     """
     A, B = align_tables(A, B)
     return PPoly(A.c + factor * B.c, A.x)
@@ -172,7 +172,8 @@ def stack_tables(tables: Sequence[PPoly], domain: tuple[float, float], columns: 
 def align_tables(*tables: PPoly, domain: tuple[float, float] | None = None) -> list[PPoly]:
     """Return these tables on common breaks and with the same degree, exactly.
 
-    `domain` is the (lowest, highest) s in m that they cover; None stands for the domain of the first table.
+    `domain` is the (lowest, highest) s in m that they cover; None stands for the domain of the first table.  Tables
+    that end within the domain are continued (`refine_table`).
     """
     if domain is None and all(np.array_equal(table.x, tables[0].x) for table in tables):
         breaks = tables[0].x
@@ -204,8 +205,9 @@ def common_breaks(tables: Sequence[PPoly], domain: tuple[float, float]) -> Array
 def refine_table(table: PPoly, breaks: Array, degree: int | None = None) -> PPoly:
     """Return the same piecewise polynomial on finer `breaks` (k + 1,), exactly.
 
-    The breaks must contain all breaks of the table within their range.  The result has the `degree`, with zeros as
-    coefficients of powers that the table lacks; None keeps the table's degree.
+    The breaks must contain all breaks of the table within their range.  Beyond the table's own range its first or last
+    polynomial is continued.  The result has the `degree`, with zeros as coefficients of powers that the table lacks;
+    None keeps the table's degree.
     """
     source = interval_around(breaks, table.x)
     c = shift_powers(table.c[:, source], (breaks[:-1] - table.x[source]).reshape(-1, *[1] * (table.c.ndim - 2)))
@@ -214,9 +216,10 @@ def refine_table(table: PPoly, breaks: Array, degree: int | None = None) -> PPol
 
 
 def shift_powers(c: Array, x: Array) -> Array:
-    """Coefficients of the polynomials with coefficients c (powers, ...), highest first, about places further on by x.
+    """Coefficients (powers, ...) of polynomials in t - x, from their coefficients c (powers, ...) in t.
 
-    By repeated synthetic division (Knuth, TAOCP 2, 4.6.4).  The shape of x is broadcast to that of ``c[0]``.
+    Highest powers come first.  The shape of x is broadcast to that of ``c[0]``.  By repeated synthetic division (Knuth,
+    TAOCP 2, 4.6.4).
     """
     c = c.copy()
     for last in range(len(c), 1, -1):
@@ -226,7 +229,10 @@ def shift_powers(c: Array, x: Array) -> Array:
 
 
 def interval_around(fine: Array, coarse: Array) -> Indices:
-    """Number (k,) of the interval of `coarse` breaks (j + 1,) that contains each interval of `fine` breaks (k + 1,)."""
+    """Number (k,) of the interval of `coarse` breaks (j + 1,) that contains each interval of `fine` breaks (k + 1,).
+
+    An interval outside of all coarse ones has the number of the first or the last of these.
+    """
     middle = (fine[1:] + fine[:-1]) / 2.0
     return np.clip(np.searchsorted(coarse, middle, side="right") - 1, 0, len(coarse) - 2)
 
@@ -235,7 +241,8 @@ def interval_around(fine: Array, coarse: Array) -> Indices:
 def cardinal_spline(degree: int, knot: float) -> PPoly:
     r"""Centred cardinal B-spline b with the knot distance `knot` = H and the integral H, between its outermost knots.
 
-    Outside of these b is zero (`value_or_zero`).  The spline of degree 3 is C2.  At points x_k with spacing H / p the
+    Outside of these b is zero (`value_or_zero`).  The table is cached, and shared by all calls with the same arguments.
+    The spline of degree 3 is C2.  At points x_k with spacing H / p the
     values, divided by p, satisfy for any s
 
     .. math:: \sum_k b(x_k - s) = 1, \qquad \sum_k b(x_k - s)\, x_k = s, \qquad x_k = x_0 + k H / p,\; p = 1, 2, \dots

@@ -332,11 +332,13 @@ class ReducedModel:
     def load(cls, path: str | Path) -> ReducedModel:
         """Read a model that `save` wrote.
 
+        A model of an earlier version that has no carriers is returned without its enrichment modes.
+
         Raises
         ------
         InputError
             If the file is missing, is no sound reduced model, has less content than its header says, or has a later
-            format.
+            format, or the residual inertia that some earlier versions had.
         """
         path = Path(path)
         if not isfile(path):

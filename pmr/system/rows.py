@@ -44,7 +44,10 @@ from pmr.system.polynomials import clip_to_domain, common_breaks, interval_aroun
 
 
 class TouchedWeights(NamedTuple):
-    """Numbers of the carriers or coordinates that rows touch, and their weights."""
+    """Numbers of the carriers or coordinates that rows touch, and their weights.
+
+    The function that returns them states their shapes.
+    """
 
     touched: Indices
     weights: Array
@@ -105,7 +108,11 @@ class Row:
         return int(self.carriers.shape[0])
 
     def restrict_to(self, ranges: Sequence[Interval]) -> Row:
-        """Row that is zero, and touches no further carriers, on intervals outside all `ranges` of s in m."""
+        """Row with zeros on those intervals between breaks that lie outside all `ranges` of s in m.
+
+        An interval that is partly in a range is not changed.  Where the row is zero, it touches the carriers of its
+        first interval in a range, so that it needs no others.
+        """
         slack = BEYOND_ENDS * (self.breaks[-1] - self.breaks[0])
         begin, end = self.breaks[:-1] - slack, self.breaks[1:] + slack
         inside = np.any([(low <= end) & (begin <= high) for low, high in ranges], axis=0)[:, None]
@@ -279,7 +286,10 @@ def fixed_row(name: str, carrier: sp.csr_matrix, domain: tuple[float, float]) ->
 
 
 def sparse_row(dofs: ArrayLike, entries: ArrayLike, size: int) -> sp.csr_matrix:
-    """Sparse row (1, size) with the `entries` (k,) at the coordinates numbered `dofs` (k,), or with a single entry."""
+    """Sparse row (1, size) with the `entries` (k,) at the coordinates numbered `dofs` (k,), or with a single entry.
+
+    Entries at the same coordinate are added.
+    """
     columns, values = np.atleast_1d(np.asarray(dofs, np.int64)), np.atleast_1d(np.asarray(entries, float))
     return sp.csr_matrix((values, (np.zeros(len(columns), np.int64), columns)), (1, size))
 

@@ -320,7 +320,7 @@ def deformation(
         Numbers of outputs.
     moments : (T, sides) array, N m, optional
         Moments of friction at the sides (`pmr.system.contacts`); they add X' times the moments to the outputs, with the
-        derivative X' of X by the position.
+        derivative X' of X by the position.  Without effect in a system on one path (`System.on_one_path`).
     """
     body = system.bodies[name]
     if system.on_one_path:  # all rows are at the position of the one that moves

@@ -54,16 +54,17 @@ class SupportForces:
     inputs: Array  # (h, i): by unit inputs
 
     @classmethod
-    def from_body(cls, body: SlidingBody, on_path: bool, are_known: bool = True) -> SupportForces:
-        """Forces of the supports in ``body.reactions``; none, h = 0, if that is None or `are_known` is false.
+    def from_body(cls, body: SlidingBody, on_path: bool, include: bool = True) -> SupportForces:
+        """Forces of the supports in ``body.reactions``.
 
-        `on_path` says whether all contacts of the body are at one path coordinate.  If they are not, there are none
-        either unless the body stores how its supports bear forces on its carriers (`Reactions.carried`).
+        The result has no forces, h = 0, if ``body.reactions`` is None or `include` is false.  `on_path` says whether
+        all contacts of the body are at one path coordinate.  If they are not, the result has forces only if the body
+        stores how its supports bear forces on its carriers (`Reactions.carried`).
         """
         reactions, n = body.reactions, body.size
         if reactions is not None and not on_path:
-            are_known = are_known and body.carriers is not None and reactions.carried is not None
-        if reactions is None or not are_known:
+            include = include and body.carriers is not None and reactions.carried is not None
+        if reactions is None or not include:
             none = np.zeros((0, n))
             return cls(body, (), (), none, none, none, np.zeros((0, len(body.input_names))))
         free, P = np.setdiff1d(np.arange(n), list(body.held.values())), np.zeros((len(reactions.names), n))

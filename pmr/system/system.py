@@ -341,7 +341,7 @@ class System(BodySystem[SlidingBody]):
 
     @property
     def input_units(self) -> tuple[str, ...]:
-        """Unit of each input of a reduced body, in the order of `input_names`; full bodies do not know their units."""
+        """Unit of each input of reduced bodies, in the order of `input_names`; inputs of full bodies are left out."""
         return tuple(unit for body in self.bodies.values() for unit in getattr(body, "input_units", ()))
 
     @property
