@@ -97,7 +97,7 @@ class Turret:
         base, found = self.base(), []
         for k, t in enumerate(self.t):
             turned, _, omega, R = base.kinematics(self.x[k], self.x_t[k])
-            out = base.extensions(t, self.z[k], self.z_t[k])
+            out = base.paths.extensions(t, self.z[k], self.z_t[k])
             O = self.x[k, :3] + base.reference[:3]
             velocity, com, J = R.T @ self.x_t[k, :3], TURRET.com, TURRET.inertiaTensor
             linear = TURRET.mass * (velocity + np.cross(omega, com))
@@ -122,7 +122,7 @@ class Turret:
         for k, t in enumerate(self.t):
             turned, _, omega, R = base.kinematics(self.x[k], self.x_t[k])
             velocity, q, rate = R.T @ self.x_t[k, :3], self.q[k], self.q_t[k]
-            out = base.extensions(t, self.z[k], self.z_t[k])
+            out = base.paths.extensions(t, self.z[k], self.z_t[k])
             places = equations.side_positions_on(dict(zip(base.paths.names, out.value, strict=True)))
             K = contacts.springs(places)[0][:, : equations.size]
             own = momenta.kinetic(

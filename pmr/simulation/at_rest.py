@@ -34,32 +34,25 @@ ANGLES = 1001
 
 
 class ListSignal(SignalBase):
-    """Signal with one value of a list at each of the times 0, 1, 2 ...; its rate is 0 at all times."""
+    """Signal with one value of a list at each of the times 0, 1, 2 ...; its rate is 0 at all times.
+
+    From each of these times to the next the value stays; after the last one it is the last of the list.
+    """
 
     values: tuple[float, ...]
-    acceleration: float = 0.0  # second rate at each value, in the unit of the values
+    acceleration: float = 0.0  # second rate at all times, in the unit of the values
 
-    def value(self, t: ArrayLike) -> Array:
-        """Values of the list at the indices int(t), in the shape of t (any shape).
-
-        An index beyond the list gives the nearest value.
-        """
-        last = len(self.values) - 1
-        return np.array(self.values)[np.clip(np.asarray(t, float).astype(int), 0, last)]
-
-    def rate(self, t: ArrayLike) -> Array:
-        """Rate of the signal at the times t (...), which is 0, in the shape of t."""
-        return np.zeros(np.shape(t))
-
-    def second_rate(self, t: ArrayLike) -> Array:
-        """Second rate of the signal at the times t (...): the constant `acceleration`, in the shape of t."""
-        return np.full(np.shape(t), self.acceleration)
+    def _derivative(self, t: ArrayLike, order: int) -> Array:
+        """Value (`order` 0), rate (1) or second rate (2) at the times t (any shape), in the shape of t."""
+        if order > 0:
+            return np.full(np.shape(t), self.acceleration if order == 2 else 0.0)
+        return np.array(self.values)[np.clip(np.asarray(t, float).astype(int), 0, len(self.values) - 1)]
 
 
 def critical_luffing(scene: Scene) -> float:
-    """Luffing angle in rad at which gravity compresses the boom most, among the angles in the scene's time.
+    """Luffing angle in rad at which gravity compresses the boom most: the steepest one in the scene's time.
 
-    Not to be called for a scene without luffing angles.
+    It is one of `ANGLES` angles between the smallest and the largest.  Not to be called for a scene without a frame.
     """
     angles = np.linspace(*scene.present_frame.angles.luffing.bounds(0.0, scene.time.end), ANGLES)
     return float(angles[np.argmax(np.sin(angles))])
@@ -82,12 +75,12 @@ def scene_at_rest(
     scene : Scene
         A scene with a frame.
     extensions : mapping of str to (P,) array, m
-        Extensions of joints by the section's name, and of a slider as `SLIDER`; extensions that are not named stay as
-        in the scene.
+        Extensions of joints by the section's name, and of a slider as `SLIDER`; extensions that are not named keep
+        their signals, which are not at rest unless they are constant.
     luffing, slewing : float or (P,) array, rad
-        Angles of the frame.
+        Angles of the frame; `slewing` has no effect on a frame without a slewing angle.
     loads : mapping of str to float
-        Constant value of each load, by its name.
+        Constant values of all loads on sections, by the loads' names.
     """
     changed, frame = [], scene.present_frame
     for part in scene.sections:

@@ -194,32 +194,21 @@ class MotionSamples:
 class ComputedMotion(SignalBase):
     """Computed motion of a machine, luffing angle or extension as a signal, in m or the unit of the frame's angles.
 
-    Between two samples it is the polynomial of degree 5 with the values, rates and second rates of both.
+    Between two samples it is the polynomial of degree 5 with the values, rates and second rates of both.  Before the
+    first and after the last sample, value, rate and second rate are those of this sample.
     """
 
     samples: SkipValidation[Any]
     unit: float  # factor on the samples: number of units in 1 m or 1 rad
 
-    def value(self, t: ArrayLike) -> Array:
-        """Value at the times t (any shape) in s, in the shape of t."""
-        return self._interpolate(t, 0)
-
-    def rate(self, t: ArrayLike) -> Array:
-        """Rate at the times t (any shape) in s, in the shape of t."""
-        return self._interpolate(t, 1)
-
-    def second_rate(self, t: ArrayLike) -> Array:
-        """Second rate at the times t (any shape) in s, in the shape of t."""
-        return self._interpolate(t, 2)
-
     def bounds(self, start: float, end: float) -> Interval:
-        """Smallest and largest value of the samples from `start` to `end` in s."""
+        """Smallest and largest value of the samples from `start` to `end` in s and of the nearest around these."""
         of: MotionSamples = self.samples
         first, last = np.searchsorted(of.times, start, "right") - 1, np.searchsorted(of.times, end)
         some = of.values[0, max(first, 0) : last + 1] * self.unit
         return Interval(float(some.min()), float(some.max()))
 
-    def _interpolate(self, t: ArrayLike, order: int) -> Array:
+    def _derivative(self, t: ArrayLike, order: int) -> Array:
         """Value (`order` 0), rate (1) or second rate (2) at the times t (any shape) in s, in the shape of t."""
         of: MotionSamples = self.samples
         at = np.clip(np.asarray(t, float), of.times[0], of.times[-1])

@@ -94,7 +94,10 @@ class TimeStepping:
         return round(self.end / self.step)
 
     def divide(self, parts: int) -> TimeStepping:
-        """Time grid on which each step of this grid is `parts` equal steps, which are not divided any further."""
+        """Time grid with `parts` equal steps, which are not divided further, in each step of this grid.
+
+        For `parts` = 1 it is this grid itself, with its own `parts` and `schedule`.
+        """
         return self if parts == 1 else TimeStepping(self.end, self.end / (self.steps * parts), self.rho_inf, 1)
 
     @property
@@ -134,6 +137,7 @@ def describe_overshoots(signals: Sequence[tuple[str, SignalBase]], stepping: Tim
         f"{name}: {what}"
         for name, signal in signals
         for part in signal.parts
+        if isinstance(part, Table)
         for what in _describe_table_overshoot(part, stepping)
     ]
 
@@ -171,20 +175,15 @@ def _describe_loss(signal: SignalBase, stepping: TimeStepping) -> Iterator[str]:
         )
 
 
-def _describe_table_overshoot(part: SignalBase, stepping: TimeStepping) -> Iterator[str]:
-    """Yield a line if a signal is a table whose curve exceeds the table's values by more than `UNSEEN` of their range.
-
-    Nothing is yielded for a signal of another kind.
-    """
-    if not isinstance(part, Table):
-        return
-    knots = [0.0, *(t for t in part.times if 0.0 < t < stepping.end), stepping.end]
-    held, (low, high) = part.value(knots), part.bounds(0.0, stepping.end)
-    least, most = float(held.min()), float(held.max())
+def _describe_table_overshoot(table: Table, stepping: TimeStepping) -> Iterator[str]:
+    """Yield a line if the curve of a table exceeds the table's values by more than `UNSEEN` of their range."""
+    knots = [0.0, *(t for t in table.times if 0.0 < t < stepping.end), stepping.end]
+    values, (low, high) = table.value(knots), table.bounds(0.0, stepping.end)
+    least, most = float(values.min()), float(values.max())
     beyond = max(least - low, high - most)
     if beyond > UNSEEN * (most - least):
         yield (
-            f"the curve through its table ({part.interpolation}) goes from {low:.6g} to {high:.6g}, "
+            f"the curve through its table ({table.interpolation}) goes from {low:.6g} to {high:.6g}, "
             f"{two_digits(100.0 * beyond / (most - least))} % of the table's range beyond it; interpolation = "
             "'linear', or more rows where it turns, keep to the table"
         )
@@ -336,7 +335,10 @@ def describe_remedy(moving: list[str]) -> str:
 
 
 def row_blocks(size: int) -> Iterator[slice]:
-    """Yield slices of some thousand of `size` steps; each slice begins with the last step of the slice before."""
+    """Yield slices of some thousand of `size` steps; each slice begins with the last step of the slice before.
+
+    There is one slice at least, which is empty if `size` is 0.
+    """
     for first in range(0, max(1, size - 1), BLOCK):
         yield slice(first, min(first + BLOCK + 1, size))
 

@@ -53,7 +53,7 @@ from pmr.simulation.exudyn.contacts import Contacts
 from pmr.simulation.exudyn.equations import Driving, Equations, Inputs, NodeCoordinate, Paths, check_path, driving_value
 from pmr.simulation.exudyn.formulations import Start, zero_jacobian
 from pmr.simulation.exudyn.items import Steps, SystemItems, add_bodies, with_contacts
-from pmr.simulation.free_base import Extensions, FrameMotion, FreeBase, base_equations
+from pmr.simulation.free_base import FrameMotion, FreeBase, base_equations
 from pmr.system.changing_rows import ChangingRows, EliminatedContacts
 from pmr.system.system import System
 
@@ -150,9 +150,6 @@ class ExtendingBoom:
         derivative = np.hstack([near.rows.C[self.rigid], np.zeros((len(self.rigid), len(s)))])
         derivative[:, len(q) + numbers] = (near.slopes.C[numbers][:, self.rigid] @ q).T
         return derivative
-
-
-NOTHING = np.zeros(0)
 
 
 @dataclass(frozen=True)
@@ -255,10 +252,6 @@ class Base:
         angles = (x + self.reference)[3:]
         return (x + self.reference)[:3] + np.array(self._rotations.matrix(angles)) @ np.array(self._on.place)
 
-    def extensions(self, t: float, z: Array = NOTHING, z_t: Array = NOTHING) -> Extensions:
-        """Extensions of the sections at t s, with coordinates and rates z, z_t (m,) of the user's nodes."""
-        return self.paths.extensions(t, z, z_t)
-
     def split(self, t: float, z: Array) -> Coordinates:
         """Coordinates of the base (k,), the boom (n,) and the m paths at the time t in s.
 
@@ -273,7 +266,7 @@ class Base:
     def split_displacements(self, t: float, x: Array) -> Coordinates:
         """Coordinates at t s, from the displacements x (k + n + m,) of all nodes."""
         k, n = self.count, self.boom.size
-        return Coordinates(x[:k], x[k : k + n], self.extensions(t, x[k + n :], x[k + n :]).value)
+        return Coordinates(x[:k], x[k : k + n], self.paths.extensions(t, x[k + n :], x[k + n :]).value)
 
     def kinematics(self, x: Array, rate: Array) -> BodyMotion:
         """Motion of the body with its k coordinates at displacements x (k,) with the rates `rate` (k,)."""
@@ -298,8 +291,8 @@ class Base:
         nodes, kinds = (self.node, *self.paths.nodes), (of.Coordinates, of.Coordinates_t, of.Coordinates_tt)
         states = [[np.atleast_1d(mbs.GetNodeOutput(node, kind)) for node in nodes] for kind in kinds]
         x, rate, second = (state[0] for state in states)
-        z, z_t, z_tt = (np.concatenate([NOTHING, *state[1:]]) for state in states)
-        at, extended = self.kinematics(x, rate), self.extensions(t, z, z_t)
+        z, z_t, z_tt = (np.concatenate([np.empty(0), *state[1:]]) for state in states)
+        at, extended = self.kinematics(x, rate), self.paths.extensions(t, z, z_t)
         extended = replace(extended, second=extended.second + self.paths.along @ z_tt)
         motion = FrameMotion(at.omega, self.weight(t) * at.axes[2])
         return self.boom.inertia(motion, at.by_rates @ second + at.quadratic, extended, loads)
@@ -311,7 +304,7 @@ class Base:
         """
         k, n = self.count, self._size
         at = self.kinematics(x[:k], rate[:k])
-        q, extended = x[k : k + n], self.extensions(t, x[k + n :], rate[k + n :])
+        q, extended = x[k : k + n], self.paths.extensions(t, x[k + n :], rate[k + n :])
         motion = FrameMotion(at.omega, self.weight(t) * at.axes[2])
         moments = self.boom.answered_moments(self.answering, extended) if self._gives else None
         pressed = base_equations(self.boom.boom, motion, extended, q, rate[k : k + n], moments)

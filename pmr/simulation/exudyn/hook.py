@@ -211,7 +211,7 @@ class _Joint:
         x, q, s = base.split_displacements(0.0, z)
         of_body = base.kinematics(x, z_t[:k])
         at, by_q, by_s = self._unloaded_point(0.0, q, s, of_body.axes)
-        relative = by_q @ z_t[k : k + n] + by_s @ base.extensions(0.0, z[k + n :], z_t[k + n :]).rate
+        relative = by_q @ z_t[k : k + n] + by_s @ base.paths.extensions(0.0, z[k + n :], z_t[k + n :]).rate
         velocity = of_body.by_rates[:3] @ z_t[:k] + skew(of_body.omega) @ at + relative
         return np.array([base.origin(x) + of_body.axes @ at, of_body.axes @ velocity])
 

@@ -366,7 +366,7 @@ class BoomDrawing:
             [value for n in base.paths.nodes for value in np.atleast_1d(self._mbs.GetNodeOutput(n, kind, shown))]
         )
         return Posture(
-            base.origin(x), base.kinematics(x, 0.0 * x).axes, base.extensions(t, z, 0.0 * z).value[: len(names)]
+            base.origin(x), base.kinematics(x, 0.0 * x).axes, base.paths.extensions(t, z, 0.0 * z).value[: len(names)]
         )
 
 

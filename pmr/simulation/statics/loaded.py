@@ -316,10 +316,14 @@ class Form:
         return Condensed(M, K, (G0, G1), Z[n:], Z[:n], (Z.T @ pressing)[:, :m])
 
     @property
+    def pull(self) -> Array:
+        """Forces (d,) in N along the load's d inputs by 1 kg of the load."""
+        return np.asarray(np.linalg.lstsq(self.equations.load_inputs, self.equations.growing.b, rcond=None)[0])
+
+    @property
     def lifting_direction(self) -> Array:
         """Unit vector (d,) opposite to the pull of the load, with a component for each of the load's d inputs."""
-        pull = np.linalg.lstsq(self.equations.load_inputs, self.equations.growing.b, rcond=None)[0]
-        return np.asarray(-pull / np.linalg.norm(pull))
+        return np.asarray(-self.pull / np.linalg.norm(self.pull))
 
     def frequency(self, load: float) -> float:
         """Lowest natural frequency in Hz with `load` in kg as a mass on its directions.

@@ -162,8 +162,7 @@ def stopping_swing(form: Form, load: float, acting: LoadEffects, duration: float
     if not form.held or not 0.0 <= load < form.critical:
         return None
     e, on, closed = form.equations, form.condensed, form.closed
-    pull = np.linalg.lstsq(e.load_inputs, e.growing.b, rcond=None)[0]
-    hook, c = float(np.linalg.norm(pull)), -form.lifting_direction @ on.load_position  # along the pull
+    hook, c = float(np.linalg.norm(form.pull)), -form.lifting_direction @ on.load_position  # along the pull
     K = on.K + load * on.G[1]
     inertia, shapes = scipy.linalg.eigh(on.M + load * np.outer(c, c), (K + K.T) / 2.0)
     moving = inertia > len(K) * np.finfo(float).eps * inertia[-1]

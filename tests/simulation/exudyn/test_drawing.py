@@ -38,7 +38,7 @@ def test_what_is_drawn_is_where_the_outputs_are() -> None:
     y = turret.mbs.GetSensorStoredData(sensors.sOutputs)[-1, 1:]
     base = turret.base()
     _, _, _, R = base.kinematics(turret.x[-1], turret.x_t[-1])
-    out = base.extensions(turret.t[-1], turret.z[-1], turret.z_t[-1]).value
+    out = base.paths.extensions(turret.t[-1], turret.z[-1], turret.z_t[-1]).value
     for drawn, scale in ((plain, 1.0), (bent, 10.0)):
         for k, (name, points) in enumerate(zip(scene.names, drawn.axes(), strict=True)):
             own = (points - base.origin(turret.x[-1])) @ R - scene.frame.tail_position

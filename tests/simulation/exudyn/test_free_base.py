@@ -51,7 +51,7 @@ def test_moved_it_is_the_boom_in_a_frame() -> None:
     turret.add()
     turret.solve()
     base = turret.base()
-    out = [base.extensions(t) for t in turret.t]
+    out = [base.paths.extensions(t, np.empty(0), np.empty(0)) for t in turret.t]
     moved = [base.kinematics(x, x_t) for x, x_t in zip(turret.x, turret.x_t, strict=True)]
     driven = np.array([one[0] @ x_tt + one[1] for one, x_tt in zip(moved, turret.x_tt, strict=True)])
     R, omega = np.array([one[3] for one in moved]), np.array([one[2] for one in moved])

@@ -112,7 +112,9 @@ def test_adrift_with_a_mass_on_the_hook_while_a_spring_draws_it_out_energy_and_m
         turret.solve()
         x, v, f = (turret.mbs.GetSensorStoredData(sensor)[:, 1:] for sensor in (*sensors, pulled))
         base, numbers = turret.base(), [turret.system.input_names.index(name) for name in LOADS]
-        paths = [base.extensions(t, z, z_t).value for t, z, z_t in zip(turret.t, turret.z, turret.z_t, strict=True)]
+        paths = [
+            base.paths.extensions(t, z, z_t).value for t, z, z_t in zip(turret.t, turret.z, turret.z_t, strict=True)
+        ]
         E = np.array([base.answering.response(s).E[np.ix_(numbers, numbers)] for s in paths])
         energy = turret.energies() + 20.0 * (v**2).sum(axis=1) + np.einsum("ti,tij,tj->t", f, E, f) / 2.0
         p = turret.momenta() + np.hstack([40.0 * v, np.cross(x, 40.0 * v)])
