@@ -109,7 +109,7 @@ class Turret:
                 out,
                 self.q[k],
                 self.q_t[k],
-                base.boom.answered_moments(base.answering, out),
+                base.boom.moments_with_contacts(base.answering, out),
             )
             P, L = R @ (linear + own[:3]), R @ (angular + own[3:] + np.cross(PLACE, own[:3]))
             found.append(np.append(P, L + np.cross(O, P)))
@@ -132,7 +132,7 @@ class Turret:
                 out,
                 q,
                 rate,
-                base.boom.answered_moments(base.answering, out),
+                base.boom.moments_with_contacts(base.answering, out),
             )
             turret = TURRET.mass * velocity @ (velocity / 2.0 + np.cross(omega, TURRET.com))
             turret += omega @ TURRET.inertiaTensor @ omega / 2.0

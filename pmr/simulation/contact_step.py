@@ -41,7 +41,8 @@ PLACES = 65
 def contact_frequency(system: System, excitation: Excitation) -> float:
     """Largest omega in rad/s of contacts that only push, along the paths; 0 without such contacts or if they are rigid.
 
-    It is computed at `PLACES` positions.  Raises the errors of `pmr.simulation.excitation.side_positions`.
+    It is computed at `PLACES` positions between the ends of the run's way on a single path, and for several paths at as
+    many steps of the run.  Raises the errors of `pmr.simulation.excitation.side_positions`.
     """
     x = side_positions(system, excitation, np.unique(np.linspace(0, len(excitation.s) - 1, PLACES).astype(int)))
     if not (system.on_one_path and system.paths):
@@ -66,7 +67,7 @@ def contact_frequency_within(system: System, ranges: Mapping[str, tuple[float, f
 def contact_frequency_at(system: System, x: Array) -> float:
     """Largest omega in rad/s of contacts that only push, with the sides of all contacts at x (T, sides) m.
 
-    The result is 0 if no contact only pushes.
+    The result is 0 if no contact only pushes, or if those that do are rigid.
     """
     pushing = np.flatnonzero(~np.isnan(system.clearance))
     if not len(pushing):

@@ -130,7 +130,10 @@ class Excitation:
         return np.asarray(self.path.rate(self.times))
 
     def path_within(self, domain: tuple[float, float]) -> Array:
-        """Coordinates (T,) in m of the only path at the steps, within `domain`; errors as `clip_path` and `path`."""
+        """Coordinates (T,) in m of the only path at the steps, clipped to `domain`, the range (low, high) in m.
+
+        Errors as `clip_path` and `path`.
+        """
         return clip_path(self.path, self.s[:, 0], domain, self.times)
 
     @cached_property
@@ -141,8 +144,8 @@ class Excitation:
     def forces(self, names: Sequence[str], t: Array | None = None) -> Array:
         """Loads (T, i) in N or N m, one column for each of the inputs `names`, in this order.
 
-        The loads are sampled at the steps if t is None, else at times t (T,) in s.  Raises the errors of
-        `signals_in_order`.
+        The loads are sampled at the steps if t is None, else at times t (T,) in s.  The result may be the array `f`
+        itself.  Raises the errors of `signals_in_order`.
         """
         signals = signals_in_order(self.loads, names)
         return self.f if t is None and tuple(names) == tuple(self.loads) else self._columns(signals, t)
@@ -172,9 +175,9 @@ class Excitation:
         return self if stepping == self.stepping else replace(self, stepping=stepping)
 
     def on_grid(self, stepping: TimeStepping) -> Excitation:
-        """Excitation on another time grid `stepping`, with accelerations in signals, except paths, averaged over steps.
+        """Excitation on another time grid `stepping`; loads, terms and hoist average accelerations over its steps.
 
-        The steps are those of the new grid.
+        Paths, and the excitation `resting`, stay as they are.
         """
         loads, terms, hoist = (
             {name: signal.on_steps(stepping.step) for name, signal in signals.items()}
@@ -241,7 +244,7 @@ def side_positions(
 ) -> Array:
     """Positions x (T, sides) in m of the sides of all contacts, at all steps or at the `steps`.
 
-    The positions follow from the paths by `System.side_coordinates`.
+    The positions follow from the paths by `System.side_coordinates`.  The array may be read-only.
 
     Raises
     ------
@@ -307,7 +310,11 @@ def term_signals(scene: Scene, which: Iterable[FrameTerm] | None = None) -> dict
 
 
 def _term_signal(scene: Scene, term: FrameTerm) -> SignalBase:
-    """Signal of the amplitude of one term of the scene: of an acceleration, a load, or the frame's rotation."""
+    """Signal of the amplitude of one term of the scene.
+
+    The amplitude is an acceleration, a load, one of these over the length of a cylinder, or one of the frame's
+    rotation.
+    """
     if term.kind == "field":
         return section_acceleration(scene, term.number, term.component)
     if term.kind == "load":

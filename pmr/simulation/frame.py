@@ -50,7 +50,7 @@ from pmr.simulation.frame_motion import (
 def _cached_turning(
     luffing: SignalBase, slewing: SignalBase, t: bytes, rocking: tuple[SignalBase, ...]
 ) -> FrameRotation:
-    """`FrameRotation.from_signals`, cached, as all fields of all sections use the same times t (bytes of an array).
+    """`FrameRotation.from_signals` for the times in s whose array has the bytes t; the last two results are stored.
 
     `luffing` and `slewing` are the signals of the frame's angles, `rocking` those of the base's angles, in rad.
     """
@@ -82,7 +82,7 @@ class BaseAcceleration(FrameSignal):
 class FrameAmplitude(FrameSignal):
     """Signal that is a sum of `products` of the frame's quantities (`pmr.simulation.frame_motion.Quantity`).
 
-    The other fields are the signals from which the quantities follow.
+    The other fields are the signals from which the quantities follow; those that no product needs may be left out.
     """
 
     products: SkipValidation[Products]
@@ -249,7 +249,7 @@ def accelerating_signals(scene: Scene, number: int) -> dict[str, Any]:
 
 
 def extensions_up_to(scene: Scene, number: int) -> tuple[SignalBase, ...]:
-    """Extensions in m of all sections up to section `number`, in their order."""
+    """Extensions in m of the sections from the first that slides to section `number`; empty for the base, section 0."""
     return tuple(scene.extension(k) for k in range(1, number + 1))
 
 
@@ -272,7 +272,7 @@ def base_accelerations(scene: Scene) -> tuple[SignalBase, ...]:
 
 
 def section_acceleration(scene: Scene, number: int, field: str, factor: float = 1.0) -> FrameAmplitude:
-    """Signal of a component of the acceleration field of section `number`, times `factor`; `field` names it.
+    """Signal of the component `field` of the acceleration of section `number`, less that of gravity, times `factor`.
 
     Names of components are those of `pmr.simulation.frame_motion.field_products`, such as ``x`` or ``xz``.
     """
@@ -374,7 +374,8 @@ class WindOnSection(FrameSignal):
 def _amplitudes(wind: WindOnSection, t: bytes) -> Array:
     """Amplitudes (2, `POLYNOMIALS`, T) in N/m of all polynomials of the wind along y and z, at T times.
 
-    `t` holds the times in s as the bytes of an array.
+    `t` holds the times in s as the bytes of an array.  Axis and degree of `wind` have no effect.  The last results are
+    stored, so they must not be changed in place.
     """
     times, section, load = np.frombuffer(t), wind.section, wind.load
     luffing, slewing, *rocking = wind.angles

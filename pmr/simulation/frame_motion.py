@@ -234,12 +234,18 @@ class ComputedInput(SignalBase):
     name: str
 
     def value(self, t: ArrayLike) -> Array:
-        """Value at the times t (any shape) in s, on the line between two samples, in the shape of t."""
+        """Value at the times t (any shape) in s, on the line between two samples, in the shape of t.
+
+        Before the first and after the last sample, it is the value of this sample.
+        """
         of: MotionSamples = self.samples
         return np.asarray(np.interp(np.asarray(t, float), of.times, of.inputs[self.name]))
 
     def rate(self, t: ArrayLike) -> Array:
-        """Slope of the line at the times t (any shape) in s, in the shape of t; at a sample, of the line after it."""
+        """Slope of the line at the times t (any shape) in s, in the shape of t; at a sample, of the line after it.
+
+        Before the first and after the last sample, it is the slope of the nearest line.
+        """
         of: MotionSamples = self.samples
         lengths = np.diff(of.times)
         k = np.searchsorted(of.times, np.asarray(t, float) + SAME * lengths.min(), "right") - 1

@@ -268,7 +268,7 @@ class FreeBase:
     """Inertia of a boom of S sections on n coordinates, in the order of `pmr.system.assembly.Assembly`.
 
     Raises InputError for planar sections, for a scene without a frame that turns the boom out of its vertical plane,
-    and if it is not known how supports hold the base.
+    and if points of a body are clamped, so that the work of its loads on rigid motions is not known.
     """
 
     def __init__(self, scene: Scene, system: System, assembly: Assembly | None = None) -> None:
@@ -325,17 +325,17 @@ class FreeBase:
         moments[..., section, over, along, :] = np.swapaxes(B[..., list(self.fields.values())], -1, -2)
         return moments
 
-    def answered_moments(self, contacts: EliminatedContacts, at: Extensions) -> Moments:
-        """First moments at extensions `at`; contacts that give way respond to inertia, and change them."""
+    def moments_with_contacts(self, contacts: EliminatedContacts, at: Extensions) -> Moments:
+        """First moments at extensions `at`, to which `contacts` that give way add how they answer to inertia."""
         response, curve = contacts.response(at.value), contacts.curve(at.value, at.rate)
         return Moments(
             self.moments(response.B), np.moveaxis(self.moments(response.B_slope), 0, -1), self.moments(curve)
         )
 
     def weight(self, upwards: Array, count: int) -> Array:
-        """Loads (i,) in N by the weight of the boom, on all i = `count` inputs.
+        """Loads (i,) in N by the weight of the boom, on all i = `count` inputs; zero on inputs other than of inertia.
 
-        `upwards` (3,) in m/s^2 is minus the acceleration of gravity.
+        `upwards` (3,) in m/s^2 is minus the acceleration of gravity, in the axes of the boom.
         """
         loads = np.zeros(count)
         for (_, over, along), column in self.fields.items():
@@ -343,7 +343,7 @@ class FreeBase:
         return loads
 
     def inertia(self, motion: FrameMotion, driven: Array, extended: Extensions, loads: Array) -> Array:
-        """The `loads` (i,) on all inputs, in which those on inertia inputs follow from the frame's accelerations.
+        """Return a copy of the `loads` (i,) on all inputs, with those on inertia inputs by the frame's accelerations.
 
         `motion` is that of the frame, and the sections are `extended`.  `driven` (6,) is the acceleration of O and the
         angular acceleration of the frame.
@@ -354,7 +354,7 @@ class FreeBase:
         return changed
 
     def load_shortenings(self, load: str) -> Iterator[tuple[int | None, Array]]:
-        """Yield (cylinder, G) of a load: its point moves by -q^T G q / 2 along the bent boom, G (n, n) in 1/m.
+        """Yield (cylinder, G) of the load with this name: its point moves by -q^T G q / 2 along x, G (n, n) in 1/m.
 
         `cylinder` is None, or the number of an extension: q^T G q / 2 then has to be divided by the length of this
         extension.
@@ -364,7 +364,7 @@ class FreeBase:
                 if input_name(term.carried_section or term.bodies[0], term.component) == load:
                     yield (term.number if term.kind == "cylinder load" else None), self._terms[term.name].toarray()
 
-    def loads(self, f: Array, extended: Extensions) -> Array:
+    def load_wrench(self, f: Array, extended: Extensions) -> Array:
         """Force and moment about O (6,) by loads f (i,) on the undeformed boom with sections as `extended`.
 
         Loads by inertia are left out.

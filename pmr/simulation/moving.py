@@ -43,20 +43,18 @@ _SIGNAL: TypeAdapter[Any] = TypeAdapter(Signal, config=ConfigDict(defer_build=Tr
 
 @dataclass(frozen=True)
 class StoredScene:
-    """A scene stored in a model's file: its title, and its excitation with a load for each of the system's i inputs.
-
-    `scene` is the scene of a boom, with what is free held where it begins; `free_scene` is that scene with the free
-    luffing angle or extension.  Each of the two is None if there is no such scene.
-    """
+    """A scene stored in a model's file: its title, and its excitation with a load for each input of the system."""
 
     title: str
     excitation: Excitation
-    #: (i,) array: `System.load_names` at t = 0 of a stepper, with the full weight even if the weight rises in time
+    #: (l,) array: loads with which a stepper begins, in the order of `System.load_names`, with the full weight even if
+    #: the weight rises in time
     first_loads: Array
     #: scene of a boom, in which a free luffing angle or extension stays where it begins; None for a single body without
     #: a frame
     scene: Scene | None = None
-    free_scene: Scene | None = None  #: the scene with what is free, if anything is
+    #: the scene with its free luffing angle or extension; None if nothing is free, or the scene was read without it
+    free_scene: Scene | None = None
 
     @property
     def luffs_freely(self) -> bool:
@@ -75,10 +73,12 @@ class StoredScene:
 
 
 def read_scene(system: System, source: str, free: bool = False) -> StoredScene:
-    """Scene that is stored in the provenance of a system, with a free luffing angle or extension if `free`.
+    """Scene that is stored in the provenance of a system.
 
-    Raises InputError, which names the file `source`, if there is no scene, if a value is not of the type that its key
-    needs, or if a signal of the scene is in a file of its own.
+    A free luffing angle or extension is held where it begins if `free`, and `StoredScene.free_scene` has it; otherwise
+    it is refused, as `Excitation.from_scene` does.  Raises InputError, which names the file `source`, if there is no
+    scene, if a value is not of the type that its key needs, if a signal of the scene is in a file of its own, if the
+    scene does not fit the system, or if it has more than `MOST_STEPS` steps.
     """
     try:
         scene = system.provenance["scene"]
@@ -97,9 +97,10 @@ def read_scene(system: System, source: str, free: bool = False) -> StoredScene:
 
 
 def _read_body_scene(scene: Mapping[str, Any], system: System) -> StoredScene:
-    """Stored scene of a single body, read by keys that files of all versions have.
+    """Stored scene of a single body, from the keys of `scene` that files of all versions have.
 
-    Raises ValueError unless there is one load for each input of the system.
+    Raises KeyError, TypeError or ValueError if a key is missing or has a wrong value, and ValueError unless there is
+    one load for each input of the system.
     """
     loads = [_SIGNAL.validate_python(load["signal"]) for load in scene["loads"]]
     weight = Gravity.model_validate(scene["gravity"]) if scene.get("gravity") else None
@@ -120,7 +121,7 @@ def _read_body_scene(scene: Mapping[str, Any], system: System) -> StoredScene:
 
 
 def _read_boom_scene(scene: Any, system: System, free: bool) -> StoredScene:
-    """Stored scene of a boom, with a free luffing angle or extension if `free`.
+    """Stored scene of a boom, from the data `scene`; `free` is as for `read_scene`.
 
     Raises ValueError unless its sections and paths are those of the system.
     """
@@ -134,7 +135,10 @@ def _read_boom_scene(scene: Any, system: System, free: bool) -> StoredScene:
 
 
 def held_at_start(scene: Scene) -> Scene:
-    """Scene with a prescribed luffing angle or extension, constant at its start, in place of the free one."""
+    """Scene whose free extensions, or else its luffing angle, stay where they begin.
+
+    If the luffing angle stays, the frame gets a slewing angle of 0 unless it has one.
+    """
     frame = scene.present_frame
     if scene.free_extensions:
         sections = list(scene.sections)
@@ -162,8 +166,8 @@ def store_boom_scene(boom: Scene, system: System) -> StoredScene:
 def path_ranges(system: System) -> dict[str, tuple[float, float]]:
     """Smallest and largest coordinate s of each path, by the path's name: in m, and in rad of a luffing angle.
 
-    For sections it is the range in the scene's time, within the ranges of the rows.  For a single body, or without a
-    scene, it is the range of the rows.
+    For sections it is the range in the scene's time, within the ranges of the rows.  For a single body, without a scene
+    that can be read, or with a free extension, it is the range of the rows.
     """
     ranges = system.ranges
     try:
@@ -200,14 +204,15 @@ OF_FRAME, OF_BASE = ANGLES[:2], ANGLES[2:]
 
 @dataclass(frozen=True)
 class MovingFrame:
-    """Amplitudes of inputs and terms of a system in a frame, as sums of products of quantities.
+    """A scene with a frame: its drivers, and amplitudes of a system's inputs and terms as sums of products.
 
-    The drivers determine the quantities.  Sizes: n drivers, i inputs, K terms.
+    The factors of the products are quantities of the frame's motion, which follow from the drivers.  Sizes: n drivers,
+    i inputs, K terms.
     """
 
     scene: Scene
     paths: tuple[str, ...]
-    loads: tuple[str, ...]  # gravity, if there is any, is the last one
+    loads: tuple[str, ...]  # names; gravity, if there is any, is the last one
     angles: tuple[str, ...]  # the angles of `OF_FRAME` and `OF_BASE` that the scene has
     axes: tuple[str, ...]  # `AXES`, or none
     inputs: tuple[Products, ...]  # of the system's i inputs
@@ -319,10 +324,10 @@ class MovingFrame:
 def _products(
     names: tuple[str, ...], signals: Mapping[str, SignalBase], loads: Mapping[str, str]
 ) -> tuple[Products, ...]:
-    """Products of each of the inputs or terms `names`, from its signal in `signals`.
+    """Products of each of the inputs or terms `names`, in this order, from its signal in `signals`.
 
-    A signal that is no `FrameAmplitude` is a load itself; `loads` maps each name to the name of this load.  Raises
-    InputError if a name has no signal.
+    A signal that is no `FrameAmplitude` is a load itself; `loads` maps each name to the name of this load.  A signal
+    that is a sum of no products gets one product that is zero.  Raises InputError if a name has no signal.
     """
     products = list[Products]()
     for name in names:
@@ -335,9 +340,10 @@ def _products(
 
 
 def _scene_loads(scene: Scene) -> dict[str, SignalBase]:
-    """Signals by name of all that a scene prescribes as loads, in the axes in which it states them.
+    """Signals by name of all that a scene prescribes as loads, in the axes in which it states them, gravity last.
 
-    The signals are loads of sections, rope and wind of a hoist, what drives cylinders, and gravity.
+    The signals are loads of sections, rope and wind of a hoist, what drives cylinders, and gravity.  Wind on a section
+    has a signal for each of its inputs.
     """
     signals = dict[str, SignalBase]()
     for name, member in zip(scene.names, members(scene), strict=True):

@@ -104,9 +104,10 @@ def with_support_reactions(response: Response, system: System, trajectory: Syste
 
 
 def with_row_multipliers(system: System, body: SlidingBody, motion: Trajectory) -> Trajectory:
-    """Return `motion` of a single body with the path coordinate s (T,) and the multipliers (T, m) of its m rows.
+    """Return `motion` of a single body with one path coordinate s (T,) and the multipliers (T, m) of all its m rows.
 
-    They are zero for rows that are no contacts.
+    Multipliers of rows that are no contacts are zero.  s is the coordinate of the last contact that moves, or of the
+    first one if none moves; without contacts it is the lower end of the body's range.
     """
     multipliers = np.zeros((len(motion.t), len(body.row_names)))
     moving = 0
@@ -120,8 +121,8 @@ def with_row_multipliers(system: System, body: SlidingBody, motion: Trajectory) 
 def with_reactions(response: Response, of_bodies: Mapping[str, Supports], forces: Mapping[str, Array]) -> Response:
     """Return the response with the `forces` (T, h) of rigid supports, by body, added after all other outputs.
 
-    `of_bodies` are the supports' names and units by body, in the order of `forces`.  Without forces the response is
-    unchanged.
+    `of_bodies` are the names and units of the supports by body, in the order of `forces`.  Without forces the response
+    is returned unchanged.
     """
     if not forces:
         return response
@@ -161,7 +162,11 @@ def with_pivot_force(scene: Scene, response: Response) -> Response:
 
 
 def with_luffing_cylinder(scene: Scene, response: Response) -> Response:
-    """Return the response with the luffing cylinder's force in N, positive in compression; unchanged if unknown."""
+    """Return the response with the luffing cylinder's force in N, positive in compression.
+
+    A cylinder with a stiffness has the force of its contact.  The force of any other one follows from the moment at the
+    pivot.  The response is returned unchanged without a cylinder, or if this moment is not known.
+    """
     if scene.frame is None or scene.frame.cylinder is None:
         return response
     if scene.holding_cylinder is not None:
@@ -199,7 +204,7 @@ def with_force_of_pin(scene: Scene, response: Response) -> Response:
 
 
 def _first_stored_force(response: Response, names: Sequence[str]) -> Array:
-    """Force (T,) of a response, with the first of `names` that the response has."""
+    """Force (T,) of a response, by the first of `names` that the response has; it has to have one of them."""
     name = next(label for label in names if label in response.force_names or label in response.other_names)
     if name in response.force_names:
         return response.slider_force[:, response.force_names.index(name)]

@@ -57,9 +57,10 @@ class InitialState:
 def consistent_start(
     assembly: Assembly, x: Array, x_rate: Array, initial: Mapping[str, InitialState]
 ) -> dict[str, InitialState]:
-    """Initial state of each body; bodies that `initial` does not name are at rest and undeformed.
+    """Initial state of each body by its name, in all its coordinates; at rest and undeformed where `initial` has none.
 
-    Velocities that violate rigid contacts or supports are corrected.
+    Velocities that violate rigid contacts or supports are changed with the least kinetic energy, in new arrays: those
+    in `initial` stay.  If `initial` is empty, nothing is checked.
 
     Parameters
     ----------
@@ -74,7 +75,8 @@ def consistent_start(
     Raises
     ------
     InputError
-        If a size is wrong, a position violates a rigid contact or support, or rigid contacts depend on each other.
+        If `initial` names no body, a size is wrong, a position violates a rigid contact or support, or rigid contacts
+        that stop a velocity depend on each other.
     """
     system, bodies = assembly.system, assembly.system.bodies
     starts = complete_states({name: body.size for name, body in bodies.items()}, initial)
@@ -130,9 +132,10 @@ def complete_states(sizes: Mapping[str, int], initial: Mapping[str, InitialState
 
 
 def start_drift(C: Array, C_t: Array, start: InitialState, names: tuple[str, ...]) -> Array | None:
-    """Violation C v + C_t q (m,) in m/s by `start` of rows C (m, n) with rates C_t (m, n); None for round-off.
+    """Violation C v + C_t q (m,) in m/s of rows C (m, n) with rates C_t (m, n) by the coordinates q, v of `start`.
 
-    Raises InputError if the position violates one of the rows, which have the `names`.
+    The result is None if it is round-off.  Raises InputError if the position q violates one of the rows, which have the
+    `names`.
     """
     check_position(C, start.q, names)
     drift = C @ start.v + C_t @ start.q
@@ -164,9 +167,9 @@ def start_impulses(G: Array, drift: Array, names: tuple[str, ...]) -> Array:
 
 
 def _magnitude(C: Array, q: Array, largest: float = 0.0) -> Array:
-    """Upper bound (m,) of the values of rows C (m, n) on coordinates as large as the largest in q (n,), or `largest`.
+    """Upper bound (m,) of the values C q of rows C (m, n), from the largest absolute value in q (n,).
 
-    The larger one of the two counts.
+    If `largest` is larger than this value, it takes its place.
     """
     return np.asarray(np.abs(C).sum(axis=1) * np.abs(q).max(initial=largest))
 
@@ -269,7 +272,8 @@ def describe_unsettled(names: Sequence[str], pushes: Mask) -> str:
 def describe_divergence(term_names: Sequence[str], contacts: Sequence[Contact]) -> str:
     """Text about forces of terms, friction or a hoist rope that have not converged in a step or at the start.
 
-    The text names `term_names` and the joints of `contacts` with friction; without either, it names the hoist rope.
+    The text names `term_names` and the joints of `contacts` with friction, but only the first `MOST_NAMES` of these.
+    Without either, it names the hoist rope.
     """
     causes = [*term_names, *(f"friction of {joint}" for joint in friction_joints(contacts))] or ["the hoist rope"]
     further = len(causes) - MOST_NAMES
@@ -288,7 +292,7 @@ def needs_of(system: BodySystem[Body], rigid: Mask, x: Array, rho_inf: float) ->
     rigid : (m,) mask
         True for rigid contacts.
     x : (T, sides) array, m
-        Positions of the sides of all contacts.
+        Positions of the sides of all contacts; a contact moves if one of its sides is not always where it is at first.
     rho_inf : float
         Spectral radius at infinite frequency.
     """

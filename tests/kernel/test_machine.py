@@ -53,7 +53,7 @@ class Oracle:
         orders = ("value", "rate", "second_rate")
         out = Extensions(*(np.array([0.0, value]) for value in extension))
         gives = np.any(along.evaluate(out.value).rows.F != 0.0, axis=1)
-        moments = equations.answered_moments(EliminatedContacts(assembly, along, gives), out)
+        moments = equations.moments_with_contacts(EliminatedContacts(assembly, along, gives), out)
         luffing, slewing = (tuple(getattr(angle, order)(t) for order in orders) for angle in scene.frame.angles)
         rocking = [tuple(motion[:, 3 + j, None]) for j in range(3)]
         boom, base = FrameRotation.from_angles(luffing, slewing, rocking), FrameRotation.from_rocking(rocking)
@@ -72,7 +72,7 @@ class Oracle:
         turned = Rb @ (INERTIA * alpha + np.cross(omega, INERTIA * omega)) + np.cross(Rb @ CENTER, linear)
         first = R @ pressed.mass[[1, 2, 0], [5, 3, 4]] + MASS * (Rb @ CENTER)
         weight = np.array([0.0, 0.0, -scene.gravity.signal.value(0.0)])
-        loads = equations.loads(np.array([90.0 * name.endswith("gust") for name in system.input_names]), out)
+        loads = equations.load_wrench(np.array([90.0 * name.endswith("gust") for name in system.input_names]), out)
         force = (equations.boom.mass + MASS) * weight + R @ loads[:3] + FORCE
         moment = np.cross(first, weight) + R @ loads[3:] + MOMENT
         axes = np.stack([Rb[:, 0], [-np.sin(motion[0, 5]), np.cos(motion[0, 5]), 0.0], [0.0, 0.0, 1.0]], axis=1)

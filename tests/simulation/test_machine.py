@@ -76,7 +76,13 @@ class Whole:
         R, Rb, omega = self.turning.rotation[k], self.base.rotation[k], self.base.velocity[k]
         out, motion = self.extended(k), FrameMotion(self.turning.velocity[k], np.zeros(3))
         p = momenta.momentum(
-            self.boom, motion, R.T @ v, out, self.q[k], self.rate[k], self.boom.answered_moments(self.answering, out)
+            self.boom,
+            motion,
+            R.T @ v,
+            out,
+            self.q[k],
+            self.rate[k],
+            self.boom.moments_with_contacts(self.answering, out),
         )
         own = MASS * (v + Rb @ np.cross(omega, CENTER))
         P = R @ p[:3] + own
@@ -93,7 +99,7 @@ class Whole:
             out,
             q,
             rate,
-            self.boom.answered_moments(self.answering, out),
+            self.boom.moments_with_contacts(self.answering, out),
         )
         K = self.assembly.K.toarray() + self.springs(k)[0]
         return energy + (MASS * own @ own + omega @ (INERTIA * omega) + rate @ self.assembly.M @ rate + q @ K @ q) / 2.0
@@ -102,7 +108,9 @@ class Whole:
         """Of what draws the boom out, at the accelerations that the equations have there."""
         (q, rate), out, n = self.at(k), self.extended(k), self.assembly.size
         motion = FrameMotion(self.turning.velocity[k], np.zeros(3))
-        pressed = base_equations(self.boom.boom, motion, out, q, rate, self.boom.answered_moments(self.answering, out))
+        pressed = base_equations(
+            self.boom.boom, motion, out, q, rate, self.boom.moments_with_contacts(self.answering, out)
+        )
         mass, forces, (contacts, slope) = pressed.mass.copy(), pressed.forces.copy(), self.springs(k)
         near, R, rigid = self.along.evaluate(out.value), self.turning.rotation[k], ~self.gives
         forces[6 : 6 + n] += (self.assembly.K.toarray() + contacts) @ q

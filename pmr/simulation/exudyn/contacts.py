@@ -73,7 +73,8 @@ class Contacts:
     def forces(self, rows: ContactRows, q: Array, f: Array) -> Array:
         """Forces (T, m') in N of contacts that give way, by `rows` at T times, coordinates q (T, n) and loads f (T, i).
 
-        Raises SimulationError if contacts depend on each other, or if it can't be settled which contacts are closed.
+        If some only push, the search for closed ones begins at each time with those of the time before.  Raises
+        SimulationError if contacts depend on each other, or if it can't be settled which contacts are closed.
         """
         motion = np.einsum("tmn,tn->tm", rows.C, q) + np.einsum("tmi,ti->tm", rows.H, f)
         if not self.any_pushes:
@@ -315,7 +316,8 @@ class Pads:
     def stiffness(self, rows: Rows, state: PadState) -> Array:
         """Stiffness (n, n) in N/m of closed contacts and of pads in a `state`: the derivative by q of C^T lambda - w.
 
-        C are the contact `rows`, lambda the contact forces and w the generalised forces of friction.
+        C are the contact `rows`, lambda the contact forces and w the generalised forces of friction.  The `state` has
+        to be the one computed last, as the closed contacts are those of the last computation.
         """
         law, multipliers, m = self.law, state.multipliers, len(self.gives)
         F, C, M = np.zeros((m, m)), np.zeros_like(rows.slopes), np.zeros((m, m))

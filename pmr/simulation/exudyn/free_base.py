@@ -58,7 +58,7 @@ from pmr.system.changing_rows import ChangingRows, EliminatedContacts
 from pmr.system.system import System
 
 
-def add_extended(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
+def add_without_contacts(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
     """Add nodes and items of the bodies in the states `start`, without contacts; these are added with the base."""
     steps = Steps(held=bool(Contacts(equations, inputs).rigid.any()))
     jacobian, force = zero_jacobian(equations, steps), equations.B @ inputs.values_at(0.0).loads
@@ -306,12 +306,12 @@ class Base:
         at = self.kinematics(x[:k], rate[:k])
         q, extended = x[k : k + n], self.paths.extensions(t, x[k + n :], rate[k + n :])
         motion = FrameMotion(at.omega, self.weight(t) * at.axes[2])
-        moments = self.boom.answered_moments(self.answering, extended) if self._gives else None
+        moments = self.boom.moments_with_contacts(self.answering, extended) if self._gives else None
         pressed = base_equations(self.boom.boom, motion, extended, q, rate[k : k + n], moments)
         L = scipy.linalg.block_diag(at.by_rates, np.eye(n), self.paths.along)
         force = -pressed.forces - pressed.mass @ np.concatenate([at.quadratic, np.zeros(n), extended.second])
         stiffness = np.zeros((k + n, k + n))
-        force[:6] += self.boom.loads(loads, extended)
+        force[:6] += self.boom.load_wrench(loads, extended)
         if self.extending is not None:
             pushes, K = self.extending.forces_and_stiffness(extended.value, q, loads)
             force[6:] += pushes
@@ -321,8 +321,8 @@ class Base:
         return AddedEquations(L.T @ pressed.mass @ L, L.T @ force, stiffness)
 
 
-def driven_by_base(system: System, loads: Mapping[str, Driving]) -> dict[str, Driving]:
-    """Return the `loads` by name, with zero for the inertia inputs, since the base adds the boom's inertia."""
+def loads_on_base(system: System, loads: Mapping[str, Driving]) -> dict[str, Driving]:
+    """Return the `loads` by name, with zero for all inertia inputs, since the base adds the boom's inertia."""
     nothing = Constant(amount=0.0)
     return dict(loads) | {name: nothing for name in system.input_names if INERTIA in name}
 

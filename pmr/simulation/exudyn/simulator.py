@@ -22,7 +22,7 @@ from pmr.simulation.excitation import Excitation
 from pmr.simulation.exudyn.contacts import Balance, Contacts, Motion, Pads, balance_energy
 from pmr.simulation.exudyn.equations import Driving, Equations, NodeCoordinate, SignalInputs, TabulatedInputs
 from pmr.simulation.exudyn.formulations import FORMULATIONS, Formulation
-from pmr.simulation.exudyn.free_base import Base, OnBody, add_extended, driven_by_base, terms_on_base, with_base
+from pmr.simulation.exudyn.free_base import Base, OnBody, add_without_contacts, loads_on_base, terms_on_base, with_base
 from pmr.simulation.exudyn.items import (
     SystemItems,
     add_force_sensor,
@@ -108,7 +108,7 @@ def add_system(
     """
     equations = Equations(system if on is None else with_all_inertia(system))
     if on is not None:
-        loads, terms = driven_by_base(system, loads), terms_on_base(loads, paths, on)
+        loads, terms = loads_on_base(system, loads), terms_on_base(loads, paths, on)
     inputs = SignalInputs(mbs, equations, paths, loads, terms or {})
     name, add = FORMULATIONS[formulation]
     if free := [path for path, driving in paths.items() if isinstance(driving, NodeCoordinate)]:
@@ -116,7 +116,7 @@ def add_system(
             allowed = "a coordinate of a node is allowed for a boom on a rigid body (on), with the formulation springs"
             raise InputError("system", f"paths.{free[0]}", "NodeCoordinate", allowed)
         system.ensure_frictionless("system, an extension that is a coordinate")
-        add = add_extended
+        add = add_without_contacts
     refuse_unsupported(name, equations.needs(inputs.positions(0.0)))
     items = add(mbs, equations, inputs, equations.start(inputs.s, inputs.rates, initial or {}))
     items = with_terms(mbs, with_quasi_static(mbs, items, equations), equations, inputs)
@@ -160,8 +160,8 @@ def simulate_system(
     return SystemRun(system, excitation, initial or {}, formulation).trajectory(progress)
 
 
-def step_lengths(system: System, excitation: Excitation, initial: Mapping[str, InitialState]) -> StepParts:
-    """Numbers of parts of each step: one part for each step, unless contacts only push.
+def step_parts(system: System, excitation: Excitation, initial: Mapping[str, InitialState]) -> StepParts:
+    """Numbers of parts into which steps are divided: 1 for each step, unless contacts only push.
 
     If contacts only push, they are the numbers of the excitation.  If it has none, the compiled simulator chooses them
     by a run from the `initial` states; for bodies too large for it, a step has enough parts to resolve the contacts.
@@ -192,7 +192,7 @@ class SystemRun:
         name, add = FORMULATIONS[formulation]
         self._needs = self._equations.needs(self._equations.side_positions(excitation), excitation.stepping.rho_inf)
         refuse_unsupported(name, self._needs)
-        self._lengths = step_lengths(system, excitation, initial)
+        self._lengths = step_parts(system, excitation, initial)
         self._inputs = TabulatedInputs(self._equations, excitation, self._lengths)
         s, rates = (dict(zip(excitation.paths, at[0].tolist(), strict=True)) for at in (excitation.s, excitation.rates))
         start = self._equations.start(s, rates, initial)
@@ -207,7 +207,7 @@ class SystemRun:
         self._of_contacts = None if connector is None else add_force_sensor(self._mbs, connector)
 
     def trajectory(self, progress: Progress | None) -> SystemTrajectory:
-        """Take all steps and return the trajectory; errors as `pmr.simulation.SystemSimulator`.
+        """Take all steps and return the trajectory, once; errors as `pmr.simulation.SystemSimulator`.
 
         `progress`, if not None, is called with the share of the run that is done.
         """

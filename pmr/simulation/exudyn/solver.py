@@ -155,8 +155,8 @@ def read_sensor(
 ) -> Array:
     """Values (N, c) that a sensor stored, a row of c for each step or part of a step, t = 0 included.
 
-    Raises SimulationError if steps are missing or a value is not finite; `place` returns the text about the path at a
-    time.
+    Raises SimulationError if steps are missing, or, with the time and the text that `place` returns for it, if a value
+    is not finite.
     """
     values = mbs.GetSensorStoredData(sensor)[:, 1:]
     if len(values) != stepping.steps + 1:

@@ -101,12 +101,8 @@ class Recorder:
     """Records a full-order simulation: this rank's contributions to sums over coordinates, added up at the end.
 
     This rank's contribution to the work is added up at every step, or at every part of a step.  Whole states are
-    recorded at the steps nearest to the times `states` in s.
-
-    Raises
-    ------
-    InputError
-        If a time does not exist.
+    recorded at the steps nearest to the times `states` in s.  Raises InputError if one of these times is not in the
+    run.
     """
 
     def __init__(self, system: FullSystem, stepping: TimeStepping, states: Sequence[float]) -> None:

@@ -57,7 +57,7 @@ def observe(
         The system's paths by name, a load for each ``body.input``, and an amplitude for each term, a stiffness or
         damping that varies in time.
     states : sequence of float, s
-        Times at which whole states are recorded, at the nearest step.
+        Times at which whole states are recorded, at the nearest steps: each step once, in ascending order.
     initial : mapping of str to InitialState, optional
         Initial state of each body, with all its n coordinates, on every rank; bodies that are missing start at rest,
         undeformed.  `pmr.simulation.petsc.start.static_start` returns states in equilibrium.

@@ -343,7 +343,8 @@ class HeldSystem:
         """Lowest positive buckling factors Lambda (count,), ascending; infinite where there are fewer than `count`.
 
         `coefficients` are the amplitudes c_k of the geometric stiffness G_k by the names of the terms, zero for others.
-        Raises InputError for a name that no term has, or if the contacts do not hold the bodies.
+        Raises InputError for a name that no term has, or if the contacts do not hold the bodies, which is not checked
+        where the sum of c_k G_k has no entries.
         """
         G = geometric_stiffness(self._assembly, coefficients)
         values = np.full(count, np.inf)

@@ -95,7 +95,7 @@ class Equations:
 class LoadedState:
     """Equilibrium under a load: outputs (o,), contact forces (m,) in N and form; NaN where no equilibrium exists."""
 
-    load: float
+    load: float  # kg
     outputs: Array
     forces: Array
     form: Form
@@ -328,7 +328,8 @@ class Form:
     def frequency(self, load: float) -> float:
         """Lowest natural frequency in Hz with `load` in kg as a mass on its directions.
 
-        The frequency is 0 if the structure buckles under the load, and infinite if no coordinate has a mass.
+        The frequency is 0 if the structure is not `held` or buckles under the load, and infinite if no coordinate has a
+        mass.
         """
         if load >= self.critical:
             return 0.0
@@ -372,16 +373,17 @@ class LoadedStructure:
         return not self.equations.pushes.any()
 
     def state(self, load: float) -> LoadedState:
-        """Equilibrium under a load; NaN values if none is found.
+        """Equilibrium under a load in kg, searched once; NaN values if none is found.
 
-        Raises InputError if bodies float within the play of contacts because nothing presses them to a side.
+        Raises InputError, unless the structure `may_float`, if bodies float within the play of contacts because nothing
+        presses them to a side.
         """
         if load not in self._states:
             self._states[load] = self._find_equilibrium(load)
         return self._states[load]
 
     def states(self, loads: Sequence[float]) -> LoadedStates:
-        """Equilibria under several loads, in the order of `loads`; errors as `state`."""
+        """Equilibria under several `loads` in kg, in their order; errors as `state`."""
         return LoadedStates.from_states([self.state(load) for load in loads])
 
     def _form(self, closed: Mask) -> Form:
@@ -392,7 +394,7 @@ class LoadedStructure:
         return self._forms[key]
 
     def _find_equilibrium(self, load: float) -> LoadedState:
-        """Search the equilibrium under a load.
+        """Search the equilibrium under a load in kg.
 
         The search begins with the last closed contacts.  If it fails, it is repeated with the closed contacts of
         `_first_order`, then with further ones that touch, one after the other, then downhill (`_search_downhill`).

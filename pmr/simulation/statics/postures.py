@@ -65,7 +65,10 @@ class PostureSet:
         return PostureSet(extensions, self.luffing[numbers], self.slewing[numbers])
 
     def boom_length(self, scene: Scene) -> Array:
-        """Distance (P,) in m along the boom from the tail of the base section to the tip of the last section."""
+        """Distance (P,) in m along the boom from the tail of the base section to the tip of the last section.
+
+        Every section of `scene` but the base has to have an extension.
+        """
         tails = np.sum([np.zeros(self.count), *(self.extensions[name] for name in scene.names[1:])], axis=0)
         return np.asarray(tails + scene.sections[-1].length)
 
@@ -319,7 +322,7 @@ class PostureMatrices:
             Number of the posture.
         amounts : mapping of str to float
             Number of units of each component (weight, loads) that act all the time; zero for a component that is not
-            named.  An amount of `HOOK` is ignored.
+            named.  An amount of `HOOK` is ignored, and so are other names.
         factor : float
             Factor of the forces of 1 kg of `HOOK`, the load that grows.
         """
@@ -363,7 +366,7 @@ def side_positions(system: System, postures: PostureSet) -> Array:
 
 
 def load_names(scene: Scene) -> list[str]:
-    """Names of all loads of the scene's sections, each once."""
+    """Names of all loads of the scene's sections, each once; with the chart's own in a scene made by `with_hook`."""
     return list(dict.fromkeys(load.name for part in scene.sections for load in part.loads))
 
 
