@@ -62,12 +62,8 @@ def system_data(
     motions = 0 if frame is None else len(frame.drivers)
     split = Outputs.of(rows, supports)
     arrays = _size_arrays(system, modal, rows, motions, len(split.outputs)) | _body_arrays(rows, split)
-    arrays |= (
-        _contact_arrays(modal, rows, split)
-        | _block_arrays(rows, split)
-        | _term_arrays(modal, rows)
-        | _friction_arrays(rows)
-    )
+    arrays |= _contact_arrays(modal, rows, split) | _block_arrays(rows, split)
+    arrays |= _term_arrays(modal, rows) | _friction_arrays(rows)
     arrays |= frame_arrays(frame, rows.paths) | _hoist_arrays(system, rows.paths)
     of_bodies = zip(system.bodies, supports, strict=True)
     reactions = [reaction_name(qualified_name(body, name)) for body, of in of_bodies for name in of.names]

@@ -238,7 +238,7 @@ def find_stuck(values: Array, step: float) -> NDArray[np.bool_]:
     stuck = np.zeros(values.shape, bool)
     for column, marked in zip(values.T, stuck.T, strict=True):
         at = np.nonzero(np.isfinite(column))[0]
-        changes = np.concatenate([[True], np.diff(column[at]) != 0.0]) if len(at) else np.zeros(0, bool)
+        changes = np.diff(column[at], prepend=np.nan) != 0.0
         first = np.maximum.accumulate(np.where(changes, np.arange(len(at)), 0))  # of the equal values
         marked[at] = ((at - at[first]) * step >= STUCK * (1.0 - 1e-9)) & (np.arange(len(at)) - first >= 2)
     return stuck

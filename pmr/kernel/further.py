@@ -128,7 +128,9 @@ def frame_output_arrays(frame: Frame | None, system: System, paths: Sequence[str
     """Arrays of tip, luffing cylinder and outriggers by their names in the kernel's block, and the counts ``further``.
 
     ``further`` (3,) has the number of `reactions` of rigid supports, then 1 if there is a tip and 1 if the force of the
-    luffing cylinder is computed, else 0.  ``pressing_numbers`` (K,) and ``pressing_wrenches`` (K, 6, 1 + P), flattened,
+    luffing cylinder is computed, else 0.  ``tip_numbers`` (4,) has the numbers of the tip's displacements along x, y
+    and z (-1 if there are none) and the number of paths that lead to the tip, ``tip_place`` (3,) its place in m from
+    the pivot with all paths at 0.  ``pressing_numbers`` (K,) and ``pressing_wrenches`` (K, 6, 1 + P), flattened,
     are those of `PressingForces`, from whose moments the cylinder's force follows unless the cylinder holds the base
     itself.  ``cylinder_hinges`` (4,) are the coordinates x, z in m of the cylinder's foot and of its lug, zeros without
     a cylinder.  ``cylinder_pin`` (3,) has the numbers of the pin's reactions along x and z (-1 if there are none) and

@@ -150,9 +150,9 @@ def structure(kind: str, fields: Mapping[str, Any]) -> Any:
             values[name] = pointer(arrays[-1])
         elif of_field.kind == "array":
             values[name] = np.ravel(value).tolist()
-    filled = ffi.new(f"{kind} *", values)
-    _ARRAYS[filled] = arrays
-    return filled
+    address = ffi.new(f"{kind} *", values)
+    _ARRAYS[address] = arrays
+    return address
 
 
 def _aligned_bytes(block: bytes | bytearray) -> NDArray[np.uint8]:

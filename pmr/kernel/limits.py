@@ -68,11 +68,9 @@ class LimitCheck:
 
         `numbers` has the numbers of the outputs by name, as `pmr_observe` of the kernel counts them.
         """
-        groups = {limit.cause if limit.watch.once else str(k): 0 for k, limit in enumerate(limits)}
-        groups = {group: k for k, group in enumerate(groups)}
-        families = {
-            family: k for k, family in enumerate(dict.fromkeys(of.watch.family for of in limits if of.watch.family))
-        }
+        group_of = [limit.cause if limit.watch.once else str(k) for k, limit in enumerate(limits)]
+        groups = {group: k for k, group in enumerate(dict.fromkeys(group_of))}
+        families = sorted({limit.watch.family for limit in limits} - {""})
         self.limits = tuple(limits)
         #: names of the outputs of all sums, one sum after the other
         self.names = [name for limit in limits for name in limit.shares]
@@ -82,11 +80,9 @@ class LimitCheck:
             "numbers": np.array([numbers[name] for name in self.names], np.int32),
             "shares": np.array([share for limit in limits for share in limit.shares.values()], float),
             "limits": np.array([(limit.low, limit.high) for limit in limits], float).ravel(),
-            "groups": np.array(
-                [groups[of.cause if of.watch.once else str(k)] for k, of in enumerate(limits)], np.int32
-            ),
+            "groups": np.array([groups[group] for group in group_of], np.int32),
             "until": np.array([groups.get(limit.watch.until, -1) for limit in limits], np.int32),
-            "family": np.array([families.get(limit.watch.family, -1) for limit in limits], np.int32),
+            "family": np.array([families.index(of.watch.family) if of.watch.family else -1 for of in limits], np.int32),
             "law": np.array([PULL, BESIDE]),
             "often": np.array([sum(not limit.watch.seldom for limit in limits)], np.int32),
         }

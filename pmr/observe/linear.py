@@ -286,7 +286,6 @@ def output_sensitivity(reference: LinearMotion, changed: LinearMotion) -> Array:
     times of the steps differ between the two motions.
     """
     if reference.outputs != changed.outputs or not np.array_equal(reference.t, changed.t):
-        raise InputError(
-            "observe", "parameters", changed.outputs, "the same outputs and steps as those of the reference are needed"
-        )
+        allowed = "the same outputs and steps as those of the reference are needed"
+        raise InputError("observe", "parameters", changed.outputs, allowed)
     return changed.reference - reference.reference

@@ -177,7 +177,7 @@ class Observation:
             **faults,
             "faults": describe_faults(faults, t),
             "errors_of_model": {part: dict(of) for part, of in self.observer.errors.items()},
-            "not_covered": sorted({name for name in estimates.outputs if not self._is_covered(name)}),
+            "not_covered": sorted(set(estimates.outputs).difference(*self.observer.errors.values())),
             "coverage": {name: estimates.coverage(name, values) for name, values in self.truth.items()},
             "rms_error": {
                 name: float(np.sqrt(np.nanmean((estimates.of(name).mean - values) ** 2)))
@@ -185,10 +185,6 @@ class Observation:
             },
             "without_sensor": {name: dict(ratios) for name, ratios in self.without.items()},
         }
-
-    def _is_covered(self, name: str) -> bool:
-        """Whether a part of the error budget has an error of the output `name`."""
-        return any(name in of_part for of_part in self.observer.errors.values())
 
     def write(self, folder: Path) -> list[Path]:
         """Write ``estimates.csv`` and ``observe.json`` into a folder, which is made if missing; return their paths.

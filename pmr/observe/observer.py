@@ -238,12 +238,8 @@ class Observer:
         for sensor in self.sensors:
             self.model.output_number(sensor.output)
             if not sensor.noise > 0.0 or sensor.bias < 0.0 or sensor.gain < 0.0:
-                raise InputError(
-                    "observe",
-                    f"sensors.{sensor.output}",
-                    None,
-                    "noise above 0, and bias and gain of 0 or more, are allowed",
-                )
+                allowed = "noise above 0, and bias and gain of 0 or more, are allowed"
+                raise InputError("observe", f"sensors.{sensor.output}", None, allowed)
         names = {"sensors": [each.output for each in self.sensors], "loads": [load.input for load in self.loads]}
         for key, listed in names.items():
             if repeated := next((name for name in listed if listed.count(name) > 1), None):
@@ -267,9 +263,8 @@ class Observer:
                 allowed = f"{places} is allowed, as the load {self.payload.input!r} acts there"
                 raise InputError("observe", "payload.acceleration", self.payload.acceleration, allowed)
             if not self.payload.deviation > 0.0 or self.payload.wander < 0.0:
-                raise InputError(
-                    "observe", "payload", None, "a deviation above 0, and a wander of 0 or more, are allowed"
-                )
+                allowed = "a deviation above 0, and a wander of 0 or more, are allowed"
+                raise InputError("observe", "payload", None, allowed)
             if self.payload.gravity and self.payload.acceleration.startswith(SPECIFIC_FORCE):
                 allowed = "0 is allowed, as a specific force includes gravity"
                 raise InputError("observe", "payload.gravity", self.payload.gravity, allowed)
@@ -302,12 +297,8 @@ class Observer:
 
         A part that does not cover an output counts as 0.
         """
-        return np.array(
-            [
-                np.sqrt(sum(of_part.get(name, 0.0) ** 2 for of_part in self.errors.values()))
-                for name in self.model.outputs
-            ]
-        )
+        parts = self.errors.values()
+        return np.array([np.hypot.reduce([of.get(name, 0.0) for of in parts]) for name in self.model.outputs])
 
     def grid(self, measured: Mapping[str, tuple[Array, Array]]) -> Array:
         """Measurements (T, p) of the p sensors at the model's T steps, NaN where nothing was measured.

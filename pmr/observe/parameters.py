@@ -62,9 +62,8 @@ class ParameterObserver:
         for each in self.observers:
             same = each.units == first.units and len(each.model.t) == len(first.model.t)
             if not same or [s.output for s in each.sensors] != [s.output for s in first.sensors]:
-                raise InputError(
-                    "observe", "observers", None, "the same steps, outputs, sensors and unknowns are allowed"
-                )
+                allowed = "the same steps, outputs, sensors and unknowns are allowed"
+                raise InputError("observe", "observers", None, allowed)
         if len(self.observers) != len(terms) or np.linalg.matrix_rank(terms) < terms.shape[1]:
             allowed = f"{terms.shape[1]} models or more are needed, for a polynomial of second degree"
             raise InputError("observe", "values", len(self.values), allowed)

@@ -259,17 +259,15 @@ class PositionObserver:
         fastest = max(self.settings.speeds) * self.models.step / gaps.mean()
         if fastest > 0.5 or min(self.settings.speeds) <= 0.0:
             most = 0.5 * gaps.mean() / self.models.step
-            raise InputError(
-                "observe", "speeds", self.settings.speeds, f"more than 0, at most {most:g} m/s, is allowed"
-            )
+            allowed = f"more than 0, at most {most:g} m/s, is allowed"
+            raise InputError("observe", "speeds", self.settings.speeds, allowed)
         if len(self.settings.mode_noise) != self.models.noise.shape[1]:
             allowed = f"one number for each of {self.models.noise.shape[1]} modes is allowed"
             raise InputError("observe", "mode_noise", self.settings.mode_noise, allowed)
         noise = self.settings.noise
         if not (noise.rest > 0.0 and noise.moving > 0.0 and noise.trust >= 0.0):
-            raise InputError(
-                "observe", "noise", tuple(noise), "rest and moving above 0 and trust from 0 on are allowed"
-            )
+            allowed = "rest and moving above 0 and trust from 0 on are allowed"
+            raise InputError("observe", "noise", tuple(noise), allowed)
 
     @property
     def speeds(self) -> Array:
@@ -334,8 +332,9 @@ class PositionObserver:
             raise InputError("observe", "activity", power.shape, allowed)
         power = np.ascontiguousarray(np.broadcast_to(power, y.shape))
         settings, models = self.settings, self.models
-        told = power / (power + settings.active), settings.share * power, settings.noise.likelihood(power, self.speeds)
-        record = advance_bank(self.bank(), y, *told, later)
+        in_motion, least = power / (power + settings.active), settings.share * power
+        likelihoods = settings.noise.likelihood(power, self.speeds)
+        record = advance_bank(self.bank(), y, in_motion, least, likelihoods, later)
         likely = np.argmax(record.probability, axis=1)
         outputs = np.einsum("ton,tn->to", models.rows[likely], record.states)
         return Positions(models.places, record.probability, record.states, record.level, outputs)

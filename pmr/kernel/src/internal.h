@@ -116,7 +116,7 @@ struct pmr_system {
     const int32_t *frame_paths;   /* (P): motions that are the paths */
     const int32_t *quantity_list; /* (quantities, 3): kind and two numbers */
     const int32_t *products;      /* (products, 3): quantities of each */
-    const int32_t *first_product; /* (i + K + 1) */
+    const int32_t *first_product; /* (N - P + 1): of loads, amplitudes of terms and drivers of a hoist */
     const double *factors;        /* (products) */
     /* further outputs: reactions of rigid supports, in bodies' tables as outputs are; what rates of modes add to them,
        and entries of each term; in a frame the tip and the luffing cylinder (frame.c) */

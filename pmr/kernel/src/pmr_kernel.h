@@ -75,8 +75,8 @@ typedef struct {
     int32_t drivers;   /* N: what drives the system from outside, `u`: paths, then loads, then what else it asks for */
     int32_t motions;   /* n: what a frame that moves is driven by; 0 without one */
     int32_t pushing;   /* contacts that only push */
-    int32_t further;   /* further outputs: reactions of rigid supports; in a frame the tip, and the luffing cylinder; of a
-                          hoist, those of `hoist` */
+    int32_t further;   /* further outputs: reactions of rigid supports; in a frame the tip, and the luffing cylinder; then
+                          those of `ground`, `hoist` and `computed` */
     int32_t hoist;     /* outputs of a hoist, 0 without one */
     int32_t computed;  /* outputs of a luffing angle or an extension that is free, behind those of a hoist; 0 without one */
     int32_t ground;    /* outputs of outriggers, before those of a hoist; 0 without any */
@@ -371,10 +371,11 @@ int pmr_watch(pmr_state *state, const pmr_limits *limits);
 /* `pmr_observe`, or where `numbers` is NULL all outputs, and then `pmr_watch`, whose number k is returned as -1 - k. */
 int pmr_observe_and_watch(pmr_state *state, int count, const int32_t *numbers, double *values, const pmr_limits *limits);
 /* Further outputs (further,) where the state stands: in N and N m what a body presses on its rigid supports; in a frame
-   the place of the tip from the pivot along axes of the ground in m, and the force of the luffing cylinder in N; of a
-   hoist the height of the hook, its place along axes of the ground in m, its swing along and across the boom's plane in
-   rad, the force of the rope in N, and its pull on the winch along axes of the ground.  In a frame the motions are those
-   of the last start or step that was told them.  Errors as `pmr_observe`. */
+   the place of the tip from the pivot along axes of the ground in m, and the force of the luffing cylinder in N; the
+   columns of `pmr_stand_columns` for outriggers; of a hoist the height of the hook, its place along axes of the ground in
+   m, its swing along and across the boom's plane in rad, the force of the rope in N, and its pull on the winch along axes
+   of the ground; those of a luffing angle or an extension that is free.  In a frame the motions are those of the last
+   start or step that was told them.  Errors as `pmr_observe`. */
 int pmr_further(pmr_state *state, double *further);
 
 /* ---- continuous time ---- */

@@ -93,7 +93,7 @@ class Drivers:
             lib.pmr_compare_rates, motions.shape[1], step, *map(pointer, (motions, self._book))
         )
         self._all: tuple[Array, Callable[[], int], Array] | None = None  # for `take_all`
-        self._told, self._placed, self._started = set[str](), False, False
+        self._jumps, self._has_places, self._started = set[str](), False, False  # names of motions with a warning
         self._begun_motions, self._begun_rows = motions.copy(), rows.copy()  # motions at the end of the last step
 
         # by name: numbers of motions, and limits of values and changes that are taken without further checks
@@ -158,12 +158,12 @@ class Drivers:
             if abs(rate) * self._step > high - low:
                 fastest = f"{(high - low) / self._step:g} m/s, its range in a step, is allowed at most"
                 raise InputError("stepper", f"s.{self.paths[k]}", [at, rate, second][:count], fastest)
-            if self._placed and abs(at - self._values[k]) > JUMP * (high - low):
+            if self._has_places and abs(at - self._values[k]) > JUMP * (high - low):
                 self._warn_of_jump(self.paths[k], abs(at - self._values[k]), "m")
-        if not self._placed:
+        if not self._has_places:
             if len({k for k, *_ in readings}) < len(self.paths):
                 raise InputError("stepper", "s", None, f"all paths are needed at the start: {', '.join(self.paths)}")
-            self._placed = True
+            self._has_places = True
         self._write(readings)
 
     def _take_at_once(self, values: dict[Any, Any], limits: Limits) -> bool:
@@ -284,18 +284,18 @@ class Drivers:
 
         Rates of such a motion do not lead from one of its values to the next.  The motion is compared no more.
         """
-        _, _, values, led, compared = self._book
+        _, _, changes, integrals, compared = self._book
         for k in np.flatnonzero(compared < 0.0).tolist():
             compared[k] = 0.0
             name, unit = (self.paths[k], "m") if k < len(self.paths) else (self._angles[k], "rad")
             message = "%s moves by %.3g %s where its rates lead by %.3g %s: its rates are needed, in %s/s"
-            logger.warning(message, name, values[k], unit, led[k], unit, unit)
+            logger.warning(message, name, changes[k], unit, integrals[k], unit, unit)
 
     def _warn_of_jump(self, name: str, change: float, unit: str) -> None:
         """Log, once for each `name`, a warning that this motion changes by `change` in a step; `unit` is its unit."""
-        if name in self._told:
+        if name in self._jumps:
             return
-        self._told.add(name)
+        self._jumps.add(name)
         message = "%s jumps by %g %s in a step of %g s, which excites what no boom does: give it at each step, in %s"
         logger.warning(message, name, change, unit, self._step, unit)
 
@@ -335,9 +335,9 @@ class Drivers:
             elif type(motion) is tuple and [*map(type, motion)] in FLOATS and isfinite(sum(motion)):
                 readings.append((k, *motion, 3) if len(motion) == 3 else (k, *motion, 0.0, 2))
             else:
-                read = _read_motion(motion, f"{key}.{name if isinstance(name, str) else _motion_names(numbers)[name]}")
-                value, rate, second = [*read, 0.0, 0.0][:3]
-                readings.append((k, value, rate, second, len(read)))
+                rows = _read_motion(motion, f"{key}.{name if isinstance(name, str) else _motion_names(numbers)[name]}")
+                value, rate, second = [*rows, 0.0, 0.0][:3]
+                readings.append((k, value, rate, second, len(rows)))
         return readings
 
 

@@ -136,8 +136,8 @@ def with_extension_data(frame: MovingFrame, scene: Scene, system: System, form: 
         "extension_numbers": np.array([*extension.reach, *cylinder_numbers(cylinder), *ratios]),
     }
     name = scene.names[number]
-    shown = cylinder_columns(extension.oil) | {ACCELERATION: "m/s^2"}
-    outputs = {column_name(name, of): unit for of, unit in shown.items()}
+    columns = cylinder_columns(extension.oil) | {ACCELERATION: "m/s^2"}
+    outputs = {column_name(name, of): unit for of, unit in columns.items()}
     followers = {scene.names[k]: ratio for k, ratio in moved_sections(scene, number).items()}
     return replace(frame, computed=ComputedData(arrays, outputs, followers))
 
@@ -266,10 +266,10 @@ class LuffingRun(MachineRun):
     def __init__(self, scene: Scene, system: System) -> None:
         """Prepare the kernel for the `system` of a `scene` with a free luffing angle, at its start."""
         frame = scene.present_frame
-        begun = float(frame.angles.luffing.value(np.zeros(1))[0])
-        hangs = begun if np.cos(begun - HANGING) < 0.0 else HANGING  # above the pivot it falls to one side
+        first = float(frame.angles.luffing.value(np.zeros(1))[0])
+        hanging = first if np.cos(first - HANGING) < 0.0 else HANGING  # above the pivot it falls to one side
         #: luffing angle in rad at which the machine does not pitch
-        self.level = hangs if frame.cylinder is None else frame.cylinder.square_angle(begun)
+        self.level = hanging if frame.cylinder is None else frame.cylinder.square_angle(first)
         self._scene, unit = scene, frame.radian
         level = Constant(amount=self.level * unit)
         motions = {} if frame.base is None else frame.base.motions  # its angles turn the ground of what pitches
@@ -343,8 +343,8 @@ def _stepped_frame(system: System, stored: StoredScene | None, source: str) -> M
     run = LuffingRun(scene.with_keys(time={"end": scene.time.step}), system)
     outputs = {LUFFING_ANGLE: "rad", f"rate of {LUFFING_ANGLE}": "rad/s"}
     if frame.cylinder is not None:
-        shown = cylinder_columns(frame.cylinder.oil)
-        outputs |= {f"{LUFFING_CYLINDER} {name}": unit for name, unit in shown.items()}
+        columns = cylinder_columns(frame.cylinder.oil)
+        outputs |= {f"{LUFFING_CYLINDER} {name}": unit for name, unit in columns.items()}
     return replace(run.frame, computed=ComputedData(luffing_arrays(run.machine, run.frame), outputs))
 
 

@@ -144,11 +144,11 @@ class MachineSimulation:
         SimulationError is raised if the motion of the machine is not found or if the machine pitches by 90 degrees.
         After an error, machine and boom are at the end of the last whole step.
         """
-        taken, first, further = ffi.new("int64_t *"), self.number + 1, len(self.motion) - 1 - self.number
+        steps, first, further = ffi.new("int64_t *"), self.number + 1, len(self.motion) - 1 - self.number
         if not 0 <= count <= further:
             raise InputError("machine", "steps", count, f"0 to {further} are allowed")
-        failed = lib.pmr_machine_run_advance(self._run, first, count, self._record_pointers(first), taken)
-        self.number += int(taken[0])
+        failed = lib.pmr_machine_run_advance(self._run, first, count, self._record_pointers(first), steps)
+        self.number += int(steps[0])
         self._raise_unless_done(failed, self.number + 1)
 
     def _raise_unless_done(self, failed: int, k: int) -> None:
@@ -215,13 +215,10 @@ def machine_of(
     }
 
 
-def modes_in_bodies(form: SystemForm, size: int) -> Array:
-    """Coordinates (n, r') of the assembled bodies by the kernel's r' modes, some of which are padding.
-
-    `size` is r', and `form` the system in modes.
-    """
+def modes_in_bodies(form: SystemForm) -> Array:
+    """Coordinates (n, r') of the assembled bodies by the kernel's r' modes; columns of zeros are padding."""
     assembly = Assembly(form.system)
-    modes = np.zeros((assembly.size, size))
+    modes = np.zeros((assembly.size, form.modes))
     blocks = [modal.X[assembly.free_coordinates[name]] for name, modal in form.forms.items()]
     modes[:, form.mode_columns] = scipy.linalg.block_diag(*blocks)
     return modes
@@ -300,14 +297,14 @@ class MachineRun:
         self.form.refuse_unsupported(side_positions(self.form.modal, self._excitation), stepping.rho_inf)
         self.frame = moving = MovingFrame.in_scene(resting, system)
         self._kernel = Kernel.of(system, self.form.forms, moving)
-        modes = modes_in_bodies(self.form, self._kernel.modes)
+        modes = modes_in_bodies(self.form)
         state = State(self._kernel, Settings(stepping.step, stepping.rho_inf, energy=False))
         #: fields of the kernel's machine
         self.machine = machine_of(scene, system, moving, self._excitation, modes, level) | dict(cylinder or {})
-        self._given, self._first = base_motions(scene, np.zeros(1))[0], self.machine["motions"][0].copy()
+        self._base_motion, self._first = base_motions(scene, np.zeros(1))[0], self.machine["motions"][0].copy()
         self._free, self._sprung = np.isin(DIRECTIONS, machine.free), self.machine["stiffness"] > 0.0
-        begun = [[getattr(of, axis) for axis in DIRECTIONS] for of in (machine.start, machine.rate)]
-        self._stated_start = np.array(begun) * direction_units(scene)  # (2, 6): motions in free directions, then rates
+        start = [[getattr(of, axis) for axis in DIRECTIONS] for of in (machine.start, machine.rate)]
+        self._stated_start = np.array(start) * direction_units(scene)  # (2, 6): motions in free directions, then rates
         self._inertial = [system.input_names[k] for k in self.machine["inertial"]] if self._free.any() else []
         self.simulation = MachineSimulation(state, self.machine, reasons)
         self._in_balance = scene.start == "equilibrium"
@@ -340,7 +337,7 @@ class MachineRun:
         Otherwise the machine begins with the motion that the scene states, and the boom undeformed and at rest.  Raises
         the errors of `begin` and of `holding_forces`, and SimulationError if the springs find no equilibrium.
         """
-        motion = self._given.copy()
+        motion = self._base_motion.copy()
         motion[:2, self._free] += self._stated_start[:, self._free]
         if self._in_balance:
             motion = self._balance_springs(motion)

@@ -106,7 +106,7 @@ class March:
         # names of rigid rows that move: their forces are not damped
         self._growing = list(form.refuse_unsupported(x, stepping.rho_inf).rigid_moving_rows)
         self._signals: Signals | None
-        self._stored, self._work = np.zeros(len(self.t)), np.zeros(len(self.t))
+        self._energy, self._work = np.zeros(len(self.t)), np.zeros(len(self.t))
         self.state = State(kernel, Settings(stepping.step, stepping.rho_inf, parts, omega))
         self._drivers, self._sampling = driver_signals(form, excitation), 0.0
         frame = form.frame if form.frame is not None and form.frame.drives(excitation) else None
@@ -147,13 +147,13 @@ class March:
             """Store energies and work of some steps and hand these to `take`; `first` is the first record's number."""
             nonlocal least
             at = slice(first, first + len(steps.z))
-            self._stored[at], self._work[at] = steps.energy.T
+            self._energy[at], self._work[at] = steps.energy.T
             loads = steps.drivers[:, paths : paths + inputs]
             least = max(least, energy_round_off(self.form.mobility, loads, float(self.t[1])))
             take(first, steps)
 
         seconds = self.observe(1, record_block, progress)
-        surplus = energy_surplus(self._stored, self._work, least, since_start=bool(self.pushing.any()))
+        surplus = energy_surplus(self._energy, self._work, least, since_start=bool(self.pushing.any()))
         refuse_growth(surplus, self._growing)
         return SimulationEnd(seconds, surplus)
 
@@ -178,9 +178,9 @@ class March:
         first, seconds, size = 1, 0.0, max(1, most // self.finest)  # a step in parts takes as long as so many
         while first <= count:
             last = min(first + size, count + 1)
-            begun = perf_counter()
+            clock = perf_counter()
             self._advance((first - 1) * every, last - first, every, record)
-            passed = perf_counter() - begun
+            elapsed = perf_counter() - clock
             steps = room.at(slice(last - first + 1))
             for forces in (steps.multipliers, steps.peaks):
                 if forces is not None and self.pushing.any():
@@ -191,7 +191,7 @@ class March:
                     array[0] = array[last - first]
             if progress is not None:
                 progress((last - 1) / count)
-            first, seconds, size = last, seconds + passed, min(2 * size, most) if passed < BRIEF else size
+            first, seconds, size = last, seconds + elapsed, min(2 * size, most) if elapsed < BRIEF else size
         return seconds - self._sampling
 
     @property
@@ -264,10 +264,10 @@ class March:
 
         Both ends are included: K is (last - first) per + 1.
         """
-        begun = perf_counter()
+        clock = perf_counter()
         t = np.arange(first * per, last * per + 1) * (float(self.t[1]) / per)
         u = np.column_stack([np.empty((len(t), 0)), *(signal.value(t) for signal in self._drivers)])
-        self._sampling += perf_counter() - begun
+        self._sampling += perf_counter() - clock
         return u
 
     def _failure(self, error: StepError, step: int) -> SimulationError:
@@ -381,15 +381,15 @@ def observe(
     """
     march, count = March(form, excitation), excitation.stepping.steps // every + 1
     y = np.empty((count, len(form.system.output_names if outputs is None else outputs)))
-    forces, evaluated = np.empty((count, len(form.system.contacts))), 0.0
+    forces, output_seconds = np.empty((count, len(form.system.contacts))), 0.0
 
     def record_outputs(first: int, steps: Steps) -> None:
         """Compute and store outputs and contact forces of the records `steps`, from the record number `first` on."""
-        nonlocal evaluated
-        begun, rows = perf_counter(), slice(first, first + len(steps.z))
+        nonlocal output_seconds
+        clock, rows = perf_counter(), slice(first, first + len(steps.z))
         part = _trajectory(march, first, steps, every, modal=True)
         y[rows], forces[rows] = np.hstack([*displacements(form.in_modes, part, outputs).values()]), part.forces
-        evaluated += perf_counter() - begun
+        output_seconds += perf_counter() - clock
 
     seconds = march.observe(every, record_outputs)
-    return Observation(march.t[::every], y, forces, seconds + evaluated)
+    return Observation(march.t[::every], y, forces, seconds + output_seconds)

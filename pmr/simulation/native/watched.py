@@ -191,12 +191,12 @@ def _oils(scene: Scene) -> Iterator[tuple[str, str, Oil]]:
 
 def _stops(scene: Scene) -> Iterator[Limit]:
     """Yield the limits of lengths in m at both stops of a cylinder that drives a free luffing angle or extension."""
-    moved = [(scene.names[k], column_name(scene.names[k], "length"), "extension", of.stroke)
-             for k, of in scene.free_extensions.items()]  # fmt: skip
+    strokes = [(scene.names[k], column_name(scene.names[k], "length"), "extension", of.stroke)
+               for k, of in scene.free_extensions.items()]  # fmt: skip
     cylinder = None if scene.frame is None else scene.frame.cylinder
     if cylinder is not None and cylinder.stroke is not None and _luffs_by_itself(scene):
-        moved.append((f"the {LUFFING_CYLINDER}", f"{LUFFING_CYLINDER} length", "length", cylinder.stroke))
-    for name, output, measure, (low, high) in moved:
+        strokes.append((f"the {LUFFING_CYLINDER}", f"{LUFFING_CYLINDER} length", "length", cylinder.stroke))
+    for name, output, measure, (low, high) in strokes:
         advice, shares = "steps have to be short enough for its impact", {output: 1.0}
         smallest, greatest = (stop_event(name, f"{end} {measure}") for end in ("smallest", "greatest"))
         yield Limit("stop", smallest, advice, shares, low - NO_DEPTH, unit="m")
@@ -269,15 +269,15 @@ def exceeded_limits(limits: Iterable[Limit], history: History) -> list[Exceeded]
     recorded = [limit for limit in limits if all(history(name) is not None for name in limit.shares)]
     if not recorded:
         return []
-    check, listed = LimitCheck(recorded, {name: 0 for limit in recorded for name in limit.shares}), list[Exceeded]()
+    check, exceeded = LimitCheck(recorded, {name: 0 for limit in recorded for name in limit.shares}), list[Exceeded]()
     columns = {name: np.asarray(history(name)) for name in check.names}
     values = np.stack([columns[name] for name in check.names], axis=1)
     for number, first in sorted(check.first_times(values).items()):
         limit = recorded[number]
         quantity = np.sum([share * columns[name] for name, share in limit.shares.items()], axis=0)
         worst = int(np.argmax(np.maximum(limit.low - quantity, quantity - limit.high)))
-        listed.append(Exceeded(limit, first, worst, float(quantity[worst])))
-    return listed
+        exceeded.append(Exceeded(limit, first, worst, float(quantity[worst])))
+    return exceeded
 
 
 def exceeded_warnings(exceeded: Iterable[Exceeded], when: Callable[[int], str]) -> Iterator[str]:
