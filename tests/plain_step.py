@@ -195,7 +195,7 @@ class Plain:
             new[own] = slid if gives == 0.0 else rubbed[own] + 0.2 * (slid - rubbed[own])  # under-relaxed
         moments = known.moments(new, forces)
         gap = known.compressions(new) - self.assembly.contact_motions_by_moments(x) @ moments
-        return self.assembly.row_slopes(x).T @ moments, gap, new
+        return self.assembly.row_rates(x, np.ones(len(x))).T @ moments, gap, new
 
     def outputs(self) -> Array:
         """Outputs y (o,) in the current state."""

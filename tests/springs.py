@@ -1,6 +1,7 @@
 """Compliant rows as springs that travel with the slider: an oracle from the tables of a body."""
 
 import numpy as np
+import scipy.sparse as sp
 
 from pmr.files.arrays import Array
 from pmr.system.body import SlidingBody, compliant_rows
@@ -36,7 +37,7 @@ class CompliantRows:
 
     def system(self, s: Array) -> Array:
         """Matrices K + C^T F^-1 C and B - C^T F^-1 H beside each other, (T, n, n + i), of a dense body."""
-        C = self._body.dense_rows(s)[:, self.numbers]
+        C = np.array([sp.csr_matrix(self._body.C(at)).toarray() for at in s])[:, self.numbers]
         answers = np.linalg.solve(self.flexibility(s), np.concatenate([C, -self.inputs(s)], axis=2))
         return np.hstack([self._body.K, self._body.B]) + C.transpose(0, 2, 1) @ answers
 

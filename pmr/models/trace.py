@@ -78,9 +78,9 @@ class Trace:
 
         The trace is unchanged if the points' centroid has this coordinate.
         """
-        offset = np.eye(3)[axis] * (place - self.centroid[axis])
-        close = np.abs(offset).max() <= 1e-9 * np.abs(self.points - self.centroid).max(initial=0.0)
-        return self if close else replace(self, offset=tuple(offset.tolist()))
+        shift = np.eye(3)[axis] * (place - self.centroid[axis])
+        close = np.abs(shift).max() <= 1e-9 * np.abs(self.points - self.centroid).max(initial=0.0)
+        return self if close else replace(self, offset=tuple((self.offset + shift).tolist()))
 
     def motion(self, about: Array | None = None) -> sp.csr_matrix:
         """Rows (6, n) of displacement and rotation of the point `about` (3,) in m, by the group's mean motion.

@@ -201,13 +201,6 @@ class Assembly:
         clear_rows(F, is_round_off(F, system.largest_flexibility))
         return ContactRows(C, F, H, X)
 
-    def row_slopes(self, x: Array) -> Array:
-        """Derivatives dC/dx (m, n) of the contacts' rows, if the places of all sides move by the same dx.
-
-        x (sides,) in m are the coordinates of the sides' places on their bodies.
-        """
-        return self.row_rates(x, np.ones(len(x)))
-
     def contact_motions_by_moments(self, x: Array) -> Array:
         """Motions (m, m) in 1/N of all contacts (first axis), each by a unit moment at one contact (second axis).
 
@@ -272,15 +265,15 @@ class Assembly:
         rows.F[:, np.array(contacts)[:, None], contacts] += among + np.triu(among, 1).transpose(0, 2, 1)
 
     def _add_table_rows(self, name: str, side_numbers: Sequence[int], x: Array, contact_rows: ContactRows) -> None:
-        """Add to `contact_rows`, in place, the contributions of a system's only body `name`, with tables over its path.
+        """Add to `contact_rows`, in place, what the only body, `name`, contributes from its tables over the path.
 
         All sides, with the numbers `side_numbers`, share one path coordinate: in x (sides, T) in m that of the first
         side that travels, or of the first side if none travels.
         """
-        body, sides = self.system.bodies[name], [self.system.sides[a] for a in side_numbers]
+        body, sides = self.system.reduced[name], [self.system.sides[a] for a in side_numbers]
         s = next((at for side, at in zip(sides, x, strict=True) if side.place.path is not None), x[0])
         rows, contacts = [body.row_names.index(side.place.row) for side in sides], [side.contact for side in sides]
-        contact_rows.C[:, contacts] = body.dense_rows(s)[:, rows][:, :, self.free_coordinates[name]]
+        contact_rows.C[:, contacts] = body.C(s)[:, rows]
         if (flexibility := body.flexibility) is not None:
             contact_rows.F[:, np.array(contacts)[:, None], contacts] += evaluate(flexibility.rows, s)[:, rows][
                 :, :, rows
@@ -316,7 +309,8 @@ class Assembly:
     def row_rates(self, x: Array, x_rate: Array) -> Array:
         """Rates dC/dt (m, n) of the contacts' rows: places at x (sides,) in m move with x_rate (sides,) in m/s.
 
-        Raises ValueError if a place that moves is outside its path.
+        With all rates 1 they are the derivatives by a dx that is the same at all places.  Raises ValueError if a place
+        that moves is outside its path.
         """
         rates = np.zeros((len(self.system.contacts), self.size))
         for side, at, rate in zip(self.system.sides, x, x_rate, strict=True):

@@ -239,11 +239,6 @@ class FullBody(FullOrderBody):
         """Sparse rows C(s) (m, n) at s in m, or their derivative of the order `derivative` with respect to s."""
         return self.rows.at(s, derivative)
 
-    def dense_rows(self, s: Array) -> Array:
-        """Dense rows C(s) (T, m, n) at path coordinates s (T,) in m; the array fits in memory for few s only."""
-        rows = [row.at(s).toarray() for row in self.rows.rows]
-        return np.stack(rows, axis=1) if rows else np.zeros((len(s), 0, self.rows.size))
-
     def apply_rows(self, s: Array, q: Array, derivative: int = 0) -> Array:
         """Product C(s) q (T, m) for s (T,) in m and coordinates q (T, n).
 

@@ -294,9 +294,13 @@ class Friction:
         A cylinder bears the friction of its joint's pads, other contacts bear none.  The friction of the pads is
         `friction` (..., n) in N.
         """
-        borne, driven = np.zeros((*friction.shape[:-1], self.count)), self.cylinders >= 0
-        borne[..., self.cylinders[driven]] = self.joint_totals(friction)[..., driven]
-        return borne
+        return self._at_cylinders(self.joint_totals(friction))
+
+    def _at_cylinders(self, of_joints: Array) -> Array:
+        """Values (..., m) at all contacts: those `of_joints` (..., J) at the joints' cylinders, zero at all others."""
+        of_contacts, driven = np.zeros((*of_joints.shape[:-1], self.count)), self.cylinders >= 0
+        of_contacts[..., self.cylinders[driven]] = of_joints[..., driven]
+        return of_contacts
 
     def moments(self, friction: Array, forces: Array) -> Array:
         """Moments (..., m) in N m of the pads' friction (..., n) in N on all contacts.
@@ -320,9 +324,7 @@ class Friction:
 
         For contacts that are no such cylinders the result is zero.
         """
-        gaps, driven = np.zeros((*totals.shape[:-1], self.count)), self.cylinders >= 0
-        gaps[..., self.cylinders[driven]] = (self.cylinder_compliance * totals)[..., driven]
-        return gaps
+        return self._at_cylinders(self.cylinder_compliance * totals)
 
     def stored_energy(self, friction: Array, forces: Array) -> Array:
         """Energy (...) in J that cylinders store because of friction, beyond lambda^2 / 2 k.

@@ -253,10 +253,6 @@ class ReducedModel:
         """
         return ()
 
-    def dense_rows(self, s: Array) -> Array:
-        """Rows C(s) (T, m, r) at path coordinates s (T,) in m."""
-        return self.C(s)
-
     def apply_rows(self, s: Array, q: Array, derivative: int = 0) -> Array:
         """Product C(s) q (T, m) for s (T,) in m and coordinates q (T, r).
 

@@ -178,7 +178,7 @@ class BodySystem(Generic[AnyBody]):
 
     @property
     def load_names(self) -> tuple[str, ...]:
-        """Names of all inputs that no rope pulls, then of the drivers of a hoist: what a user loads without a frame."""
+        """Names of what a user loads if there is no frame: inputs that no rope pulls, then the drivers of a hoist."""
         return (*(name for name in self.input_names if name not in self.hoist.inputs), *self.hoist.drivers)
 
     @property
@@ -371,13 +371,7 @@ class System(BodySystem[SlidingBody]):
 
         `source` is what can't handle them, such as a file's name; the message begins with it.
         """
-        return self.ensure_without_terms(source).ensure_frictionless(source).ensure_without_hoist(source)
-
-    def ensure_without_hoist(self, source: str) -> System:
-        """Return the system; raise an InputError about `source` if the system has a hoist.
-
-        `source` is what can't follow a payload that swings, such as a file's name; the message begins with it.
-        """
+        self.ensure_without_terms(source).ensure_frictionless(source)
         if self.hoist:
             allowed = (
                 "a scene without it is allowed here; march, a stepper and an FMU for Co-Simulation follow its payload"

@@ -94,14 +94,6 @@ def test_applied_rows_are_the_rows_times_each_state(model: ReducedModel) -> None
     assert model.apply_rows(s, q, derivative=1) == pytest.approx(expected)
 
 
-def test_dense_rows_are_the_rows_of_a_full_body_too() -> None:
-    from oracle import full_body
-
-    body, s = full_body(elements=4), np.array([0.0, 1.25, 3.3, 5.0])
-    expected = np.array([body.C(at).toarray() for at in s])
-    assert np.array_equal(body.dense_rows(s), expected) and np.abs(expected).max() == 1.0
-
-
 def test_rows_satisfied_identically_are_recognised_relative_to_the_others() -> None:
     c = np.zeros((2, 2, 3, 4))
     c[:, :, 0] = 1e-9

@@ -241,7 +241,7 @@ class Pads:
         if self.law is None:
             return Rows(giving, np.zeros((m, giving.C.shape[1])), np.zeros((m, m)), np.zeros(0))
         s = np.array([(x[0, k] - place.at) / place.rate for k, place in self._joints])
-        return Rows(giving, assembly.row_slopes(x[0]), assembly.contact_motions_by_moments(x[0]), s)
+        return Rows(giving, assembly.row_rates(x[0], np.ones(x.shape[1])), assembly.contact_motions_by_moments(x[0]), s)
 
     def answers(self, rows: Rows, f: Array) -> Array:
         """Forces F^-1 H f (m',) in N that the loads f (i,) cause in the m' contacts that give way, in bodies at q = 0.
