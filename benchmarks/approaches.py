@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from benchmarks import beams
 from benchmarks.timing import Times, side_by_side
-from pmr.compare.errors import nrms
+from pmr.compare.errors import relative_error
 from pmr.simulation import Excitation, SystemSimulator
 from pmr.simulation.exudyn import simulator as exudyn
 from pmr.simulation.modal import ModalForm, modal_form
@@ -81,7 +81,7 @@ def in_exudyn(repeats: int) -> dict[str, Any]:
         def run() -> float:
             """Run the simulator, store its error against the full model, and return its seconds."""
             trajectory = simulate(System.of(body), drive)
-            errors[name] = nrms(_outputs(body, trajectory), reference)
+            errors[name] = relative_error(_outputs(body, trajectory), reference)
             return trajectory.seconds
 
         return run

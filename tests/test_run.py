@@ -8,7 +8,7 @@ from one_body import respond
 from scipy.signal import butter, sosfiltfilt
 
 from pmr import RunResult, reduce, run
-from pmr.compare.errors import nrms
+from pmr.compare.errors import relative_error
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import full_model
@@ -145,9 +145,9 @@ def test_few_coordinates_with_residual_flexibility_do_what_twenty_did_not(load_s
             reduced, one_body.simulate(reduced, driven(path, load, stepping)), path.rate(stepping.times), loads
         )
         assert len(reduced.K) == r
-        found[r] = 100.0 * nrms(response.displacement, reference.displacement)
+        found[r] = 100.0 * relative_error(response.displacement, reference.displacement)
         slow = butter(4, 50.0, fs=1000.0, output="sos")
-        forces[r] = 100.0 * nrms(*(sosfiltfilt(slow, x.slider_force[:, 0]) for x in (response, reference)))
+        forces[r] = 100.0 * relative_error(*(sosfiltfilt(slow, x.slider_force[:, 0]) for x in (response, reference)))
     assert all(found[r] <= allowed for r, allowed in BEAM[name].items()), found
     if name == "evolved_residual":
         # Kinks of the path strike modes that are left out; what a basis covers, up to 50 Hz, it has in the force too.

@@ -1,15 +1,16 @@
 r"""Errors of responses against reference responses, bounds of their round-off, and the band of a motion.
 
 .. math::
-    e_{NRMS}(s, r) = \min\Big( \frac{1}{|N|} \sum_{i \in N}
-        \frac{\sqrt{\frac{1}{J} \sum_j (s_{ij} - r_{ij})^2}}{\sqrt{\frac{1}{J} \sum_j r_{ij}^2}},\; 1 \Big), \qquad
+    e_{NRMS}(s, r) = \frac{1}{|N|} \sum_{i \in N}
+        \frac{\sqrt{\frac{1}{J} \sum_j (s_{ij} - r_{ij})^2}}{\sqrt{\frac{1}{J} \sum_j r_{ij}^2}}, \qquad
     e_{abs}(s, r) = \lVert s - r \rVert
 
 s is the signal, r the reference, i the component, j the time step and J the number of steps.  N is the set of
 components that move.  Weyrer, Gerstmayr, Mikkola, Orzechowski: Model Order Reduction of a Sliding Beam using a Global
 Basis, section "Experiments", counts components whose reference has an RMS above 1e-10 m, which leaves out the pinned
 node.  Here components count whose reference has an RMS above 1e-6 of the largest one, because a limit in m would treat
-every motion of a small structure as zero.
+every motion of a small structure as zero.  In the paper an error above 1 counts as 1; here it stays, so that a growing
+motion can be recognised.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ LEAST = 1e-130
 
 
 def largest_absolute(values: Array, axis: int | None = 0) -> Any:
-    """Largest absolute value of `values` (any shape) along `axis`; NaN if an entry is NaN.
+    """Largest absolute value of `values` (any shape) along `axis`; NaN if an entry is NaN, and 0 without entries.
 
     With an `axis` of 0 the result has a value for each column, with None one for all entries.  The value is computed
     from maximum and minimum, which saves the memory of an array of absolute values.
@@ -57,35 +58,29 @@ class Pair(NamedTuple):
     reference: Array
 
 
+def clear_round_off(values: Array, round_off: float | Array) -> Array:
+    """`values` (T, o) with zeros in columns that never exceed `round_off`; columns with NaN stay.
+
+    `round_off` is one value, or one for each column (o,), in the unit of the values.  A single output (T,) is one
+    column.  The array itself is returned if nothing changes.
+    """
+    still = largest_absolute(values) <= round_off
+    return np.where(still, 0.0, values) if np.any(still) else values
+
+
 def zero_round_off(signal: Array, reference: Array, round_off: float | Array) -> Pair:
-    """`signal` and `reference` (T, o), each with zeros in those of its columns that do not exceed `round_off`.
+    """`signal` and `reference` (T, o), each by itself with zeros in columns of round-off, as by `clear_round_off`.
 
-    A reference that is nothing but round-off thus counts as zero.  `round_off` is one value, or one for each column
-    (o,), in the unit of the signals.  Signal and reference may also be a single output (T,).
+    A reference that is nothing but round-off thus counts as zero.
     """
-
-    def clear_columns(values: Array) -> Array:
-        """Copy of `values` (T, o) with zeros in columns of round-off; columns with NaN stay."""
-        still = largest_absolute(values) <= round_off
-        return np.where(still, 0.0, values) if np.any(still) else values
-
-    return Pair(clear_columns(signal), clear_columns(reference))
-
-
-def nrms(signal: Array, reference: Array) -> float:
-    """Error e_NRMS of a signal (T,) or (T, M) against a reference of the same shape, as a fraction in [0, 1].
-
-    T is the number of times, M the number of components.  Raises ValueError or SimulationError as `relative_error`
-    does.
-    """
-    return min(relative_error(signal, reference), 1.0)
+    return Pair(clear_round_off(signal, round_off), clear_round_off(reference, round_off))
 
 
 def relative_error(signal: Array, reference: Array) -> float:
     """RMS of the difference divided by the RMS of the reference, the mean of all components that move; a fraction.
 
-    The result is e_NRMS without the limit of 1, so a growing motion can be recognised.  Signal and reference have the
-    shape (T,) or (T, M): T times, M components.  If squares of the values would leave the range of double precision,
+    The result is e_NRMS of the module's docstring; it may exceed 1.  Signal and reference have the shape (T,) or
+    (T, M): T times, M components.  If squares of the values would leave the range of double precision,
     both are divided by the largest absolute value of the reference first.  If the reference is zero throughout, the
     error is 0 if the signal is zero too, and 1 otherwise.  Raises ValueError if the shapes differ; SimulationError if a
     value is not finite.
@@ -144,22 +139,17 @@ def observed_quantities(tips: int, columns: slice) -> Mapping[str, ResponseFunct
     }
 
 
-#: Compared quantities of a planar beam that is observed at its nodes, the last of which is its tip.
-NODE_QUANTITIES = observed_quantities(1, slice(None))
-
-
 def errors_between(
     responses: Mapping[str, Response],
-    measure: Measure = nrms,
-    quantities: Mapping[str, ResponseFunction] = NODE_QUANTITIES,
+    quantities: Mapping[str, ResponseFunction],
+    measure: Measure = relative_error,
 ) -> dict[str, dict[str, float]]:
     """Errors of all pairs of models, as ``{"reduced_vs_full": {"tip": ..., "beam": ..., "pad_force": ...}, ...}``.
 
-    `responses` maps names of models to their responses.  `measure` is `nrms` or `relative_error` (fractions) or
-    `absolute_error` (m for displacements, N for forces).  `quantities` are functions of a response by the name of the
-    quantity that they return.  In each pair, the model that comes later in `ORDER` is the reference.  The pinned node,
-    which does not move, counts in no pair.  All further outputs that both responses have, such as probes and reactions,
-    are compared too, under their own names.
+    `responses` maps names of models, those in `ORDER`, to their responses.  `measure` is `relative_error` (fractions)
+    or `absolute_error` (m for displacements, N for forces).  `quantities` are functions of a response by the name of
+    the quantity that they return.  In each pair, the model that comes later in `ORDER` is the reference.  All further
+    outputs that both responses have, such as probes and reactions, are compared too, under their own names.
 
     A kink of the path is a blow on the beam.  The part of this blow that the reduced model can't follow makes the full
     model vibrate at frequencies above those of the reduced model; forces show that, displacements hardly do
@@ -181,10 +171,11 @@ def compared_pairs(
 ) -> dict[str, dict[str, Pair]]:
     """Pairs (signal, reference), each (T, o), that `errors_between` compares, by ``<a>_vs_<b>`` and quantity.
 
-    `responses` are the responses by model, and `quantities` the functions that take a quantity from a response.  The
-    number of columns of a quantity is o.  Columns of signal or reference that do not exceed round-off are set to 0.  Of
-    the contact forces, only those that both responses have are compared.  Each further output that both have, such as a
-    probe or a reaction, is a pair too, under its own name.
+    `responses` are the responses by model; models that are not in `ORDER` are ignored.  `quantities` are the functions
+    that take a quantity, o columns, from a response.  Columns of signal or reference that do not exceed round-off are
+    set to 0.  Of the contact forces, only those that both responses have are compared; without any there is no
+    ``pad_force``.  Each further output that both have, such as a probe or a reaction, is a pair too, under its own
+    name.
     """
     present = [name for name in ORDER if name in responses]
     pairs_of_models = dict[str, dict[str, Pair]]()

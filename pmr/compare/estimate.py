@@ -24,7 +24,7 @@ import numpy as np
 
 from pmr.compare.errors import ROUND_OFF, errors_between, force_errors, force_histories, relative_error
 from pmr.compare.evaluation import SimulatedSystem
-from pmr.compare.motion import carried_loads, only_body_motion, reason_without_estimate
+from pmr.compare.motion import Models, carried_loads, only_body_motion, reason_without_estimate
 from pmr.compare.outputs import (
     OUTPUT_KINDS,
     Outputs,
@@ -60,8 +60,6 @@ from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 from pmr.system.truncation import extend
 
-Models = Mapping[str, ReducedModel]
-
 #: Factor by which estimates multiply the difference to a richer model.
 MARGIN = 1.25
 #: Share of inertia that attachment modes leave out if the motion grows with the share `LEFT_OUT`: under rigid contacts
@@ -73,8 +71,8 @@ MORE_LEFT_OUT = 1e-5
 class Estimate:
     """Estimated errors of the outputs of reduced bodies, with margin.
 
-    Fractions are e_NRMS relative to the second run's motion, without the limit of 1: above 1, the error is larger than
-    the motion.  `by` is the method: ``attachment`` modes, or an ``other model``.
+    Fractions are relative to the second run's motion (`pmr.compare.errors.relative_error`).  `by` is the method:
+    ``attachment`` modes, or an ``other model``.
     """
 
     #: Fractions by kind of output (`pmr.compare.outputs`), without `unknown` kinds, and by name of a probe or reaction
@@ -90,18 +88,8 @@ class Estimate:
     scatter: str = ""  # sentence about peak forces that are not settled (`describe_scatter`), else empty
 
     def error_of(self, kind: str) -> float:
-        """Error of one kind of output, a fraction with margin; 0 if there is no estimate of this kind."""
+        """Error of one kind of output, such as ``beam``, a fraction with margin; 0 if it has no estimate."""
         return self.errors.get(kind, 0.0)
-
-    @property
-    def beam(self) -> float:
-        """Error of all displacements of all bodies together, a fraction with margin."""
-        return self.error_of("beam")
-
-    @property
-    def tip(self) -> float:
-        """Estimated relative error of the tip's displacements, with the margin; 0.01 is 1 %."""
-        return self.error_of("tip")
 
     @property
     def largest(self) -> float:
@@ -174,7 +162,8 @@ def estimate_error(models: Models, first: SimulatedSystem) -> Estimate:
 def _reaction_error(run: SimulatedSystem, richer: SimulatedSystem) -> dict[str, float]:
     """Error of all reactions of rigid supports of a `run`, a fraction without margin, as ``{"reaction": ...}``.
 
-    The reference is the run of the `richer` model.  The result is empty if one of both has no reactions.
+    The reference is the run of the `richer` model.  The result is empty if one of both has no reactions, or if all of
+    them are round-off.
     """
     errors = force_errors(*(force_histories(of.response) for of in (run, richer)))
     return {kind: size for kind, size in errors.items() if kind == "reaction"}
@@ -260,7 +249,7 @@ def _errors_by_name(response: Response, richer: Response, excitation: Excitation
     The errors include reactions and probes by name, and forces of each kind between kinks of extensions.
     """
     responses, measured = {"reduced": response, "full": richer}, boom_quantities(excitation, response)
-    return errors_between(responses, relative_error, quantities=measured)["reduced_vs_full"]
+    return errors_between(responses, measured)["reduced_vs_full"]
 
 
 def _errors_by_section(system: System, displacement: Array, better: Array) -> dict[str, float]:
@@ -276,7 +265,7 @@ def _errors_by_section(system: System, displacement: Array, better: Array) -> di
 
 
 def _probes(system: System) -> list[str]:
-    """Names of the probes of all bodies, in the order of the probes in `Outputs`."""
+    """Names of all bodies' outputs that are neither displacements nor forces, in the order of `Outputs.probe`."""
     return [output.name for output in outputs_of(system) if not (output.is_displacement or output.is_force)]
 
 
@@ -350,9 +339,9 @@ def are_settled(error: float, difference: float) -> bool:
 
 
 def describe_scatter(peaks: Sequence[float]) -> str:
-    """Sentence about the largest forces, in N, of pads that land and lift off in several nearly equal models.
+    """Sentence on the largest forces of pads that land and lift off; `peaks` has one in N for each of several models.
 
-    The sentence is empty if the smallest and the largest of the `peaks` agree to three digits.
+    The models are nearly equal.  The sentence is empty if the smallest and the largest peak agree to three digits.
     """
     least, most = (with_unit(find(peaks), "N") for find in (min, max))
     if least == most:

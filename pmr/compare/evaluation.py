@@ -79,13 +79,14 @@ class SimulatedSystem:
 class Evaluation:
     """Evaluates a system's motion block by block, without keeping its states, and returns the response to all of it.
 
-    `t` (T,) are the times of all steps in s, `loads` (T, i) the loads on all inputs in N.
+    The evaluation is called once for each block, in any order; then `response` returns the result.
     """
 
     def __init__(self, system: System, t: Array, loads: Array) -> None:
+        """Begin with no blocks; `t` (T,) are the times of all steps in s, `loads` (T, i) in N those on all inputs."""
         self._system, self._t, self._loads = system, t, loads
         self._columns: dict[str, Array] = {}
-        self._found: Response | None = None
+        self._frame: Response | None = None  # of all steps, without histories
 
     def __call__(self, first: int, part: SystemTrajectory) -> None:
         """Evaluate a block of the motion, `part`, and store its columns; its first step has the number `first`.
@@ -99,14 +100,14 @@ class Evaluation:
                 if name not in self._columns:
                     self._columns[name] = np.empty((len(self._t), *values.shape[1:]))
                 self._columns[name][rows] = values
-        self._found = self._found or self._with_round_off(response, part)
+        self._frame = self._frame or self._with_round_off(response, part)
 
     def response(self, ended: SimulationEnd) -> Response:
         """Response at all steps, after the last block; `ended` has the solver's seconds and the surplus of energy."""
-        assert self._found is not None  # every simulation has a block
+        assert self._frame is not None  # every simulation has a block
         columns: dict[str, Any] = {name: self._columns.get(name) for name in RESPONSE_HISTORIES}
-        energy = Energy(*(self._columns[name] for name in vars(self._found.energy)))
-        return replace(self._found, **columns, energy=energy, seconds=ended.seconds, surplus=ended.surplus)
+        energy = Energy(*(self._columns[name] for name in vars(self._frame.energy)))
+        return replace(self._frame, **columns, energy=energy, seconds=ended.seconds, surplus=ended.surplus)
 
     def _with_round_off(self, response: Response, part: SystemTrajectory) -> Response:
         """Return the `response` with bounds of its round-off, and with None in place of its histories.
@@ -162,9 +163,7 @@ def _residuals(body: SlidingBody, motion: Trajectory, part: SystemTrajectory) ->
     overlap = np.where(multipliers > 0.0, excess, np.maximum(excess, 0.0))
     violation = np.where(np.isnan(body.row_clearance), violation, overlap)
     if body.flexibility is not None or np.any(body.row_compliance) or part.rates is None:
-        return np.array(
-            [violation, np.full_like(violation, np.nan)]
-        )  # rows that give way have no equation at velocity level
+        return np.array([violation, np.full_like(violation, np.nan)])
     path_rate = part.rates.sum(axis=1)[:, None]  # of the only path, if there is one
     return np.array([violation, body.apply_rows(s, v) + path_rate * body.apply_rows(s, q, derivative=1)])
 

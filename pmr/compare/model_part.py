@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from pmr.compare.errors import ForceHistories, force_errors, force_histories, zero_round_off
+from pmr.compare.errors import ForceHistories, clear_round_off, force_errors, force_histories, zero_round_off
 from pmr.compare.motion import probe_round_off
 from pmr.compare.outputs import probe_errors
 from pmr.compare.responses import march_once, refuse_growth
@@ -168,7 +168,7 @@ def model_budget(scene: Scene, motion: Motion, richer: Motion, richer_name: str)
     """
     shares, displacements = dict[str, float | None](), list[Array]()
     still = max(motion.response.round_off, richer.response.round_off)
-    moved = zero_round_off(richer.response.displacement, richer.response.displacement, still).reference
+    moved = clear_round_off(richer.response.displacement, still)
     for kind in ("beam", "tip"):
         histories = motion.histories(kind), richer.histories(kind)
         if kind == "beam":

@@ -143,7 +143,10 @@ class BodyMotion(NamedTuple):
 
 
 def only_body_motion(system: System, run: SystemTrajectory, excitation: Excitation) -> BodyMotion:
-    """Single body of a system, with only the rows of its contacts, and its motion with one coordinate s (T,) in m."""
+    """Single body of a system, with only the rows of its contacts, and its motion with one coordinate s (T,) in m.
+
+    s is the coordinate of the excitation's path, or the lower end of the body's domain at all times without a path.
+    """
     (body,), (motion,) = system.reduced.values(), run.bodies.values()
     rows = [body.row_names.index(contact.inner.row) for contact in system.contacts]
     s = excitation.on_slider.path_within(body.domain) if excitation.paths else np.full(len(run.t), body.domain[0])
@@ -156,7 +159,7 @@ Models = Mapping[str, ReducedModel]
 def reason_without_estimate(models: Models) -> str | None:
     """Reason, in words, why errors of bodies with these models can't be estimated; None if they can.
 
-    `models` maps names of bodies to models.
+    `models` maps names of bodies to models.  The reason is that of the first model that has one, behind its name.
     """
     for name, model in models.items():
         if why := _reason_without_estimate_of(model):
@@ -279,7 +282,7 @@ def round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> fl
     released contacts, in any coordinates.  Round-off is a share of this effect, even if a slider cancels the
     displacement, or if loads along the axis don't bend the body at all.  The result is linear in the loads, so that no
     motion counts as round-off because the loads are small.  The result is 0 if a body has more than
-    `LARGEST_COMPLIANCE` coordinates.
+    `LARGEST_COMPLIANCE` coordinates, or if `end` is not positive.
     """
     return float(ROUND_OFF * _largest_motions(bodies, loads, end, length_outputs).max(initial=0.0))
 
@@ -297,8 +300,9 @@ def _largest_motions(
 ) -> Array:
     """Bound (o,) on each of o selected outputs, in its unit, under loads (T, i) in N for `end` seconds.
 
-    `select` returns the mask of the selected outputs of a body.  All bounds are 0 if one of the `bodies` has more than
-    `LARGEST_COMPLIANCE` coordinates.
+    `select` returns the mask of the selected outputs of a body.  `loads` are those on the inputs of all `bodies`, in
+    their order.  All bounds are 0 if one of the bodies has more than `LARGEST_COMPLIANCE` coordinates, or if `end` is
+    not positive.
     """
     sizes, reach, first = list[Array](), 0.0, 0
     for body in bodies.values():
@@ -321,7 +325,7 @@ def force_round_off(body: SlidingBody, loads: Array, end: float, s: float) -> fl
 
     (norms as in `round_off`).  C is the row and G its residual flexibility at the path coordinate s in m, and k is the
     row's stiffness.  `ROUND_OFF` times this bound is the result.  The result is 0 if the body has more than
-    `LARGEST_COMPLIANCE` coordinates.
+    `LARGEST_COMPLIANCE` coordinates, or if `end` is not positive.
     """
     if (A := _dynamic_stiffness(body, end)) is None:
         return 0.0

@@ -54,7 +54,7 @@ class Outputs:
     forces: tuple[str, ...] = ()  # (p,): kind of each force; empty if all are forces of sliders and pads
 
     def of_kind(self, kind: str) -> Array:
-        """Return the c outputs (T, c) of one `kind`, which is one of `OUTPUT_KINDS` or `CYLINDER_FORCE`."""
+        """Return the c outputs (T, c) of one `kind`, which is one of `OUTPUT_KINDS` or `CYLINDER_FORCE`; c may be 0."""
         if kind == "tip":
             return self.displacement[:, list(self.tips)]
         if kind in FORCE_KINDS:
@@ -144,7 +144,8 @@ def differences(
 def probe_differences(outputs: Outputs, reference: Outputs, floors: RoundOffBounds) -> Array:
     """Error (k,) of each of k probes in `outputs` against `reference`, as fractions (`probe_errors`).
 
-    `floors` has the bounds of round-off; a history that is round-off counts as zero.
+    `floors` has the bounds of round-off; a history that is round-off counts as zero.  Raises SimulationError if a value
+    is not finite.
     """
     y, r = zero_round_off(outputs.probe, reference.probe, floors.probe)
     refuse_infinite(y, r)
@@ -169,7 +170,7 @@ def probe_errors(y: Array, r: Array, units: Sequence[str]) -> Array:
 
 
 def has_impulsive_force(model: ReducedModel, excitation: Excitation) -> bool:
-    """Whether the force of a rigid slider has no limit, because its path has a kink before the end.
+    """Whether the force of a rigid slider or moving pad has no limit, because its path has a kink before the end.
 
     At a kink a rigid slider strikes the body.  The shorter the step, the larger is the force of that impact, and no two
     models agree on it.
@@ -203,16 +204,15 @@ def boom_quantities(excitation: Excitation, response: Response) -> Mapping[str, 
     times within `BESIDE_KINK` steps of a kink.  The force at a kink has no limit: it grows as the step gets shorter or
     the cylinder stiffer.
     """
-    last, t, stepping = response.outputs[len(response.output_names) - 1].body, response.t, excitation.stepping
-    at = [kink for path in excitation.paths.values() for kink in path.kinks(stepping.end)]
-    away = np.all([np.abs(t - kink) > BESIDE_KINK * stepping.step for kink in at], axis=0)
+    last = response.outputs[len(response.output_names) - 1].body
+    away = away_from_kinks(excitation, response.t, excitation.stepping.step)
     measures: dict[str, ResponseFunction] = {
         "tip": lambda response: response.of("tip", body=last),
         "beam": lambda response: response.displacement,
     }
     for kind in dict.fromkeys(force_kinds(response)):
         measures[kind] = partial(_forces_at_steps, kind, slice(None))
-        if at:
+        if not away.all():
             measures[f"{kind}_between_kinks"] = partial(_forces_at_steps, kind, away)
     return measures
 
@@ -262,7 +262,7 @@ def tip_names(boom: Scene) -> set[str]:
 
 
 def section_columns(section: str, response: Response) -> list[int]:
-    """Numbers of the displacements in a response that belong to a section, including those of its tip."""
+    """Numbers, from 0, of the columns of a response that are displacements of a section, its tip included."""
     return [k for k, output in enumerate(response.outputs) if output.body == section and output.kind in ("beam", "tip")]
 
 
@@ -270,13 +270,13 @@ def section_columns(section: str, response: Response) -> list[int]:
 MOST_RECORDED = 20_000_000
 
 
-def run_from_start(system: System | SystemForm, excitation: Excitation, every: int = 1) -> SystemTrajectory:
-    """Simulate a system by the compiled simulator; return the motion at every `every`-th step.
+def run_from_start(system: System | SystemForm, excitation: Excitation) -> SystemTrajectory:
+    """Simulate a system by the compiled simulator; return the motion at all steps.
 
     The motion starts in static equilibrium or undeformed, as the excitation says.  Repeated runs of the same
     `SystemForm` share its tables.
     """
-    return systems.simulate_form(SystemForm.of(system), excitation, every=every)
+    return systems.simulate_form(SystemForm.of(system), excitation)
 
 
 def fits_in_memory(system: System, stepping: TimeStepping) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pmr.compare.errors import ForceHistories, band_limit, force_histories, zero_round_off
+from pmr.compare.errors import ForceHistories, band_limit, clear_round_off, force_histories
 from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.motion import round_off
 from pmr.compare.outputs import (
@@ -92,7 +92,7 @@ class SteppedSystem:
         The given run is simulated at once if it chooses the parts of its steps; otherwise nothing is.  `run` is the run
         on that grid, None if it is still to be simulated.  `complete` adds forces to a response; None adds none.
         """
-        self._form, self.excitation, self._known, self._complete = SystemForm.of(system), excitation, run, complete
+        self._form, self.excitation, self._given_run, self._complete = SystemForm.of(system), excitation, run, complete
         self.system = system = self._form.system
         self.pushing = not np.isnan(system.clearance).all()
         #: The time grid whose error is to be computed.
@@ -106,7 +106,7 @@ class SteppedSystem:
         chosen = self.pushing and not self.given.parts and fits_in_memory(system, self.given)
         #: The given run if it chose the numbers of parts; else None.
         self.run = self.simulate(self.given) if chosen else None
-        self._known = self._known or self.run
+        self._given_run = self._given_run or self.run
         self._parts = self.given.parts
         if self.pushing and self.run is None:
             self._parts = contact_step.count_parts(contact_frequency(system, excitation), self.given)
@@ -130,8 +130,8 @@ class SteppedSystem:
 
         Raises InputError or SimulationError as for `pmr.simulation.SystemSimulator`.
         """
-        if self._known is not None and stepping == self.given:
-            return self._known
+        if self._given_run is not None and stepping == self.given:
+            return self._given_run
         return run_from_start(self._form, self.excitation.on_grid(stepping))
 
     def displacements(self, run: SystemTrajectory, numbers: list[int] | None = None) -> Array:
@@ -170,8 +170,8 @@ class SteppedSystem:
             observation = systems.observe(self._form, excitation, every=every)
             sampled = outputs_from_columns(self.system, observation.y, observation.multipliers)
         sampled = without_kink_forces(self.system, sampled, excitation, excitation.times[::every], self.given.step)
-        moves, _ = zero_round_off(sampled.displacement, sampled.displacement, self.round_off)
-        return Sample(replace(sampled, displacement=moves), of_all)
+        displacement = clear_round_off(sampled.displacement, self.round_off)
+        return Sample(replace(sampled, displacement=displacement), of_all)
 
     def _forces(self, run: SystemTrajectory) -> ForceHistories:
         """Histories of all forces of a run, by kind and name, at the times that are not near kinks of the excitation.
@@ -256,14 +256,11 @@ class Runs:
         If the tip does not move, since it stands on a support, all displacements take its place.
         """
         of, stepping = self._stepped, self.last_grid
-        if self._last is None:
-            y = self._without_round_off(of.simulate_displacements(stepping, of.tips))
-            if not np.any(y):
-                y = self._without_round_off(of.simulate_displacements(stepping))
-            return band_limit(y, stepping.step)
-        y = self._without_round_off(of.displacements(self._last, of.tips))
-        return band_limit(y if np.any(y) else self._without_round_off(of.displacements(self._last)), stepping.step)
-
-    def _without_round_off(self, y: Array) -> Array:
-        """Signals y (T, o) with zeros in the columns that are only round-off."""
-        return zero_round_off(y, y, self._stepped.round_off)[0]
+        for numbers in (of.tips, None):
+            if self._last is None:
+                y = of.simulate_displacements(stepping, numbers)
+            else:
+                y = of.displacements(self._last, numbers)
+            if np.any(y := clear_round_off(y, of.round_off)):
+                break
+        return band_limit(y, stepping.step)

@@ -13,6 +13,7 @@ import numpy as np
 
 from pmr.compare.estimate import MARGIN, Estimate, estimate_error
 from pmr.compare.evaluation import SimulatedSystem
+from pmr.compare.motion import Models
 from pmr.compare.outputs import (
     OUTPUT_KINDS,
     Outputs,
@@ -40,7 +41,6 @@ from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
 from pmr.system.truncation import extend, truncate
 
-Models = Mapping[str, ReducedModel]
 Sizes = tuple[int, ...]  # modes of each body
 
 #: Errors of a run that leave its model or step out of question.  A run is refused, for example, if its model keeps all
@@ -115,7 +115,7 @@ class Trials:
         self._systems, self._last = dict[Sizes, System](), dict[tuple[Sizes, int], SystemTrajectory]()
         self._estimates = dict[tuple[Sizes, int], Estimate | None]()
         self._step_errors = dict[tuple[Sizes, int], StepError | None]()
-        self._beside = dict[tuple[Sizes, int], dict[str, float]]()
+        self._differences = dict[tuple[Sizes, int, Sizes, int], dict[str, float]]()
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:
@@ -257,8 +257,8 @@ class Trials:
         is added as the root of the sum of squares.  If contacts only push, both runs divide their steps alike, so that
         the difference is due to the reduction, not to the time of impacts.  All errors are inf if a run fails.
         """
-        key = sizes, steps
-        if key not in self._beside:
+        key = trial.sizes, trial.steps, sizes, steps
+        if key not in self._differences:
             excitation = self.with_steps(steps)
             try:
                 if self.has_pushing_contacts:
@@ -270,8 +270,8 @@ class Trials:
                 errors = {kind: float(np.hypot(MARGIN * apart[kind], trial.reduction[kind])) for kind in self.wanted}
             except FAILURES:
                 errors = dict.fromkeys(self.wanted, np.inf)
-            self._beside[key] = errors
-        return self._beside[key]
+            self._differences[key] = errors
+        return self._differences[key]
 
     def reduction_errors(self, sizes: Sizes, steps: int) -> dict[str, float]:
         """Estimated error of the reduction by kind, a fraction, in a run of `steps` steps with models of these sizes.

@@ -57,7 +57,7 @@ def case(seed: int) -> Case:
 
     error = own - full
     parts = (float(shares(x).mean()) for x in (error, found.error, error + found.error))
-    return Case(seed, found.beam, *parts, largest=float(shares(error + found.error).max()))
+    return Case(seed, found.error_of("beam"), *parts, largest=float(shares(error + found.error).max()))
 
 
 @pytest.mark.slow

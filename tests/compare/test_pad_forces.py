@@ -90,7 +90,7 @@ def test_names_stand_for_columns_whatever_their_order(at_rest: RunResult) -> Non
     for pad in forces_of(at_rest):
         assert np.array_equal(pad.history(response), others[pad.name].history(mixed)), pad
     force = {"pad_force": lambda one: one.slider_force}
-    assert errors_between({"reduced": mixed, "full": response}, quantities=force)["reduced_vs_full"]["pad_force"] == 0.0
+    assert errors_between({"reduced": mixed, "full": response}, force)["reduced_vs_full"]["pad_force"] == 0.0
 
 
 def test_a_response_names_displacements_and_forces(at_rest: RunResult) -> None:

@@ -16,7 +16,7 @@ from scipy.interpolate import PPoly
 
 from pmr import ReducedModel, reduce, run
 from pmr import scene as scenes
-from pmr.compare.errors import nrms
+from pmr.compare.errors import relative_error
 from pmr.compare.estimate import chi
 from pmr.compare.evaluation import evaluate_motion as of_sections
 from pmr.compare.motion import force_round_off, round_off
@@ -150,8 +150,8 @@ def test_no_force_is_blamed_that_agrees_with_more_damping() -> None:
             if is_ringing(reduced, reference):
                 unjudged += 1
             else:
-                damped = nrms(*(one.multipliers for one in forces[0.8]))
-                assert nrms(reduced, reference) < max(RINGING_SHARE, 3.0 * damped), (path, rho_inf, step)
+                damped = relative_error(*(one.multipliers for one in forces[0.8]))
+                assert relative_error(reduced, reference) < max(RINGING_SHARE, 3.0 * damped), (path, rho_inf, step)
     assert unjudged > 0
 
 

@@ -15,7 +15,7 @@ from turning_cylinder import Rigid, boom
 
 import pmr
 from pmr.cli import main as command
-from pmr.compare.errors import nrms
+from pmr.compare.errors import relative_error
 from pmr.report.blocks import Chapter
 from pmr.scene.mechanism import CYLINDER
 from pmr.simulation import Excitation, InitialState, TimeStepping
@@ -363,7 +363,7 @@ def test_methods_sizes_and_steps_are_traded(short_residual: str, tmp_path: Path)
         ).y
         for h in (0.125, 1 / 32)
     ]
-    assert rows["pod"]["reference"] == pytest.approx(nrms(*motions), rel=0.5)
+    assert rows["pod"]["reference"] == pytest.approx(relative_error(*motions), rel=0.5)
     by_step = [rows["radii"][f"rho.0.9.{h:g}"] for h in steps]
     assert np.all(np.diff(by_step) < 0.0) and rows["radii"]["rho.0.5.1"] > by_step[1]
     assert rows["elements"]["tip.4"] > rows["elements"]["tip.8"]

@@ -165,6 +165,8 @@ def test_smaller_models_are_judged_by_their_difference_to_a_larger_one() -> None
     for size in (4, 6, 8):
         own, beside = tried.reduction_errors((size,), 1000), tried.difference_to_trial(larger, (size,), 1000)
         assert own["beam"] / 1.25 <= beside["beam"] <= 1.25 * own["beam"]
+    smaller = tried.estimate_trial((8,), 1000)  # its difference to itself is 0, to the larger one it was not
+    assert tried.difference_to_trial(smaller, (8,), 1000) == smaller.reduction
 
 
 def test_reasons_are_a_clause_each(monkeypatch: pytest.MonkeyPatch) -> None:
