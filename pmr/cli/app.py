@@ -47,12 +47,8 @@ def new(
         pmr new boom mine && pmr run mine
     """
     if kind not in scene_kinds():
-        raise InputError(
-            "command line",
-            "KIND",
-            kind,
-            f"{similar_name_hint(kind, scene_kinds())}{', '.join(scene_kinds())} are allowed",
-        )
+        allowed = f"{similar_name_hint(kind, scene_kinds())}{', '.join(scene_kinds())} are allowed"
+        raise InputError("command line", "KIND", kind, allowed)
     if lexists(name):
         raise InputError("command line", "NAME", str(name), "the name of a folder that is not there yet is allowed")
     console.prepare_folder(name)

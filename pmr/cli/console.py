@@ -132,9 +132,8 @@ def prepare_folder(folder: Path, ours: Sequence[str] = ()) -> None:
     """
     try:
         if ours and folder.resolve() == folder.resolve().parent:
-            raise InputError(
-                "command line", "--out", str(folder), "a folder below the root of the file system is allowed"
-            )
+            allowed = "a folder below the root of the file system is allowed"
+            raise InputError("command line", "--out", str(folder), allowed)
         if "scene.json" in ours and not (folder / "scene.json").exists():
             wide = [pattern for pattern in ours if "*" in pattern]
             if other := next((file for pattern in wide for file in folder.glob(pattern)), None):

@@ -150,9 +150,8 @@ def flexible(
     except InputError as error:
         raise error.with_source(str(file)) from None
     except TooManyModesError as error:
-        raise InputError(
-            "command line", "--modes", modes, f"at most {error.most} are allowed, as many as there are free coordinates"
-        ) from None
+        allowed = f"at most {error.most} are allowed, as many as there are free coordinates"
+        raise InputError("command line", "--modes", modes, allowed) from None
     chosen.write(body, target)
     for k, (name, point) in enumerate(zip(body.frames.names, body.frames.points, strict=True), start=1):
         out.text(f"{chosen.by} {k}: {name}, at {', '.join(f'{round(x, 9) + 0.0:.4g}' for x in point)} m")

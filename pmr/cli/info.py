@@ -15,7 +15,7 @@ from rich.table import Table
 from typer import Argument
 
 from pmr.cli.console import is_study, out, scene_file, study_file
-from pmr.errors import InputError, environment, escape_controls, similar_name_hint
+from pmr.errors import InputError, SimulationError, environment, escape_controls, similar_name_hint
 from pmr.files.whole import finish_swap
 
 if TYPE_CHECKING:
@@ -73,7 +73,6 @@ def _frequencies(system: System) -> dict[str, str]:
     """
     import numpy as np
 
-    from pmr.errors import InputError, SimulationError
     from pmr.scene.keys import path_unit
     from pmr.simulation.moving import path_ranges
     from pmr.system.assembly import Assembly

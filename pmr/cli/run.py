@@ -217,9 +217,8 @@ def _tolerance_overrides(tolerance: str, file: Path) -> list[str]:
     except ValueError:
         share = float("nan")
     if not 0.0 < share < 1.0:
-        raise InputError(
-            "command line", "--tolerance", tolerance, "more than 0 and less than 100% is allowed, as 1% or 0.01"
-        )
+        allowed = "more than 0 and less than 100% is allowed, as 1% or 0.01"
+        raise InputError("command line", "--tolerance", tolerance, allowed)
     basis = [] if has_sections(file) else ["reduction.basis=free_modes", "reduction.flexibility=true"]
     return [*basis, f"accuracy.tolerance={share!r}"]
 

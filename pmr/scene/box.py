@@ -14,7 +14,7 @@ from pmr.scene.signals.base import Interval
 
 #: Least distance between breaks along a box as a share of its length: beams on shorter elements lose accuracy.
 LEAST_BREAK_DISTANCE = 1e-3
-#: Round-off of a user's arithmetic as a share of the box's length.
+#: Round-off of a user's arithmetic, as a share of a length.
 SLACK = 1e-9
 HALVES: tuple[Half, ...] = ("bottom", "top")
 

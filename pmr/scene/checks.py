@@ -26,7 +26,7 @@ MOST_STEPS = 1_000_000
 
 def check_scene(scene: Scene) -> None:
     """Raise an InputError for the first key of a scene that contradicts another key; its file is ``"scene"``."""
-    check_time(scene)
+    _check_time(scene)
     _check_accuracy(scene)
     if len(scene.sections) > 1:
         check_joints(scene)
@@ -34,11 +34,11 @@ def check_scene(scene: Scene) -> None:
         _check_single_body(scene)
     _check_frequency_response(scene)
     _check_comparison(scene)
-    check_exclusions(scene)
+    _check_exclusions(scene)
     check_frame(scene)
     check_hoist(scene)
-    check_free_extension(scene)
-    check_wind(scene)
+    _check_free_extension(scene)
+    _check_wind(scene)
     _check_computed_motions(scene)
     _check_payloads(scene)
     _check_fatigue(scene)
@@ -57,9 +57,8 @@ def _check_single_body(scene: Scene) -> None:
     """Check the keys of a scene of one body; raise an InputError for the first key that is not allowed."""
     part = scene.only_section
     if part.joint is not None:
-        raise scene_error(
-            "sections[0].joint", None, "a section alone does not slide in another one: supports or pads hold it"
-        )
+        allowed = "a section alone does not slide in another one: supports or pads hold it"
+        raise scene_error("sections[0].joint", None, allowed)
     if part.slider is None and any(ring.moving for ring in part.pads):
         raise scene_error("slider", None, "a table slider is needed, with the path along which the moving pads slide")
     _check_reduction(scene)
@@ -93,7 +92,7 @@ def _check_fatigue(scene: Scene) -> None:
     refuse(scene.fatigue is not None and "stress" not in measured, "fatigue", None, allowed)
 
 
-def check_time(scene: Scene) -> None:
+def _check_time(scene: Scene) -> None:
     """Refuse time steps that do not add up to the simulated time, are too many, or do not divide `recovery.every`."""
     time, recovery = scene.time, scene.recovery
     if time.steps < 1 or abs(time.steps * time.step - time.end) > 1e-9 * time.end:
@@ -112,11 +111,8 @@ def _check_reduction(scene: Scene) -> None:
     allowed = "'eigenmodes' or 'free_modes' is allowed with flexibility, as supports then need no coordinates"
     refuse(choice.basis == "paper" and choice.flexibility, "reduction.basis", choice.basis, allowed)
     if (choice.basis == "file") != (choice.file is not None):
-        raise scene_error(
-            "reduction.file",
-            choice.file and str(choice.file),
-            "a file goes with basis = 'file', and with no other basis",
-        )
+        allowed = "a file goes with basis = 'file', and with no other basis"
+        raise scene_error("reduction.file", choice.file and str(choice.file), allowed)
     if choice.ports and (choice.basis != "free_modes" or not choice.flexibility):
         allowed = "free modes with flexibility are allowed to have ports"
         raise scene_error("reduction.ports", list(choice.ports), allowed)
@@ -143,11 +139,8 @@ def _check_pod(scene: Scene) -> None:
     if isinstance(choice.positions, str):
         return
     if len(choice.positions) != choice.snapshots:
-        raise scene_error(
-            "reduction.snapshots",
-            choice.snapshots,
-            f"{len(choice.positions)} is allowed, the number of reduction.positions",
-        )
+        allowed = f"{len(choice.positions)} is allowed, the number of reduction.positions"
+        raise scene_error("reduction.snapshots", choice.snapshots, allowed)
     for i, at in enumerate(choice.positions):
         if scene.body.length is not None and at > scene.body.length:
             raise scene_error(f"reduction.positions[{i}]", at, f"on the body, 0 to {scene.body.length:g} m, is allowed")
@@ -163,18 +156,11 @@ def _check_frequency_response(scene: Scene) -> None:
         if not part.observe.frequency_response:
             continue
         key = scene.section_key(number, "observe.frequency_response")
-        refuse(
-            number < len(scene.sections) - 1,
-            key,
-            True,
-            f"false is allowed, as the tip of the boom is the tip of {scene.names[-1]}",
-        )
+        allowed = f"false is allowed, as the tip of the boom is the tip of {scene.names[-1]}"
+        refuse(number < len(scene.sections) - 1, key, True, allowed)
         if any(ring.unilateral for ring in rings):
-            raise scene_error(
-                key,
-                True,
-                "false is allowed, as some pads only push; a response in frequency needs pads that hold both ways",
-            )
+            allowed = "false is allowed, as some pads only push; a response in frequency needs pads that hold both ways"
+            raise scene_error(key, True, allowed)
         if any(ring.friction for ring in rings if isinstance(ring, JointPads)):
             raise scene_error(key, True, "false is allowed, as pads have friction, which is not linear")
         if len(scene.sections) == 1 and not part.reduction.flexibility and _has_rigid_rows(scene):
@@ -237,7 +223,7 @@ def _check_accuracy(scene: Scene) -> None:
             raise scene_error(scene.section_key(number, "reduction"), None, allowed)
 
 
-def check_free_extension(scene: Scene) -> None:
+def _check_free_extension(scene: Scene) -> None:
     """Refuse a second free extension, and settings with which an extension can't be computed.
 
     A frame, first order, a start in equilibrium, and valve openings from -1 to 1 are needed; `_check_moved_sections`
@@ -327,7 +313,7 @@ EXCLUSIONS = (
 )
 
 
-def check_exclusions(scene: Scene) -> None:
+def _check_exclusions(scene: Scene) -> None:
     """Refuse the first of `EXCLUSIONS` both of whose parts the scene has."""
     frame = scene.frame or Frame.model_construct()
     ground, base = frame.ground, frame.base
@@ -351,7 +337,7 @@ def check_exclusions(scene: Scene) -> None:
             raise scene_error(key, value, f"none is allowed beside {other}: {why}")
 
 
-def check_wind(scene: Scene) -> None:
+def _check_wind(scene: Scene) -> None:
     """Refuse wind together with a motion that is computed: of a machine, a luffing angle or an extension."""
     for member in members(scene) if scene.computed_key is not None else ():
         for k, load in enumerate(member.part.loads):

@@ -32,7 +32,7 @@ FREE = "frame.luffing = 'free'"
 IN_LINE, SAMPLES = 0.01, 1001
 
 
-def check_machine(scene: Scene, frame: Frame, machine: Machine) -> None:
+def _check_machine(scene: Scene, frame: Frame, machine: Machine) -> None:
     """Refuse a machine that is free in a direction in which its base moves, without a spring or damper between both.
 
     Where the scene starts in equilibrium, the start of a direction with a spring follows from the equilibrium, so that
@@ -107,9 +107,12 @@ def check_frame(scene: Scene) -> None:
         prefix = f"sections[{number}]." if scene.sections[0].name else ""
         for k, load in enumerate(part.loads):
             frame.refuse_without_unit(f"{prefix}loads[{k}].azimuth", load.azimuth)
-    check_luffing(scene, frame)
+    _check_cylinder(scene, frame)
+    _check_drive(scene, frame)
+    if frame.luffing == "free":
+        _check_supports(scene, frame)
     if frame.machine is not None:
-        check_machine(scene, frame, frame.machine)
+        _check_machine(scene, frame, frame.machine)
         _check_computed(scene, frame, "frame.machine")
     elif frame.computed_key is not None:
         _check_computed(scene, frame, FREE)
@@ -129,9 +132,8 @@ def check_frame(scene: Scene) -> None:
             raise scene_error(scene.section_key(member.number, "body.model"), "matrices", allowed)
         if is_planar(member) and (frame.out_of_plane_key or frame.tail_position[1] != 0.0):
             key = frame.out_of_plane_key or "pivot"
-            raise scene_error(
-                f"frame.{key}", None, "only models in space are allowed with this key, as beam2d has no lateral motion"
-            )
+            allowed = "only models in space are allowed with this key, as beam2d has no lateral motion"
+            raise scene_error(f"frame.{key}", None, allowed)
     for number in range(1, len(scene.sections) if frame.second_order else 1):
         least = scene.extension(number).bounds(0.0, scene.time.end)[0]
         allowed = f"with frame.second_order, an extension above 0 is allowed; here it is {least:g} m"
@@ -270,14 +272,6 @@ def check_hoist(scene: Scene) -> None:
         k = int(np.argmax(hanging <= 0.0))
         allowed = f"a longer rope is needed, as the hook of the slack rope reaches the head at {t[k]:.4g} s"
         raise scene_error(f"hoist.{'speed' if hoist.is_wound else 'length'}", None, allowed)
-
-
-def check_luffing(scene: Scene, frame: Frame) -> None:
-    """Refuse a luffing cylinder without an arm, a wrong drive or stroke, and wrong supports beside a free angle."""
-    _check_cylinder(scene, frame)
-    _check_drive(scene, frame)
-    if frame.luffing == "free":
-        _check_supports(scene, frame)
 
 
 def misplaced_supports(scene: Scene) -> dict[int, float]:

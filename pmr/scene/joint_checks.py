@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from pmr.errors import BEYOND_ENDS, InputError
-from pmr.scene.box import Box
+from pmr.scene.box import SLACK, Box
 from pmr.scene.choice import SimulatorNeeds, has_axial_motion, has_driven_tail, is_planar, refuse_unsupported
 from pmr.scene.joints import BoomSection, JointPads, ScaledSignal
 from pmr.scene.mechanism import Drive, longest_rope, rope_length, rope_shares
@@ -28,13 +28,11 @@ from pmr.scene.structure_checks import (
     scene_error,
 )
 
-#: Round-off of a user's arithmetic.
-SLACK = 1e-9
 #: Least cosine of the angle between the two faces that a pad touches.
 PARALLEL = 1.0 - 1e-6
 
 
-def check_fit(scene: Scene, number: int) -> None:
+def _check_fit(scene: Scene, number: int) -> None:
     """Refuse section `number` unless its box fits into the box of the section before, and its pads into the gap.
 
     A play of pads to compare with (`compare.play`) is refused if the gap has no room for it in a direction in which
@@ -127,7 +125,7 @@ def check_joints(scene: Scene) -> None:
         if number:
             _check_drive(scene, number)
     for number in range(1, len(scene.sections)):
-        check_fit(scene, number)
+        _check_fit(scene, number)
         check_extension(scene, number)
         _check_flexible_drive(scene, number)
     for number in range(len(scene.sections)):
@@ -152,9 +150,8 @@ def _check_section_names(scene: Scene) -> None:
     """
     check_names("sections", scene.names)
     if scene.sections[0].joint is not None:
-        raise scene_error(
-            "sections[0].joint", None, "the base does not slide in another section: supports or pads hold it"
-        )
+        allowed = "the base does not slide in another section: supports or pads hold it"
+        raise scene_error("sections[0].joint", None, allowed)
     for number, part in enumerate(scene.sections[1:], start=1):
         if part.joint is None:
             raise scene_error(f"sections[{number}].joint", None, f"a joint in which {part.name} slides is needed")
@@ -352,9 +349,8 @@ def _check_pads(scene: Scene, number: int) -> None:
     if points:
         key = f"sections[{points[0].joint}].joint.{points[0].key}.faces"
         if not is_planar(member_at(scene, number)):
-            raise scene_error(
-                key, None, "faces are needed, as pads without faces are points, which only planar beams have"
-            )
+            allowed = "faces are needed, as pads without faces are points, which only planar beams have"
+            raise scene_error(key, None, allowed)
         if len(points) < len(touching) or scene.sections[number].pads:
             some = f"faces are needed, as other pads on {scene.names[number]} have faces"
             raise scene_error(key, None, f"{some}; on one section either all pads are points, or none")
@@ -404,11 +400,8 @@ def _check_overlaps_and_friction(scene: Scene) -> None:
     for number in range(1, len(scene.sections)):
         member = member_at(scene, number)
         if scene.joint(number).rigid_overlap and not is_planar(member):
-            raise scene_error(
-                f"sections[{number}].joint.rigid_overlap",
-                True,
-                "false is allowed; only planar beams may have a rigid overlap",
-            )
+            allowed = "false is allowed; only planar beams may have a rigid overlap"
+            raise scene_error(f"sections[{number}].joint.rigid_overlap", True, allowed)
         for seat in seats(scene, number):
             if seat.joint == number and seat.ring.friction and not has_axial_motion(member):
                 allowed = (

@@ -258,7 +258,8 @@ def _all_terms(scene: Scene) -> Iterator[FrameTerm]:
             for beyond in range(number, len(scene.sections)):
                 for field in _field_matrices(scene):
                     yield _cylinder_term(scene, number, beyond, field)
-                for load in _axial_inputs(member_at(scene, beyond)):
+                axial = [load.name for load in axis_loads(member_at(scene, beyond)) if load.direction == "x"]
+                for load in axial:
                     yield replace(_cylinder_term(scene, number, beyond, load), kind="cylinder load")
 
 
@@ -290,11 +291,6 @@ def _section_terms(scene: Scene, member: Member) -> Iterator[FrameTerm]:
             yield FrameTerm(
                 qualified_name(body, f"axial {load.name}"), (body,), "axial tip", "load", load.name, member.number
             )
-
-
-def _axial_inputs(member: Member) -> Iterator[str]:
-    """Yield the names of the inputs that act along a section."""
-    return (load.name for load in axis_loads(member) if load.direction == "x")
 
 
 def _cylinder_term(scene: Scene, number: int, beyond: int, field: str) -> FrameTerm:

@@ -346,8 +346,6 @@ def _ring_key(ring: JointPads) -> tuple[object, ...]:
     return (tuple((face, tuple(places)) for face, places in sorted(ring.faces.items())), ring.length, ring.width)
 
 
-def _common_range(taken: Sequence[Seat]) -> Interval:
-    """Return the smallest range in m that contains the positions of all `taken` seats."""
-    return Interval(
-        float(np.min([seat.positions.low for seat in taken])), float(np.max([seat.positions.high for seat in taken]))
-    )
+def _common_range(all_seats: Sequence[Seat]) -> Interval:
+    """Return the smallest range in m that contains the positions of the seats, one or more."""
+    return Interval(min(seat.positions.low for seat in all_seats), max(seat.positions.high for seat in all_seats))

@@ -109,13 +109,8 @@ def candidate_scenes(scene: Scene) -> list[Scene]:
         return []
     *beams, shell = models_by_rank()
     least = max(traits_of(member).rank or 0 for member in open_)
-    candidates = [(walls, model) for walls in ("rigid", "give") for model in beams[least:]]
-    walls_of_scene = [walls for walls in ("rigid", "give") if any(member.part.body.walls == walls for member in open_)][
-        -1
-    ]
-    beam_scenes = [
-        _choose_models(scene, model, walls) for walls, model in candidates if walls_of_scene in ("rigid", walls)
-    ]
+    kinds = ("give",) if any(member.part.body.walls == "give" for member in open_) else ("rigid", "give")
+    beam_scenes = [_choose_models(scene, model, walls) for walls in kinds for model in beams[least:]]
     return [*filter(_passes_checks, beam_scenes), _choose_models(scene, shell, "rigid")]
 
 

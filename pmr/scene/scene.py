@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
 from operator import getitem
 from pathlib import Path
@@ -275,13 +275,8 @@ class Scene(SectionTables):
         Keys at their default value are left out, so that stored results stay valid when a new version adds a key.
         Files of the sections count by their contents: moving a file keeps the digest, editing it changes the digest.
         """
-        left_out = {"title", "published", "simulation"}
-        content = self.model_dump(mode="json", exclude=left_out, exclude_defaults=True)
-        if len(self.sections) == 1:
-            content = _lift_body_keys(content)
-        for part, written in zip(self.sections, content.get("sections", [content]), strict=True):
-            for table, digest in part.file_digests.items():
-                reduce(getitem, table.split("."), written)["file"] = digest
+        content = self.model_dump(mode="json", exclude={"title", "published", "simulation"}, exclude_defaults=True)
+        content = self._replace_files(content, [part.file_digests for part in self.sections])
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
     @property
@@ -300,14 +295,22 @@ class Scene(SectionTables):
 
         Files are named without their folders.
         """
-        content = self.model_dump(mode="json", exclude={"published"})
-        if len(self.sections) == 1:
-            content = _lift_body_keys(content)
-        for part, written in zip(self.sections, content.get("sections", [content]), strict=True):
-            for table, file in part.files.items():
-                reduce(getitem, table.split("."), written)["file"] = file.name
+        names = [{table: file.name for table, file in part.files.items()} for part in self.sections]
+        content = self._replace_files(self.model_dump(mode="json", exclude={"published"}), names)
         files = {table: hashlib.sha256(file.read_bytes()).hexdigest() for table, file in self.files_read.items()}
         return {"scene": content, "scene_hash": self.hash, "files": files}
+
+    def _replace_files(self, content: dict[str, Any], values: Sequence[Mapping[str, str]]) -> dict[str, Any]:
+        """Return the `content` of the scene with other values of its keys ``file``; `content` is changed.
+
+        `values` are those of each section, by the table that has the key.  A body alone has its keys at the top.
+        """
+        if len(self.sections) == 1:
+            content = _lift_body_keys(content)
+        for of_section, written in zip(values, content.get("sections", [content]), strict=True):
+            for table, value in of_section.items():
+                reduce(getitem, table.split("."), written)["file"] = value
+        return content
 
     def file_key(self, key: str) -> str:
         """Return a key of the scene as in its file.

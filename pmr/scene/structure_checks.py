@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from pmr.errors import BEYOND_ENDS, InputError
-from pmr.scene.box import Box
+from pmr.scene.box import SLACK, Box
 from pmr.scene.built import ENDS, WEIGHT, Face, PadRing
 from pmr.scene.choice import axis_loads, inertia_fields, model_of, motion_directions, observed_places, traits_of
 from pmr.scene.frame import INERTIA
@@ -26,8 +26,6 @@ from pmr.scene.structures import ALLOWED_INERTIA, is_inertia
 #: Most elements of a beam in space: round-off in its stiffness grows with the fourth power of their number, and these
 #: leave two digits of the lowest frequency.
 MOST_ELEMENTS = 5000
-#: Round-off of a user's arithmetic, as a share of the face.
-SLACK = 1e-9
 
 
 def check_structure(member: Member) -> None:
@@ -47,11 +45,8 @@ def check_structure(member: Member) -> None:
     check_names("supports", (support.row_name(d) for support in member.part.supports for d in support.held_directions))
     for i, ring in enumerate(member.pads):
         if ring.clearance and not ring.unilateral:
-            raise scene_error(
-                f"pads[{i}].clearance",
-                ring.clearance,
-                "0 is allowed, as only pads with unilateral = true have a clearance",
-            )
+            allowed = "0 is allowed, as only pads with unilateral = true have a clearance"
+            raise scene_error(f"pads[{i}].clearance", ring.clearance, allowed)
         for face, clearance in ring.clearance.items() if isinstance(ring.clearance, dict) else ():
             allowed = f"a clearance on faces that have pads is allowed: {', '.join(ring.faces)}"
             refuse(face not in ring.faces, f"pads[{i}].clearance.{face}", clearance, allowed)
@@ -84,20 +79,19 @@ def _check_points_wind_and_temperatures(member: Member) -> None:
     beam; a temperature is refused on a body that is no beam, and together with probes that measure more than
     displacements.
     """
-    box, varies = member.part.body.box, member.part.body.box is not None and bool(member.part.body.box.varying_keys)
+    box, traits, frame = member.part.body.box, traits_of(member), member.frame
+    varies = box is not None and bool(box.varying_keys)
     for i, load in enumerate(member.part.loads):
-        if load.point is not None and traits_of(member).is_planar:
-            raise scene_error(
-                f"loads[{i}].point", list(load.point), "a model in space is allowed with a point beside it"
-            )
+        if load.point is not None and traits.is_planar:
+            allowed = "a model in space is allowed with a point beside it"
+            raise scene_error(f"loads[{i}].point", list(load.point), allowed)
         if load.acts == "force":
             continue
-        traits = traits_of(member)
         bears = traits.is_beam or load.acts == "wind" and traits.has_cells
         refuse(not bears, f"loads[{i}].acts", load.acts, f"'force' is allowed on {traits.words}")
-        if load.acts == "wind" and member.frame is None:
+        if load.acts == "wind" and frame is None:
             raise scene_error(f"loads[{i}].acts", "wind", "'force' is allowed without [frame], which says where up is")
-        if member.frame is not None and traits_of(member).is_planar and load.blows_sideways(member.frame.unit):
+        if frame is not None and traits.is_planar and load.blows_sideways(frame.unit):
             allowed = "0 or half a turn is allowed on a planar beam, which side wind does not move"
             raise scene_error(f"loads[{i}].azimuth", load.azimuth, allowed)
         allowed = "the distance of the faces is needed on a body without a box, or with one that varies along it"
@@ -147,9 +141,8 @@ def _check_sliding_points(member: Member) -> None:
     if not member.points:
         return
     if any(ring.moving for ring in member.pads):
-        raise scene_error(
-            "slider.offsets", list(member.points), "leave it out, as each ring of pads has its place in `at`"
-        )
+        allowed = "leave it out, as each ring of pads has its place in `at`"
+        raise scene_error("slider.offsets", list(member.points), allowed)
     if not traits_of(member).is_planar or length is None:
         raise scene_error("pads", None, "at least one ring of pads with moving = true is needed, as nothing slides")
     if len(set(member.points)) != len(member.points):
@@ -266,9 +259,8 @@ def _check_box_variation(member: Member, box: Box) -> None:
     allowed = f"1 is allowed with {key}, which says where nodes are"
     refuse(box.varying_keys and member.part.mesh.grading != 1.0, "mesh.grading", member.part.mesh.grading, allowed)
     if box.frames and traits.is_planar:  # also frames from a file that this one extends: their mass would be missing
-        raise scene_error(
-            "body.model", model, "beam3d and shell are allowed with body.box.frames; frames = [] removes the frames"
-        )
+        allowed = "beam3d and shell are allowed with body.box.frames; frames = [] removes the frames"
+        raise scene_error("body.model", model, allowed)
     if box.frames:
         _check_frames(box)
 
@@ -296,16 +288,11 @@ def _check_flexible_walls(member: Member) -> None:
     traits = traits_of(member)
     if not traits.is_beam:
         return  # the walls of these models give way anyway
-    refuse(
-        not traits.walls_may_give,
-        key,
-        "give",
-        f"'rigid' is allowed, as the walls of {model_of(member)} are not computed",
-    )
+    allowed = f"'rigid' is allowed, as the walls of {model_of(member)} are not computed"
+    refuse(not traits.walls_may_give, key, "give", allowed)
     if member.points or not member.pads:
-        raise scene_error(
-            key, "give", "'rigid' is allowed, as walls give way only under pads with faces, and there are none"
-        )
+        allowed = "'rigid' is allowed, as walls give way only under pads with faces, and there are none"
+        raise scene_error(key, "give", allowed)
 
 
 def _check_planar_beam(member: Member) -> None:
