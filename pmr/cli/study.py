@@ -173,7 +173,7 @@ def _print_results(project: Project, outcome: Outcome) -> None:
 
     for part in project.parts:
         results = outcome.results[part.name]
-        if all(run.status != "done" for run in results.runs):
+        if not results.done:
             continue
         if part.study.kind == "chart":
             grid = chart_tables.terminal_grid(results, SHOWN_RUNS)

@@ -78,7 +78,7 @@ class Outcome:
     @property
     def done(self) -> int:
         """Number of runs that have a result."""
-        return sum(record.status == "done" for results in self.results.values() for record in results.runs)
+        return sum(len(results.done) for results in self.results.values())
 
     @property
     def is_complete(self) -> bool:

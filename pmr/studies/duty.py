@@ -1,8 +1,8 @@
-"""Load cases of a chart, and its duty tables: the allowed load over radius and boom length, as manuals print it.
+"""Loads that a chart allows between its points: its duty table, and the postures of its scene's run.
 
-A load case has the loads that act at once, and factors that the user chooses, with the standard that gives them.  A
-duty table has a load at each round radius, and at the least and the greatest one.  It is interpolated between the
-luffing angles of the chart; outside the radii that a boom length reaches there is none.
+A duty table has the allowed load over radius and boom length, as manuals print it: at each round radius, and at the
+least and the greatest one.  It is interpolated between the luffing angles of the chart; outside the radii that a boom
+length reaches there is no load.  In the postures of a run, the smallest load is interpolated likewise.
 """
 
 from __future__ import annotations
@@ -11,17 +11,16 @@ import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
 from scipy.interpolate import PchipInterpolator
 
-from pmr.errors import InputError, letters
+from pmr.errors import letters
 from pmr.errors.environment import import_package
 from pmr.files.arrays import Array
-from pmr.scene.keys import SceneTable, Usual, key_error
+from pmr.scene import Scene
 from pmr.studies.charting import governing_limit
 from pmr.studies.study import csv_text
 
@@ -31,6 +30,8 @@ NOT_LIMITED = "not limited by what is looked at"
 STEPS, MOST_RADII = (1.0, 2.0, 5.0), 30
 #: Largest difference in rad between angles that count as the same; also a share of a radius.
 SAME_ANGLE = 1e-6
+#: Number of times of a run that are looked at, and largest difference in m between extensions that count as equal.
+TIMES, SAME_EXTENSION = 1001, 1e-3
 
 
 @dataclass(frozen=True)
@@ -298,171 +299,57 @@ def _round_radii(radius: Array) -> Array:
     return np.concatenate([[low], between, [high]])
 
 
-#: Hoisting classes of EN 13001-2: the least dynamic factor phi2,min for drives HD1, and its slope beta2 in s/m.
-CLASSES = {"HC1": (1.05, 0.17), "HC2": (1.10, 0.34), "HC3": (1.15, 0.51), "HC4": (1.20, 0.68)}
+class LeastAllowed(NamedTuple):
+    """Posture of a run in which a chart allows least, and the load and limit of the chart there."""
+
+    load: float  # kg
+    limit: int  # number of the limit that allows this load; -1 if no limit is reached
+    t: float  # s
+    luffing: float  # rad
+    length: float  # m, boom length
 
 
-class Exposed(SceneTable):
-    """Area on which wind blows."""
-
-    load: str = Field(description="Name of a load of the scene that acts where the wind does, and along it")
-    area: Annotated[float, Field(gt=0.0), Usual(1e-3, 1e4, unit="m^2")] = Field(description="Area across the wind, m^2")
-    shape: float = Field(description="Shape factor; negative where the load of the scene points against the wind")
+def payload_of(scene: Scene) -> float:
+    """Return the sum in kg of the masses that are payloads."""
+    return sum(mass.mass for part in scene.sections for mass in part.masses if mass.payload)
 
 
-class Wind(SceneTable):
-    r"""Wind of constant speed, with a force :math:`F = q A c` on each area, where :math:`q = \rho v^2 / 2`.
+def least_allowed(
+    scene: Scene, least: LeastLoads, rows: Sequence[Mapping[str, Any]], up_to: float
+) -> LeastAllowed | None:
+    """Return the posture of a scene's run in which its chart allows least; None if the chart has none of its postures.
 
-    A is the area, c its shape factor, :math:`\rho` the density of the air and v the speed.  Without areas the wind has
-    the pressure q on all sections of the boom, as far as they are outside of other sections (`pmr.scene.built.Load`).
+    `least` are the loads of the chart, the smallest of all slewing angles, and `rows` the extensions in m of its rows
+    by parameter, such as ``extension.fly``.  Postures are those at `TIMES` even times from 0 to the end of the run.
+    The chart has a posture if its luffing angle is among those of the chart, and its extensions are between those of
+    two rows.  Loads are interpolated between luffing angles as in the duty table, and between two boom lengths in
+    their inverse.  Where one of these two allows nothing, nothing is allowed.  `up_to` in kg is the largest load that
+    was tried; the load is at most that.
     """
-
-    speed: Annotated[float, Field(gt=0.0), Usual(0.5, 75.0, unit="m/s")] = Field(description="m/s")
-    density: Annotated[float, Field(gt=0.0), Usual(0.5, 2.0, unit="kg/m^3")] = Field(
-        default=1.25, description="Density of the air, kg/m^3"
-    )
-    on: tuple[Exposed, ...] = Field(
-        default=(), description="Areas that the wind acts on; without them it blows on all sections of the boom"
-    )
-    azimuth: Annotated[float, Usual(0.0, 400.0)] = Field(
-        default=0.0,
-        description="Without `on`: angle from the boom to the direction in which the wind blows, to the left, in the "
-        "scene's unit of angles; 0 blows from behind",
-    )
-    shape: Annotated[float, Field(gt=0.0)] = Field(
-        default=1.6, description="Without `on`: shape factor of sections that have no wind of their own in the scene"
-    )
-
-    @model_validator(mode="after")
-    def _check_areas(self) -> Self:
-        """Refuse a direction and a shape factor beside areas, which have their own."""
-        for key in ("azimuth", "shape") if self.on else ():
-            if getattr(self, key) != type(self).model_fields[key].default:  # stored studies have all keys
-                raise key_error(key, getattr(self, key), "a wind without `on` is allowed with it")
-        return self
-
-    @property
-    def pressure(self) -> float:
-        """Dynamic pressure q in Pa."""
-        return self.density * self.speed**2 / 2.0
-
-    @property
-    def section_load(self) -> str:
-        """Name of the load on all sections; empty if the wind acts on areas."""
-        return "" if self.on else f"wind {self.azimuth:g} by {self.shape:g}"
-
-    @property
-    def forces(self) -> dict[str, float]:
-        """Forces of the wind in N, by the name of that load of the scene along which a force acts."""
-        by_load = dict[str, float]()
-        for exposed in self.on:
-            by_load[exposed.load] = by_load.get(exposed.load, 0.0) + self.pressure * exposed.area * exposed.shape
-        return by_load
-
-    @property
-    def acting(self) -> dict[str, float]:
-        """Forces in N by the name of a load or, without areas, the pressure in Pa by the name of the sections' load."""
-        return self.forces or {self.section_load: self.pressure}
-
-
-class Hoist(SceneTable):
-    """How a load is hoisted off the ground, for the dynamic factor on its weight that is computed at each point."""
-
-    speed: Annotated[float, Field(gt=0.0), Usual(1e-3, 5.0, unit="m/s")] = Field(
-        description="Steady speed of the hook, m/s"
-    )
-    rope_stiffness: Annotated[float, Field(gt=0.0), Usual(1e4, 1e10, unit="N/m")] = Field(
-        description="Stiffness of all falls of the rope together, N/m"
-    )
-    hoisting_class: str | None = Field(
-        default=None, description="One of `classes`, whose factor is shown for comparison"
-    )
-
-
-class LoadCase(SceneTable):
-    """Loads that act at once, with factors chosen by the user."""
-
-    name: str = Field(description="What it is called")
-    standard: str = Field(default="", description="Source of the factors, for the report")
-    weight: Annotated[float, Field(ge=0.0)] = Field(
-        default=1.0, description="Factor on the weight of the boom, with the masses on it"
-    )
-    machine: Annotated[float, Field(ge=0.0)] = Field(
-        default=1.0, description="Factor on the weight of the machine's masses, which hold it down"
-    )
-    load: Annotated[float, Field(ge=0.0)] = Field(
-        default=1.0, description="Factor on the load that is looked for; 0 out of service, without a load"
-    )
-    hoisting_class: str | None = Field(
-        default=None, description="One of `classes`, whose factor multiplies the load too"
-    )
-    hoisting_speed: Annotated[float, Field(gt=0.0), Usual(1e-3, 5.0, unit="m/s")] | None = Field(
-        default=None, description="Speed of the hook, m/s"
-    )
-    loads: dict[str, float] = Field(
-        default={},
-        description="Loads of the scene by name, in their units (N, N m, K or Pa); those that are not named do not act",
-    )
-    wind: Wind | None = Field(default=None, description="Forces by speed, areas and shape factors, beside `loads`")
-
-    @model_validator(mode="after")
-    def _check_keys(self) -> Self:
-        """Refuse a hoisting class without a speed, a speed without a class, and a load in both `loads` and `wind`."""
-        if (self.hoisting_class is None) != (self.hoisting_speed is None):
-            raise ValueError("hoisting_class and hoisting_speed go together")
-        twice = set(self.loads) & set(self.wind.forces if self.wind else ())
-        if twice:
-            raise ValueError(f"loads and wind.on name the same load: {', '.join(sorted(twice))}")
-        return self
-
-    @property
-    def in_service(self) -> bool:
-        """Whether a load hangs at the tip in this load case."""
-        return self.load > 0.0
-
-    def check_loads(self, key: str, forces: Mapping[str, bool]) -> None:
-        """Raise InputError if the case names a load that the scene lacks, or wind on an area one that is no force.
-
-        `key` is the key of the case in the study file, for the message.  `forces` says of each load of the scene, by
-        name, whether it is a force.
-        """
-        kinds = {"loads": sorted(forces), "forces": sorted(load for load, is_force in forces.items() if is_force)}
-        named: list[tuple[str, str, str, Any]] = [
-            ("loads", f"loads.{name}", name, amount) for name, amount in self.loads.items()
-        ]
-        areas = enumerate(self.wind.on if self.wind else ())
-        named += [("forces", f"wind.on[{k}].load", exposed.load, exposed.load) for k, exposed in areas]
-        for kind, of, name, value in named:
-            if name not in kinds[kind]:
-                allowed = f"{', '.join(kinds[kind]) or f'no {kind}'} of the scene are allowed"
-                raise InputError("study", f"{key}.{of}", value, allowed)
-
-    def hoisting_factor(self, classes: Mapping[str, tuple[float, float]]) -> float:
-        """Return the dynamic factor of the case's hoisting class at the case's speed; 1 if the case has no class.
-
-        `classes` has the least factor and its slope over the speed, in s/m, of each hoisting class by name.
-        """
-        if self.hoisting_class is None or self.hoisting_speed is None:
-            return 1.0
-        return hoisting_factor(classes[self.hoisting_class], self.hoisting_speed)
-
-    def acting_amounts(self, classes: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
-        """Return the case as plain values under the keys ``name``, ``weight``, ``machine``, ``load`` and ``loads``.
-
-        ``weight`` and ``machine`` are the factors on the weights of the boom and of the machine.  ``load`` is the
-        factor on the load that is searched for, times the hoisting factor with the hoisting `classes`.  ``loads`` maps
-        the names of loads to their values in their own units, such as N.  The wind's forces, or its pressure under
-        the name `Wind.section_load`, are among them.
-        """
-        load, loads = self.load * self.hoisting_factor(classes), self.loads | (self.wind.acting if self.wind else {})
-        factors = {"weight": self.weight, "machine": self.machine, "load": load}
-        return {"name": self.name, **factors, "loads": loads}
-
-
-def hoisting_factor(of_class: tuple[float, float], speed: float) -> float:
-    r"""Return :math:`\phi_2 = \phi_{2,min} + \beta_2 v`, the dynamic factor of a hoisting class at a speed v in m/s.
-
-    `of_class` has :math:`\phi_{2,min}` and :math:`\beta_2` in s/m; `speed` is v.
-    """
-    least, slope = of_class
-    return least + slope * speed
+    assert scene.frame is not None and scene.frame.luffing is not None
+    t, ordered = np.linspace(0.0, scene.time.end, TIMES), [rows[row] for row in least.order]
+    names = [name.removeprefix("extension.") for name in ordered[0]]
+    of_rows = np.array([[float(row[f"extension.{name}"]) for name in names] for row in ordered])  # (E, n)
+    of_run = np.array([scene.extension(scene.names.index(name)).value(t) for name in names]).reshape(-1, TIMES)
+    luffing = np.asarray(scene.frame.angles.luffing.value(t))
+    number = np.interp(of_run.sum(axis=0), of_rows.sum(axis=1), np.arange(len(ordered)))  # row at each time
+    drawn_out = np.array([np.interp(number, np.arange(len(ordered)), column) for column in of_rows.T])
+    inside = np.all(np.abs(drawn_out.reshape(-1, TIMES) - of_run) < SAME_EXTENSION, axis=0)
+    angles, order = np.unique(least.luffing, return_index=True)
+    inside &= (luffing > angles[0] - SAME_ANGLE) & (luffing < angles[-1] + SAME_ANGLE)
+    if not inside.any():
+        return None
+    t, number, luffing = t[inside], number[inside], np.clip(luffing[inside], angles[0], angles[-1])
+    first = np.minimum(number.astype(int), max(len(ordered) - 2, 0))
+    second, share = np.minimum(first + 1, len(ordered) - 1), (number - first)[:, None]
+    of_chart = np.nan_to_num(least.load[:, order], nan=up_to)
+    loads = np.stack([interpolate_loads(luffing, angles, of_row, up_to) for of_row in of_chart])  # (E, T, l)
+    low, high = (loads[rows_at, np.arange(len(t))] for rows_at in (first, second))
+    some = np.minimum(low, high) > 0.0
+    low, high = np.where(some, low, 1.0), np.where(some, high, 1.0)
+    between = np.where(some, 1.0 / ((1.0 - share) / low + share / high), 0.0)
+    k = int(between.min(axis=1).argmin())
+    limit, load = int(between[k].argmin()), float(between[k].min())
+    lengths = np.linalg.norm(least.place[:, 0], axis=1)
+    length = float(np.interp(number[k], np.arange(len(ordered)), lengths))
+    return LeastAllowed(load, limit if load < (1.0 - 1e-9) * up_to else -1, float(t[k]), float(luffing[k]), length)

@@ -416,10 +416,8 @@ class Limit(SceneTable):
             names = self.kind.names(scene)
             if not all(any(matches_pattern((pattern,), name) for name in names) for pattern in self.which):
                 raise self._unknown_name(names)
-        pads = pads_on_faces(scene) if self.by_scene else {}
-        if self.by_scene and not any(
-            np.isfinite(pad.allowed_force) for name, pad in pads.items() if self.concerns(name)
-        ):
+        pads = [pad for name, pad in pads_on_faces(scene).items() if self.concerns(name)] if self.by_scene else []
+        if self.by_scene and not any(np.isfinite(pad.allowed_force) for pad in pads):
             allowed = "a force or a pressure is allowed, or allowed_pressure of pads in the scene"
             raise InputError("study", f"limits.{self.name}.most", None, allowed)
 

@@ -300,9 +300,14 @@ class StudyResults:
         return sorted(counted, key=lambda warning: -len(warning.runs))
 
     @property
+    def done(self) -> list[RunRecord]:
+        """Runs that have a result, in the order of the plan."""
+        return [run for run in self.runs if run.status == "done"]
+
+    @property
     def is_complete(self) -> bool:
         """Whether all runs are done."""
-        return all(run.status == "done" for run in self.runs)
+        return len(self.done) == len(self.runs)
 
     def arrays(self, key: str) -> Mapping[str, NDArray[Any]]:
         """Read the arrays of the run with this key from the store, by name; the study's kind says their shapes.

@@ -271,11 +271,6 @@ def _build_bodies(scene: Scene) -> Mapping[str, AssembledBody]:
     return built
 
 
-def with_reduction(scene: Scene, reduction: Reduction) -> Scene:
-    """Return the scene with the settings `reduction` for every body."""
-    return scene.vary_sections(lambda part: {"reduction": reduction})
-
-
 def reference_task(scene: Scene, name: str) -> Task:
     """Return the task that simulates the reference model `name` of a single body, ``"full"`` or ``"ancf"``.
 
@@ -336,7 +331,8 @@ def _without_loads(scene: Scene) -> Scene:
             "free_motions": "allowed",  # simulations refuse free motions; here a slider may stand on a support
         }
     )
-    return with_reduction(unloaded, Reduction(solver=scene.sections[0].reduction.solver))
+    plain = Reduction(solver=scene.sections[0].reduction.solver)
+    return unloaded.vary_sections(lambda part: {"reduction": plain})
 
 
 def _scene_task(function: TaskFunction, kind: str, scene: Scene, **more: Any) -> Task:

@@ -8,8 +8,7 @@ import pytest
 import pmr.cli
 from pmr.report.studies.chart_tables import lifts_more, payload_sentences
 from pmr.scene import Scene, load_any
-from pmr.studies.duty import LeastLoads
-from pmr.studies.payload import least_allowed, payload_of
+from pmr.studies.duty import LeastLoads, least_allowed, payload_of
 
 CRANE = Path(pmr.cli.__file__).parent / "templates" / "crane.toml"
 #: Extensions of both sections in m in the rows of a chart, and loads in kg that its only limit allows there.

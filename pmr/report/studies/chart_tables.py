@@ -16,8 +16,9 @@ from pmr.report.numbers import SPACE, format_input, format_quantity, prose
 from pmr.report.studies.tables import FinishedStudy
 from pmr.results.quantities import LIMITED
 from pmr.studies import charting
-from pmr.studies.duty import DutyTable, LoadCase
+from pmr.studies.duty import DutyTable
 from pmr.studies.limits import KINDS, STABILITY, STABILITY_WORDS
+from pmr.studies.load_cases import LoadCase
 from pmr.studies.study import StudyResults
 
 #: Sign in tables where the boom is not permitted even empty, and at radii outside the luffing angles of the chart.
@@ -199,10 +200,9 @@ def terminal_grid(results: StudyResults, rows: int) -> Grid:
 
     A row has the extensions, the boom length, the range of the radius, and the least and the largest allowed load.
     """
-    done = [run for run in results.runs if run.status == "done"]
-    names = list(dict.fromkeys(name for run in done for name in run.parameters))
+    names = list(dict.fromkeys(name for run in results.done for name in run.parameters))
     lines, empty = [], False
-    for run in done[:rows]:
+    for run in results.done[:rows]:
         arrays = results.arrays(run.key)
         place, load = arrays["place"], np.nan_to_num(arrays["load"], nan=np.inf).min(axis=1)
         empty = empty or bool((load == 0.0).any())
@@ -215,7 +215,7 @@ def terminal_grid(results: StudyResults, rows: int) -> Grid:
                 *cells,
             )
         )
-    more = f"{len(done) - rows} more extensions, and all" if len(done) > rows else "All"
+    more = f"{len(results.done) - rows} more extensions, and all" if len(results.done) > rows else "All"
     sign = f"{NO_LOAD} is {NOT_PERMITTED}. " if empty else ""
     caption = f"{sign}{more} points are in chart.csv, loads over radius in duty.csv, pages to print in report.pdf."
     heads = (*(f"{name.removeprefix('extension.')} out [m]" for name in names), "boom length [m]", "radius [m]")

@@ -46,7 +46,7 @@ COSTLY = ("reduction", "mesh", "time", "simulation", "body", "scene", "case")
 def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     """Build the chapter about the runs of a study; `prefix` is put before every identifier."""
     runs = study.results.runs
-    done = [run for run in runs if run.status == "done"]
+    done = study.results.done
     error = next((name for name in ERRORS if runs_with(done, name)), None)
     glance = tables.largest_value_block(tables.few_runs(runs))
     return Chapter(

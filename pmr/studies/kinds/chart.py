@@ -29,19 +29,9 @@ from pmr.studies.chart_draft import Range, check_at_rest, check_slewing, extensi
 from pmr.studies.chart_models import compute_postures, compute_richer_postures
 from pmr.studies.chart_points import Stop, replaced_mass_warnings
 from pmr.studies.charting import allow_row, errors_not_covered
-from pmr.studies.duty import (
-    CLASSES,
-    NOT_LIMITED,
-    ChartLoads,
-    DutyTable,
-    Hoist,
-    LeastLoads,
-    LoadCase,
-    Wind,
-    hoisting_factor,
-)
+from pmr.studies.duty import NOT_LIMITED, ChartLoads, DutyTable, LeastLoads, least_allowed, payload_of
 from pmr.studies.limits import STABILITY, STABILITY_WORDS, Limit
-from pmr.studies.payload import least_allowed, payload_of
+from pmr.studies.load_cases import CLASSES, Hoist, LoadCase, Wind, hoisting_factor
 from pmr.studies.study import StudyBase, StudyResults, csv_text
 from pmr.studies.tasks import Plan, Scalar, Task
 
@@ -148,19 +138,21 @@ class Study(StudyBase):
             "luffing": [float(a) for _, a, _ in points],
             "slewing": [float(b) for *_, b in points],
         }
-        common: dict[str, Any] = {"up_to": self.up_to, "error": self.error_bars}
-        fields = sorted({name for limit in self.limits if limit.of == "field" for name in limit.which})
-        common |= {"fields": fields} if fields else {}
-        turned = {"turned": sorted({stop.of for stop in self.stops})} if self.stops else {}
         boom = tasks.scene_arguments(with_hook(scene, self.point))
-        postures, richer = boom | common | turned | {"at": at}, boom | {"at": at}
+        richer = boom | {"at": at}
+        postures = richer | {
+            "up_to": self.up_to,
+            "error": self.error_bars,
+            "fields": sorted({name for limit in self.limits if limit.of == "field" for name in limit.which}),
+            "turned": sorted({stop.of for stop in self.stops}),
+        }
         common_tasks = {"postures": Task("postures", compute_postures, postures, cost=10.0, label="the reduced model")}
         if self.error_bars:
             label = "the richer model for error bars"
             common_tasks["model"] = Task("model", compute_richer_postures, richer, cost=20.0, label=label)
         needs = {name: task.key for name, task in common_tasks.items()}
-        row_arguments: dict[str, Any] = {"up_to": self.up_to, "error": self.error_bars} | boom
-        row_arguments |= {
+        row_arguments = boom | {
+            "up_to": self.up_to,
             "limits": [limit.model_dump(mode="json") for limit in self.limits],
             "cases": [case.acting_amounts(self.classes) for case in self._in_service],
             "left": [case.acting_amounts(self.classes) for case in self._out_of_service],
@@ -213,11 +205,11 @@ class Study(StudyBase):
         luffing angle and extensions.
         """
         with suppress(InputError):
-            scene, done = scenes.load_any(self.scene), [run for run in results.runs if run.status == "done"]
+            scene = scenes.load_any(self.scene)
             luffing = None if scene.frame is None else scene.frame.luffing_signal
             if luffing is not None and not scene.free_extensions and (payload := payload_of(scene)):
-                loads = LeastLoads.from_rows([results.arrays(run.key) for run in done], len(self.slewing))
-                at = least_allowed(scene, loads, [run.parameters for run in done], self.up_to)
+                rows = [run.parameters for run in results.done]
+                at = least_allowed(scene, self._least_loads(results), rows, self.up_to)
                 if at is None:
                     return {"payload": payload}
                 posture: dict[str, Scalar] = {"t": at.t, "luffing": float(np.rad2deg(at.luffing)), "length": at.length}
@@ -291,12 +283,16 @@ class Study(StudyBase):
         limits they are for instance ``load`` (P, l) in kg, ``error`` (P, l) in kg and ``case`` (P, l).  Raises
         IndexError if no run is done.
         """
-        parts = [results.arrays(run.key) for run in results.runs if run.status == "done"]
+        parts = [results.arrays(run.key) for run in results.done]
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0] if name[:3] != "at."}
 
     def loads(self, table: Mapping[str, NDArray[Any]]) -> ChartLoads:
         """Return the loads of all l limits at P points in `table`, whose arrays (P, l) `Study.table` returned."""
         return ChartLoads(table["load"], table["error"], self.up_to)
+
+    def _least_loads(self, results: StudyResults) -> LeastLoads:
+        """Return the smallest loads of all slewing angles in the finished runs."""
+        return LeastLoads.from_rows([results.arrays(run.key) for run in results.done], len(self.slewing))
 
     def tables(self, results: StudyResults) -> Mapping[str, str | bytes]:
         """Return the contents of ``chart.csv``, ``duty.csv`` and ``duty.xlsx``; all three keys are always there.
@@ -304,16 +300,15 @@ class Study(StudyBase):
         ``chart.csv`` has a row for each point of the finished runs; the other two hold the duty table of these points
         (`pmr.studies.duty`).  All are empty if no run is done, and ``duty.xlsx`` if the study does not ask for it.
         """
-        done = [run.status == "done" for run in results.runs]
-        if not any(done):
+        if not results.done:
             return {"chart.csv": "", "duty.csv": "", "duty.xlsx": ""}
+        done = [run.status == "done" for run in results.runs]
         points, table = compress(self._chart_points, np.repeat(done, self._row_size)), self.table(results)
         loads = self.loads(table)
         rows = [self._cells(table, loads, k, *point) for k, point in enumerate(points)]
         cells = [[_cell(value) for _, value in row] for row in rows]
-        done_runs = [run for run in results.runs if run.status == "done"]
-        least = LeastLoads.from_rows([results.arrays(run.key) for run in done_runs], len(self.slewing))
-        duty = DutyTable.from_loads(least, self.up_to, [run.parameters for run in done_runs])
+        rows_of_chart = [run.parameters for run in results.done]
+        duty = DutyTable.from_loads(self._least_loads(results), self.up_to, rows_of_chart)
         return {
             "chart.csv": csv_text([head for head, _ in rows[0]], cells),
             "duty.csv": duty.csv(self.names),
@@ -432,8 +427,8 @@ class Study(StudyBase):
 
     @property
     def _angle_unit(self) -> str:
-        """Unit of the angles of luffing and slewing in the scene's frame; ``rad`` for a scene without a frame."""
-        return "rad" if self._scene.frame is None else self._scene.frame.unit
+        """Unit of the angles of luffing and slewing in the scene's frame."""
+        return self._scene.present_frame.unit
 
     @property
     def _scope_warnings(self) -> list[str]:

@@ -126,8 +126,8 @@ def test_no_load_is_called_zero_where_a_limit_is_passed_without_a_load() -> None
     drawn = np.concatenate([line.get_xydata() for line in duty_lines(chart).axes[0].lines if line.get_marker() == "."])
     assert 0.0 not in drawn[:, 1]
     arrays = [{"place": at, "load": of[:, None]} for at, of in zip(place, load, strict=True)]
-    runs = [SimpleNamespace(key=k, status="done", parameters={"extension.fly": 1.0 + k}) for k in range(2)]
-    results: Any = SimpleNamespace(runs=runs, arrays=lambda key: arrays[key])
+    runs = [SimpleNamespace(key=k, parameters={"extension.fly": 1.0 + k}) for k in range(2)]
+    results: Any = SimpleNamespace(done=runs, arrays=lambda key: arrays[key])
     grid = terminal_grid(results, 20)
     assert [row[-2:] for row in grid.rows] == [("600", "900"), ("—", "300")]
     assert grid.head == ("fly out [m]", "boom length [m]", "radius [m]", "least load [kg]", "largest load [kg]")

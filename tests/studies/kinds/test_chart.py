@@ -26,9 +26,9 @@ from pmr.report.studies.tables import FinishedStudy
 from pmr.scene import load_any
 from pmr.studies import call, tasks
 from pmr.studies.call import Progress, compute_results, save
-from pmr.studies.duty import LoadCase
 from pmr.studies.kinds.chart import Study
 from pmr.studies.limits import Limit
+from pmr.studies.load_cases import LoadCase
 from pmr.studies.study import RunRecord, StudyResults
 from pmr.studies.workers import local_pool
 from pmr.system.from_scene import force_names
