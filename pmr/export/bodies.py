@@ -96,7 +96,7 @@ class Taylor:
 
 
 def inertia_integrals(body: NodalBody) -> Mapping[str, Taylor]:
-    """Inertia integrals by the equations of the module, by their names in the format.
+    """Inertia integrals by the equations of the module, by their names in the format, in the order of its files.
 
     Raises InputError if a node's mass differs along x, y and z: no field of displacements has such a mass matrix.
     """
@@ -142,11 +142,11 @@ def write_sid(body: NodalBody, target: Path) -> Path:
 
 
 def _centrifugal(of: Array) -> Array:
-    """Coefficients (m, [m,] 6) of the integral of phi . omega x (omega x r), by the six products Omega of the module.
+    """Coefficients (m, 6) of the integral of phi . omega x (omega x r), by the six products Omega of the module.
 
-    `of` (3, 3, m) are the integrals of products of a component of r, of the points without deformation, and one of phi
-    in each of m modes.  For the part of r that is linear in the modes `of` is (3, 3, m, m), a mode of r before one of
-    phi.
+    `of` (3, 3, m) are the integrals of the products of each component of r = x with each component of phi, for m modes.
+    For the part of r that is linear in the modes, `of` is (3, 3, m, m), with the mode of r before that of phi, and the
+    coefficients are (m, m, 6).
     """
     trace = np.einsum("ii...->...", of)
     squares = [of[a, a] - trace for a, b in PRODUCTS[:3]]

@@ -117,7 +117,7 @@ def write_matlab(npz_path: Path, target: Path, options: Options) -> Path:
 
 
 def interpolation_error(system: System, space: StateSpace, source: str) -> list[float]:
-    """Errors of A, B, C and D interpolated linearly, halfway between neighbouring grid points.
+    """Return two errors of A, B, C and D interpolated linearly, halfway between neighbouring grid points.
 
     The first number is the largest error of a displacement's static gain, as a fraction of the largest gain from the
     same input to the same output.  The second number is the largest error of a natural frequency, as a fraction of this
@@ -157,11 +157,12 @@ def _response_table(space: StateSpace, f: Array, response: NDArray[np.complex128
 
 
 def _draw(space: StateSpace, f: Array, gain: Array, output: str, target: Path) -> None:
-    """Draw the `gain` (S, W, i) over S grid points and W frequencies f (W,) in Hz, as the .png file `target`.
+    """Draw the `gain` (S, W, i) over S grid points and W frequencies f (W,) in Hz, in decibels, as the .png `target`.
 
-    `output` names the output in titles.  There is one panel for each input.  Several paths are drawn over the sum of
-    their extensions, or over the luffing angle if this sum is the same everywhere; if the angle is, too, a panel has a
-    single curve.  Gains below the share `FLOOR` of the largest are drawn as this share.
+    `output` names the output in titles.  There is one panel for each input, a map over the path coordinate.  Several
+    paths are drawn over the sum of their extensions, or over the luffing angle if this sum is the same everywhere.  If
+    nothing varies, a panel has the curve of the first grid point alone.  Gains below the share `FLOOR` of the largest
+    are drawn as this share.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -240,7 +241,7 @@ def write_modelica(npz_path: Path, target: Path, options: Options) -> Path:
 
 
 def _variable(kind: str, name: str, title: str, unit: str) -> str:
-    """Declaration of a variable `name` with its `title`; `kind` is ``parameter``, ``input`` or ``output``.
+    """Declaration of a Modelica variable `name` with its `title`; `kind` is ``input`` or ``output``.
 
     `unit` is in the notation of pmr, such as N m and m/s^2; the declaration has Modelica's, such as N.m and m/s2.
     """
@@ -253,7 +254,7 @@ def _escape(text: str) -> str:
 
 
 def _braces(values: Array) -> str:
-    """The array `values` (any shape) as a Modelica expression with all digits, one row per line."""
+    """The array `values` (any shape) as a Modelica expression with all digits, one row per line; zeros() if empty."""
     if values.size == 0:  # in Modelica {} is not an array
         return f"zeros({', '.join(map(str, values.shape))})"
     if values.ndim == 1:

@@ -115,8 +115,9 @@ def script_data(system: System, source: str) -> Arrays:
 def _tip_values(system: System, source: str) -> Arrays:
     """Values about the last displacement, which the script prints: ``tip``, ``tip_of`` and ``tip_position``.
 
-    The values are its number among the outputs, words for its body, and its position in m.  Raises InputError,
-    which names the file `source`, if there is no displacement.
+    The values are its number among the outputs, words for its body, which are empty for a single body, and its position
+    in m.  Displacements of probes do not count.  Raises InputError, which names the file `source`, if there is no
+    displacement.
     """
     of = [
         (name, position, is_length)
@@ -169,7 +170,7 @@ def _path_tables(system: System, x: Array) -> Arrays:
     """Tables of the contact matrices C, F, H and X of a single body over its path, as arrays by name.
 
     The matrices are those of the script's equations.  F includes the compliance of the contacts with their sides at x
-    (sides,) in m.
+    (sides,) in m; the other parts of F, and H and X, are zero without residual flexibility.
     """
     (body,) = system.reduced.values()
     numbers = [body.row_names.index(side.place.row) for side in system.sides]
@@ -190,9 +191,9 @@ def _path_tables(system: System, x: Array) -> Arrays:
 
 
 def _sides(system: System, assembly: Assembly, x: Array) -> Arrays:
-    """Arrays of the sides of contacts by name: their rows, and responses of the assembled bodies to carrier forces.
+    """Arrays of the sides of contacts in a boom by name: rows, and responses of the bodies to forces on their carriers.
 
-    The compliance of the contacts is that at x (sides,) in m.
+    The compliance of the contacts is that with their sides at x (sides,) in m.
     """
     paths, names = list(system.paths), list(system.bodies)
     arrays: Arrays = {

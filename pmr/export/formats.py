@@ -37,7 +37,7 @@ class Format:
 
 
 def _writer(module: str, name: str) -> Callable[..., Path]:
-    """Function that calls the function `name` of a module of `pmr.export`; the module is imported when it is called."""
+    """Function that calls the function `name` of a module of `pmr.export`, which it imports at the first call."""
 
     def write(*arguments: Any) -> Path:
         """Call the function and return the path that it has written."""
@@ -84,9 +84,9 @@ FORMATS = {
 
 
 def formats() -> dict[str, Format]:
-    """All formats by name, including those of installed plug-ins.
+    """All formats of saved models by name, including those of installed plug-ins (entry points ``pmr.exports``).
 
-    Raises an error that names the plug-in if its object is no `Format`.
+    Raises an InputError that names the plug-in if its object is no `Format`.
     """
     offered = environment.plugin_objects("pmr.exports", frozenset(FORMATS))
     for name, plugin in offered.items():

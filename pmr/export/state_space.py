@@ -84,9 +84,9 @@ class StateSpace:
 def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> StateSpace:
     """State space of reduced bodies with their paths held at S grid points; `s` has (S,), or a number, by path.
 
-    Coordinates `s` are in m, those of a luffing angle in rad.  `source` is the file that errors name.  Raises
-    InputError if contacts only push, or rigid ones depend on s; raises SimulationError if contact forces at one of the
-    points are not determined.
+    Coordinates `s` are in m, those of a luffing angle in rad.  Without paths, S is 1.  `source` is the file that errors
+    name.  Raises InputError if contacts only push, or rows of rigid ones differ between the points; raises
+    SimulationError if contact forces at one of the points are not determined.
     """
     if pushing := [contact.name for contact in system.contacts if contact.clearance is not None]:
         raise InputError(source, "rows", None, f"rows that hold both ways are allowed: {', '.join(pushing)} only push")
@@ -117,7 +117,7 @@ def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> Stat
 
 
 def _modes(system: System, assembly: Assembly, C: Array, firm: Mask, source: str) -> Modes:
-    """Omega^2 (r,) and modes X (n, r) with X^T M X = 1 and C X = 0 of an assembly with m_r rigid contacts.
+    """Omega^2 (r,), ascending, and modes X (n, r) with X^T M X = 1 and C X = 0 of an assembly with m_r rigid contacts.
 
     C (S, m_r, n) are the rows of the rigid contacts at S grid points; the mask `firm` (m,) is true for rigid ones of
     all contacts.  Raises InputError, which names the file `source`, if C depends on the grid point.
@@ -200,7 +200,8 @@ PLACES = 21
 def saved_system(npz_path: Path, options: Options) -> System:
     """System in the file `npz_path` or, if `options` name one, a section of it alone.
 
-    Raises InputError as `section_alone`, and if places are chosen together with a section.
+    Raises InputError as `section_alone`, if places are chosen together with a section, and for a system with friction,
+    a hoist or matrices that change in time.
     """
     if options.section is None:
         return System.load(npz_path).ensure_constant(npz_path.name)
@@ -320,7 +321,7 @@ def _write(npz_path: Path, target: Path, options: Options, lines: Callable[[Stat
 
 
 def _matrices(space: StateSpace) -> Iterator[_NastranMatrix]:
-    """Yield M and D, which are the same at all grid points, and for each grid point K and the loads F."""
+    """Yield M, the unit matrix, and D, which hold at all grid points, and for each grid point K and the loads F."""
     r = space.A.shape[1] // 2
     yield _NastranMatrix("M", "", np.eye(r), _SYMMETRIC)
     damping = -space.A[0, r:, r:]

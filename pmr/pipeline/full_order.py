@@ -51,7 +51,7 @@ MODES_PER_GYROSCOPIC = 6
 
 @dataclass(frozen=True)
 class References:
-    """Responses with which a reduced system is compared; on other ranks than 0 they may be missing."""
+    """Responses with which a reduced system is compared; on other ranks than 0, `responses` may lack some."""
 
     responses: Mapping[str, Response]  # ``full`` and ``ancf``, if the scene is compared with them
     # states of every full body at the selected steps, with this rank's rows of its coordinates
@@ -90,7 +90,7 @@ class FullOrder:
         return gathered_system and replace(gathered_system, terms=terms_of(self.scene, gathered_system.bodies))
 
     def frequencies(self, s: Array, count: int, c: Array) -> Array:
-        """Return the f = `count` lowest natural frequencies (S, f) in Hz at S positions of the system.
+        """Return the f = `count` lowest natural frequencies (S, f) in Hz at S positions of the system, on every rank.
 
         Collective.  The P paths have the coordinates s (S, P) in m, and every contact is closed.  The system's k terms,
         such as geometric stiffness, have the amplitudes c (S, k).
@@ -114,9 +114,10 @@ class FullOrder:
     ) -> References:
         """Simulate all references that the scene is compared with, and record states of the full bodies at `steps`.
 
-        If contacts only push, `stepping` holds the parts into which the reduced system's steps were divided; None
-        stands for the scene's steps.  If `checkpoint` is not None, a simulation that was interrupted continues.
-        References that fail are listed in `References.missing`.  `clock` measures the wall time of each reference.
+        `steps` are numbers of time steps.  If contacts only push, `stepping` holds the parts into which the reduced
+        system's steps were divided; None stands for the scene's steps.  If `checkpoint` is not None, a simulation that
+        was interrupted continues.  References that fail are listed in `References.missing`.  `clock` measures the wall
+        time of each reference.
         """
         responses, missing = dict[str, Response](), dict[str, str]()
         states: Mapping[str, BodyStates] = {}
@@ -136,7 +137,7 @@ class FullOrder:
         """Return the response of the reference `name`: ``"full"`` or, for a single body, ``"ancf"``.
 
         The response is returned on rank 0; other ranks may get None.  Raises SimulationError if the simulation fails or
-        can't be trusted (`pmr.compare.trust`); for ``"full"`` on every rank.
+        can't be trusted (`pmr.compare.trust`), for ``"full"`` on every rank, for ``"ancf"`` on rank 0.
         """
         if name == "full":
             return self._simulate_full(clock or Clock(), (), None, None).response

@@ -166,7 +166,7 @@ class Reduction:
 
 
 def with_stress_flags(scene: Scene, bodies: Mapping[str, ReducedBody]) -> dict[str, ReducedBody]:
-    """Bodies by name, each with `stressed` set to whether terms of second order of the scene's frame act."""
+    """Bodies by name, each with `stressed` set to whether the scene's frame has terms that act on them."""
     stressed = any(frame_terms(scene))  # a body that is not changed keeps its simulated model
     return {n: body if body.stressed == stressed else replace(body, stressed=stressed) for n, body in bodies.items()}
 
@@ -224,8 +224,8 @@ def reduce_bodies(
 def cached_body(scene: Scene, model: FullModel, cache: Cache | None, clock: Clock | None = None) -> ReducedBody:
     """Reduced single body of a scene from the cache; if it is not there, made by `reduce_body` and stored; collective.
 
-    A stored body gets the provenance of this scene.  If `cache` is None, the body is made and not stored.  `clock`
-    measures the time of each stage.
+    The body has the provenance of this scene.  If `cache` is None, the body is made and not stored.  `clock` measures
+    the time of each stage if the body is made.
     """
     if cache is None:
         return reduce_body(scene, model, clock)

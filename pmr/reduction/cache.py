@@ -68,7 +68,7 @@ IRRELEVANT_KEYS = ("title", "start", "time", "recovery", "simulation", "compare"
 
 
 def model_digest(model: FullModel) -> str:
-    """Digest of the code and of all data of a full model; collective.
+    """Digest of the code that computes, and of all data of a full model, the same on every rank; collective.
 
     The digest also depends on the number of ranks.
     """
@@ -104,9 +104,9 @@ def structure_text(scene: Scene) -> str:
 
 
 class SystemFiles(NamedTuple):
-    """Paths of two files about the system of a scene.
+    """Paths of two files about the system of a scene; either may be missing.
 
-    The first file exists if the system is stored, the second if it is stored that the scene can't be reduced, and why.
+    `stored` shows that the system is stored, `refusal` that supports and pads leave the scene free to move, and how.
     """
 
     stored: Path
@@ -155,7 +155,10 @@ class SystemCache:
         return array
 
     def has_system(self, scene: Scene) -> bool:
-        """Whether the folder has a file for the system of this scene, or for the refusal to reduce the scene."""
+        """Whether the folder has a file for the system of this scene, or for the refusal to reduce the scene.
+
+        The file may be damaged.
+        """
         return any(file.is_file() for file in self._system_files(scene))
 
     def _system_files(self, scene: Scene) -> SystemFiles:
@@ -189,7 +192,7 @@ class SystemCache:
         return everywhere
 
     def _read(self, file: Path) -> dict[str, NDArray[Any]] | None:
-        """Arrays of a file by name, on every rank; None if the file is missing or damaged.  Collective."""
+        """Arrays of a file by name, read by rank 0, on every rank; None if it is missing or damaged.  Collective."""
         arrays = npz.read_stored(file) if self.comm.rank == 0 else None
         result: dict[str, NDArray[Any]] | None = self.comm.bcast(arrays)
         return result
@@ -267,9 +270,10 @@ class Cache(SystemCache):
 
 
 def cache_in(folder: Path, model: FullModel) -> Cache:
-    """Cache in `folder` of a model that was just assembled; collective.
+    """Cache in `folder` of what follows from a full model; collective.
 
-    The folder is created if it does not exist; an InputError is raised if it can't be.
+    The folder is created if it does not exist; an InputError is raised if it can't be.  The model must not change
+    afterwards, as its digest is computed here.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -102,7 +102,8 @@ def vectors_from_package(model: FullModel, choice: Reduction) -> Snapshots:
 def _call_on_model(make: Callable[..., Any], model: FullModel, *arguments: Any) -> Any:
     """Return what a user's function `make` makes of a full model and further `arguments`.
 
-    Raises an InputError if the function changes mass or stiffness of the model, which all later results would have.
+    Raises an InputError if the function changes mass or stiffness of the model, since all later results would have the
+    change.  It is recognised by the norms of both matrices, and raised on this rank alone.
     """
     before = [np.linalg.norm(local_csr(A).data) for A in (model.M, model.K)]
     returned = make(model, *arguments)
@@ -113,7 +114,7 @@ def _call_on_model(make: Callable[..., Any], model: FullModel, *arguments: Any) 
 
 
 def _real_array(values: Any) -> Array:
-    """Return values as an array of floats; an empty array if they are no real numbers."""
+    """Return values as an array of floats; an empty array (0, 0) if they are no real numbers."""
     array = np.asarray(values)
     return array.astype(float) if array.dtype.kind in "biuf" else np.empty((0, 0))
 
@@ -136,9 +137,10 @@ def _snapshots(model: FullModel, local: Array, source: str) -> Snapshots:
 def basis_of_vectors(model: FullModel, vectors: Snapshots, choice: Reduction, size: int | None) -> Basis:
     """Basis of the first `size` independent vectors, each made orthonormal to those before; collective.
 
-    If `size` is None, all independent vectors are taken.  If `choice` adds flexibility, rigid-body modes come first,
-    because flexibility can't replace them.  All singular values are 1: the vectors have no known weight.  An InputError
-    is raised if there are fewer independent vectors.
+    Vectors that depend on those before are left out.  If `size` is None, all independent vectors are taken.  If
+    `choice` adds flexibility, rigid-body modes come first and count among the vectors, because flexibility can't
+    replace them.  All singular values are 1: the vectors have no known weight.  An InputError is raised if there are
+    fewer independent vectors.
     """
     V = np.array(vectors.S.getDenseArray())
     largest = np.max(model.comm.allgather(np.abs(V).max(axis=0, initial=0.0)), axis=0)
@@ -192,8 +194,9 @@ def take_snapshots(
     """Snapshots of the kind that the scene chooses, or made from the user's `vectors` if these are given; collective.
 
     The snapshots are eigenmodes with the slider held at several positions (POD), free modes with the sliders released,
-    or vectors from a file or an installed package.  A `body` that is not None lends its factor to free modes.  An
-    InputError is raised if the mesh can't have such snapshots, and a ConvergenceError if a solver fails.
+    or vectors from a file or an installed package.  A `body` that is not None, of the same model, lends its factor to
+    free modes.  An InputError is raised if the mesh can't have such snapshots or the user's vectors do not fit it, and
+    a ConvergenceError if a solver fails.
     """
     if vectors is not None:
         return vectors_from_array(model, vectors)
@@ -249,9 +252,10 @@ def provenance(scene: Scene, basis: Basis, number: int = 0) -> dict[str, Any]:
 
 
 def summary(scene: Scene, models: Mapping[str, FullModel], bodies: Mapping[str, ReducedBody]) -> dict[str, Any]:
-    """Entry ``basis`` of summary.json, from full models and reduced bodies by name.
+    """Entry ``basis`` of summary.json, under this key, from full models and reduced bodies by name.
 
-    For a single body, ``carriers`` is the number of carriers that its rows touch on the path.
+    For sections, only ``kind`` is there, in words.  For a single body, ``carriers`` is the number of carriers that its
+    rows touch on the path, and ``largest_residual`` is None if the vectors are no eigenmodes.
     """
     if ALONE not in bodies:
         return {"basis": {"kind": "free modes of every section, with residual flexibility"}}
@@ -310,10 +314,10 @@ def enrichment_of(scene: Scene, choice: Reduction, model: FullModel) -> int:
 
 
 def with_array_basis(scene: Scene) -> Scene:
-    """Return the scene of a single body with `reduction.basis` set to `ARRAY`, for a basis that is given as an array.
+    """Return the scene of a single body with `reduction.basis` set to `ARRAY`, for a basis that is given in Python.
 
-    The `reduction` keeps product and flexibility, but no error is estimated.  An InputError is raised for a boom of
-    sections, whose bases consist of free modes.
+    Product, flexibility and all other settings of the `reduction` stay, but no error is estimated.  An InputError is
+    raised for a boom of sections, because their bases consist of free modes.
     """
     if ALONE not in scene.bodies:
         allowed = "a scene of one body is allowed with a basis: sections are reduced to free modes"
@@ -323,7 +327,7 @@ def with_array_basis(scene: Scene) -> Scene:
 
 
 def may_be_stressed(scene: Scene) -> bool:
-    """Whether terms of second order, as of axial forces in a moving frame, may act on the bodies of a scene."""
+    """Whether terms of second order may act on a scene's bodies: if `frame.second_order` is true or ``"auto"``."""
     return scene.frame is not None and bool(scene.frame.second_order)
 
 

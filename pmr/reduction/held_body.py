@@ -43,11 +43,14 @@ from pmr.system.rows import Row, Rows, fixed_row
 def held_body(scene: Scene, s: float, count: int) -> NodalBody:
     """Body of a scene in coordinates of nodes, its sliders held at s (m), with its `count` lowest modes; on one rank.
 
+
     Raises
     ------
     InputError
         If nodes have coordinates other than three displacements, if the scene has masses (the other program has to
         attach these), if a row only pushes, or if s is outside the path.
+    ConvergenceError
+        If the body has fewer than `count` modes, or these do not converge.
     """
     if scene.masses:
         allowed = "none is allowed: a flexible body is what they are attached to, in the program that reads it"
@@ -186,7 +189,7 @@ def framed_body(scene: Scene, s: float, count: int) -> FramedBody:
         If the body moves in a plane, nothing holds it, a row only pushes, s is outside the path, or a frame's point has
         no rotation or is held.
     ConvergenceError
-        If the modes do not converge.
+        If the body has fewer than `count` modes, or these do not converge.
     """
     built, solver = build_at(scene, s), scene.reduction.solver
     model, coupling, held = built.structure.model, couple(built.structure), _hold_body(built, s)
@@ -224,7 +227,7 @@ def framed_body(scene: Scene, s: float, count: int) -> FramedBody:
 
 
 def _hold_body(built: AssembledBody, s: float) -> _HeldModel:
-    """Full model of `built` held with its sliders at s (m).
+    """Full model of `built` with its sliders held at s (m); `built` is not changed.
 
     Rows that give way become springs in its stiffness; the others become its rows, which don't depend on s.
     """

@@ -95,7 +95,7 @@ class Recovery:
         """Vectors (n_local, a), this rank's part, of the a cylinder modes of the reduced model.
 
         A cylinder mode is a combination of responses to the force of a cylinder at the body's tail.  `modal` is the
-        flexibility that the body's other modes leave out.
+        flexibility that the body's other modes leave out.  Collective.
         """
         carriers, model = self.reduced.carriers, self._model
         assert carriers is not None and carriers.answers is not None
@@ -143,6 +143,15 @@ class BodyFields:
     """Displacements and stresses of a body, from states that are distributed over ranks; all methods are collective.
 
     Every method returns the same on every rank.
+
+    Attributes
+    ----------
+    grid : Grid
+        Points and cells at which results are given.
+    forces : SectionForces or None
+        Section forces; None unless the body is a beam and `stresses` is true.
+    stress_rows : StressRows or None
+        Points and components of the stresses; None if there are none.
 
     Parameters
     ----------
@@ -364,10 +373,10 @@ def recover(
 ) -> dict[str, RecoveredBody]:
     """Stresses of reduced and full models of a scene's bodies `built`, and fields of reduced ones, by name; collective.
 
-    `reduced` are the states of the reduced bodies at the `Scene.recovered_steps`, the same on every rank.  Pictures are
-    recorded at some of these steps, evenly spread; their number is that of frames in the scene's recovery.  `full` are
-    this rank's parts of the states of the full models, of which no pictures are recorded; bodies whose states are not
-    known are missing.
+    The scene has a `recovery`.  `reduced` are the states of the reduced bodies at the `Scene.recovered_steps`, the same
+    on every rank.  Pictures are recorded at some of these steps, evenly spread; their number is that of frames in the
+    scene's recovery.  `full` are this rank's parts of the states of the full models, of which no pictures are recorded;
+    bodies whose states are not known are missing from it.
     """
     settings, recovered = scene.recovery, dict[str, RecoveredBody]()
     assert settings is not None

@@ -176,9 +176,9 @@ class _BeamPieces:
     def loads(self, displaced: Array, a: Array, supports: dict[str, Array], acting: BodyStates | None) -> Array:
         """Loads (S, c), inertia included, on the c coordinates of the pieces with the displacements `displaced` (S, c).
 
-        The accelerations a of the beam are (S, n); `supports` has the forces (S,) of rigid supports by name; those of
-        supports at nodes act between pieces, and are left out.  If `acting` is None, there are no loads and no contact
-        forces.
+        The accelerations a of the beam are (S, n).  `supports` has the forces (S,) of rigid supports by name; supports
+        at nodes are ignored, because their forces act between pieces.  If `acting` is None, there are no loads and no
+        contact forces.
         """
         forces = _state_loads(self._B, self._rows, acting, len(a))
         forces = forces - displaced @ self._springs - self.displacement(a) @ self._M

@@ -52,8 +52,8 @@ NUMBERS = ("gravity", "gate", "refused", "alarm", "share", "following")
 class UnitObserver:
     """Kalman filter of an observer in an FMU, and the outputs and loads of the system to which its numbers refer.
 
-    `units` has the unit of each unknown, then of each output, by name; `sensors` and `outputs` are in the filter's
-    order.
+    `units` has the unit of each unknown, then of each output, by name.  The filter has q outputs, i inputs and p
+    sensors; they are in its order.
     """
 
     data: FilterData
@@ -284,13 +284,13 @@ def source_files(version: str | None = None) -> dict[str, str]:
 
 
 def compiled_files(files: dict[str, str]) -> list[str]:
-    """Names of the C files among `files` (texts by name) that are compiled, as no other file includes them."""
+    """Names of those C files among `files` (texts by name) that a compiler gets: no other file includes them."""
     included = {name for text in files.values() for name in re.findall(r'#include "(\w+\.c)"', text)}
     return [name for name in files if name.endswith(".c") and name not in included]
 
 
 def library_bytes(platform: Platform) -> bytes:
-    """Bytes of a platform's shared library: the package's file, or compiled by ziglang from the package's sources.
+    """Bytes of a platform's shared library: the package's file or, without one, compiled by ziglang from its sources.
 
     Raises InputError if neither the file nor ziglang is installed, or with the first error line of the compiler.
     """

@@ -105,7 +105,7 @@ def model_description(model: ModelAttributes, variables: Sequence[Variable], ver
 
 
 def build_description(model: ModelAttributes) -> str:
-    """Text of sources/buildDescription.xml of FMI 3.0."""
+    """Text of sources/buildDescription.xml of FMI 3.0, with the model's `sources`."""
     root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
     build = ET.SubElement(root, "BuildConfiguration", modelIdentifier=model.identifier)
     files = ET.SubElement(build, "SourceFileSet", language="C11")
@@ -115,7 +115,7 @@ def build_description(model: ModelAttributes) -> str:
 
 
 def _add_units(root: ET.Element, variables: Sequence[Variable]) -> None:
-    """Add the units of the variables to the root element; for a unit outside SI only its name is added."""
+    """Add the units of the variables to the element `root`, each once; of units that `UNITS` lacks only the name."""
     units = ET.SubElement(root, "UnitDefinitions")
     for name in dict.fromkeys(variable.unit for variable in variables if variable.unit):
         unit = ET.SubElement(units, "Unit", name=name)
@@ -261,6 +261,7 @@ class CubicSignal(SignalBase):
 
     @property
     def strands(self) -> tuple[Strand, ...]:
+        """One strand: the polynomials, without a sine."""
         x = np.array(self.rates)
         breaks, polynomials = self.step * np.arange(x.shape[1]), x[::-1].T / [6.0, 2.0, 1.0, 1.0]
         return (Strand(breaks, np.ascontiguousarray(polynomials)),)
@@ -319,7 +320,10 @@ def input_cubics(drivers: Drivers, excitation: Excitation) -> Array:
 
 
 def inputs_csv(run: Reference, variables: Sequence[Variable]) -> str:
-    """Text of resources/reference_in.csv: time and inputs of `run` at every step, with the names of `variables`."""
+    """Text of resources/reference_in.csv: time and inputs of `run` at every step, with the names of `variables`.
+
+    Measurements, which are inputs of an observer, are left out.
+    """
     shown = [variable for variable in variables if variable.role.causality == "input"]
     inputs = [variable for variable in shown if variable.reference < run.inputs.shape[1]]
     return _csv(["time", *(v.name for v in inputs)], run.inputs[:, [0, *(v.reference for v in inputs)]])
