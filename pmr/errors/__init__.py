@@ -238,6 +238,11 @@ def is_name(text: str, longest: int = LONGEST_NAME) -> bool:
     )
 
 
+def reason_of(error: Exception) -> str:
+    """The reason in an error, in words: what an `InputError` says is allowed, the whole message of any other error."""
+    return error.allowed if isinstance(error, InputError) else str(error)
+
+
 def missing_file_reason(path: Path, what: str = "file") -> str:
     """Return the words for a path at which no file can be read: nothing has this name, or a folder has it.
 

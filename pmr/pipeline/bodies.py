@@ -18,7 +18,7 @@ from pmr.compare.second_order import decide_second_order
 from pmr.compare.strength import utilisation_part
 from pmr.compare.summary import comparison_part, impacts_part, masses_part, parts_of_motion, sections_part
 from pmr.compare.trust import reduction_warnings, rigid_contacts
-from pmr.errors import ConvergenceError, InputError, call_on_first_rank
+from pmr.errors import ConvergenceError, InputError, call_on_first_rank, reason_of
 from pmr.errors.environment import Clock
 from pmr.files.arrays import Array
 from pmr.fullmodel.build import AssembledBody, models_of
@@ -87,7 +87,8 @@ class Bodies:
     """Reduced and full models of a scene's bodies, as systems; all methods are collective.
 
     If the scene has a tolerance or a budget, the numbers of coordinates of the reduced models and the step of `scene`
-    are chosen to meet it.
+    are chosen to meet it; `choice` says how, and is None otherwise.  `system` is the reduced system, `full` the full
+    one, and `excitation` what drives both.
     """
 
     def __init__(
@@ -173,7 +174,7 @@ class Bodies:
     def summary_parts(self, motions: Motions, natural: Frequencies) -> list[SummaryPart]:
         """Return the contributions to summary.json by the run's motions and natural frequencies; on rank 0 alone.
 
-        They are in the order in which they are to be combined.
+        They are in the order in which they are to be combined.  The error of the time step is measured here.
         """
         scene, system, responses = self.scene, self.system, motions.responses
         simulated, error = motions.simulated, motions.error
@@ -235,7 +236,7 @@ class Bodies:
                     call_on_first_rank(self._comm, lambda: search and search.compare_meshes(other, on_other))
                     why = None
                 except (InputError, ConvergenceError) as error:  # mesh too coarse to be reduced: the run goes on
-                    why = error.allowed if isinstance(error, InputError) else str(error)
+                    why = reason_of(error)
         with self.clock.stage("search"):
             choice: Choice = self._comm.bcast(call_on_first_rank(self._comm, lambda: search and search.choose(why)))
         return choice
@@ -321,7 +322,7 @@ def stress_at_pads(
             try:
                 peak = comm.bcast(call_on_first_rank(comm, lambda: wall_peak(part, loaded.states, loaded.rings)))  # noqa: B023
             except UNNEEDED as error:
-                missing[name] = error.allowed if isinstance(error, InputError) else str(error)
+                missing[name] = reason_of(error)
                 continue
             peaks |= {} if peak is None else {name: peak}
     entries: dict[str, Any] = {"wall_stress_missing": missing} if missing else {}

@@ -14,7 +14,7 @@ from typing import Any
 from pmr.compare import other_runs
 from pmr.compare.model_part import FREQUENCIES, Motion, frequency_error, largest_model_error, model_budget
 from pmr.compare.second_order import decide_second_order as with_order
-from pmr.errors import ConvergenceError, InputError, NotHeldError, SimulationError, call_on_first_rank
+from pmr.errors import ConvergenceError, InputError, NotHeldError, SimulationError, call_on_first_rank, reason_of
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies, log_warnings, within_reach
@@ -35,9 +35,9 @@ def reduce_scene(
 ) -> Reduction:
     """Build and reduce a scene's bodies on `vectors`, or on the scene's basis if `vectors` is None; collective.
 
-    The full models are part of the result.  If only the `reach` of the scene counts, the result does not serve for
-    positions of pads that the scene does not pass through, and is made faster.  `clock` measures the wall time of the
-    stages; None leaves them unmeasured.  Raises the errors of `build_bodies` and `reduce_bodies`.
+    The full models are part of the result; their warnings are logged.  If `reach` is true, the result is made faster,
+    but does not serve for positions of pads that the scene does not pass through.  `clock` measures the wall time of
+    the stages; None leaves them unmeasured.  Raises the errors of `build_bodies` and `reduce_bodies`.
     """
     clock = clock or Clock()
     with clock.stage("assemble"):
@@ -53,6 +53,7 @@ def reduce_scene(
 #: Errors of a comparison after which the run goes on; the error that was to be measured is then unknown.
 UNKNOWN = (InputError, ConvergenceError, SimulationError)
 
+#: The same of a comparison with a richer model or another mesh, which may lack a package or can't be meshed.
 UNNEEDED = (*UNKNOWN, ValueError, ImportError)
 
 #: Reason for no comparison if a machine's motion is computed: another model would have another motion of its base.
@@ -77,9 +78,10 @@ class ModelDecision:
 def decide_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None) -> ModelDecision:
     """Choose the simplest models whose difference to a shell is at most `compare.model_tolerance`; collective.
 
-    A scene without a choice of models is returned unchanged.  If no model can be compared with a shell, the simplest
-    models are taken, and the result contains the reason.  `cache` is a folder for the reduced systems that are
-    compared, or None to store nothing.  Raises the errors of `build_bodies` and `_choose_model`.
+    If none is as close as this, the shell is taken.  A scene without a choice of models is returned unchanged.  If no
+    model can be compared with a shell, the simplest models are taken, and the result contains the reason.  `cache` is a
+    folder for the reduced systems that are compared, or None to store nothing.  Raises the errors of `build_bodies` and
+    `_choose_model`.
     """
     options = candidate_scenes(scene)
     if not options:
@@ -148,8 +150,8 @@ class ComparedScene:
 def start_richer(scene: Scene, cache: Cache, helper: Executor) -> Future[None] | None:
     """Let another process reduce the richer model of a scene and store it in `cache` for `measure_model`.
 
-    The process is one of `helper`.  Returns None if the richer model is stored already, if `measure_model` has a reason
-    to measure nothing, or if no process can be started.
+    The process is one of `helper`.  Returns the future of its work, which has no result.  Returns None if the richer
+    model is stored already, if `measure_model` has a reason to measure nothing, or if no process can be started.
     """
     if scene.computed_key is not None:
         return None
@@ -163,8 +165,8 @@ def start_richer(scene: Scene, cache: Cache, helper: Executor) -> Future[None] |
 def start_stresses(scene: Scene, helper: Executor) -> Future[None] | None:
     """Let another process, one of `helper`, compute the local stress in walls at pads and store it for later calls.
 
-    Returns None if the scene asks for no stresses, if no beam of it has walls that stay the same along it, or if no
-    process can be started.
+    Returns the future of its work, which has no result.  Returns None if the scene asks for no stresses, if no beam of
+    it has walls that stay the same along it, or if no process can be started.
     """
     has_walls = any(traits_of(member).is_beam and member.part.has_even_walls for member in members(scene))
     if not has_walls or scene.recovery is None or not scene.recovery.stress:
@@ -175,13 +177,13 @@ def start_stresses(scene: Scene, helper: Executor) -> Future[None] | None:
 
 
 def _store_stresses(scene: Scene) -> None:
-    """Store the local stress in the walls of a scene; nothing is stored, and nothing raised, if that fails.
+    """Compute and store the local stress in the walls of a scene; if that fails, store and raise nothing.
 
     The process that needs the stress meets the same error, and reports it.
     """
     from pmr.fullmodel.wall_stress import store_stresses  # FEniCSx, which bodies of given matrices go without
 
-    with suppress(*UNNEEDED):  # the process that needs the stress meets them too
+    with suppress(*UNNEEDED):
         store_stresses(scene)
 
 
@@ -192,7 +194,7 @@ def _store_richer(scene: Scene, folder: Path, content: str) -> None:
     that measures the model meets the same error, and reports it.
     """
     richer = ComparedScene(scene, MPI.COMM_WORLD, SystemCache(folder, content, MPI.COMM_WORLD))
-    with suppress(*UNNEEDED):  # the process that measures meets them too
+    with suppress(*UNNEEDED):
         richer.system  # noqa: B018  (is stored)
 
 
@@ -201,8 +203,9 @@ def measure_model(
 ) -> Mapping[str, Any]:
     """Return the entry ``budget.model`` of summary.json: differences to a richer model, or the ``reason`` for none.
 
-    The motion of the scene is that of a run's full model, `of_run`.  If this is None, the scene is reduced anew and
-    simulated.  Collective.  If `cache` is None, nothing is stored.
+    The richer model is reduced and simulated, and compared with the motion of a run's full model, `of_run`.  If this is
+    None, it is compared with the scene itself, which is reduced anew and simulated.  Collective.  If `cache` is None,
+    nothing is stored.
     """
     if scene.computed_key is not None:
         return {"beside": None, "reason": ON_MACHINE}
@@ -225,8 +228,8 @@ def measure_mesh(
 ) -> dict[str, Any]:
     """Return entries ``mesh`` and ``mesh_reason`` of the budget: differences to the scene on another mesh; collective.
 
-    `system` and `response` belong to the scene itself; `response` is None on other ranks than 0, and `cache` None
-    stores nothing.
+    The other scene is reduced and simulated.  `system` and `response` belong to the scene itself; `response` is None on
+    other ranks than 0.  If `cache` is None, nothing is stored.
     """
     if scene.computed_key is not None:
         return {"mesh_reason": ON_MACHINE}
@@ -252,7 +255,7 @@ def _unknown_model_error(error: Exception, label: str) -> dict[str, Any]:
     The keys are ``beside``, which is None, ``reason`` and, for a NotHeldError, ``detail`` with its longer message.
     `label` is the name of the scene with which the run was to be compared.
     """
-    reason = error.allowed if isinstance(error, InputError) else str(error)
+    reason = reason_of(error)
     if isinstance(error, NotHeldError):
         short = f"nothing holds its {label}: {error.short}; pads or supports that hold this motion are needed"
         return {"beside": None, "reason": short, "detail": reason}

@@ -19,7 +19,7 @@ from pmr.compare.responses import check_installed, check_memory, memory_warnings
 from pmr.compare.second_order import axial_part
 from pmr.compare.summary import origin_part, reliability_part, simulation_part, theory_part
 from pmr.compare.trust import budget_warnings, quantities_not_covered
-from pmr.errors import InputError, SimulationError, call_on_first_rank, environment
+from pmr.errors import InputError, SimulationError, call_on_first_rank, environment, reason_of
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions
@@ -299,7 +299,7 @@ def _play(bodies: Bodies, motions: Motions, walls: Summary) -> Summary:
             comm, lambda: other_runs.simulate_varied_play(scene, bodies.system, bodies.excitation)
         )
     except (InputError, SimulationError) as error:
-        return {"play": {"reason": error.allowed if isinstance(error, InputError) else str(error)}}
+        return {"play": {"reason": reason_of(error)}}
     if not comm.bcast(varied is not None):
         return {}
     other_walls, part = _stress_at_pads(bodies, motions, None if varied is None else varied.simulation.states), None

@@ -72,17 +72,21 @@ class Basis:
         return float(np.finfo(float).eps * self.sigma[0] / self.sigma[self.size - 1])
 
     def kappa(self, r: int | None = None) -> float:
-        """Share of the pool's squared norm that is in the first r vectors; None stands for all vectors of the basis."""
+        """Share of the pool's squared norm that is in the first r vectors; None stands for all vectors of the basis.
+
+        The r vectors are those with the largest singular values.
+        """
         return kappa(self.sigma, self.size if r is None else r)
 
 
 def kappa(sigma: Array, r: int) -> float:
-    """Share of the sum of the squares of k singular values `sigma` (k,), descending, that is in the first r of them.
+    """Share of the sum of the squares of k singular values `sigma` (k,) that is in the r largest of them.
 
-    The complement is summed, so that 1 - kappa keeps its digits.  Benner, Gugercin, Willcox 2015, section 3.1.
+    The share is 1 if r is k or more.  The complement is summed, so that 1 - kappa keeps its digits.  Benner, Gugercin,
+    Willcox 2015, section 3.1.
     """
     squares = np.sort(sigma**2)
-    return float(1.0 - squares[: len(sigma) - r].sum() / squares.sum())
+    return float(1.0 - squares[: max(len(sigma) - r, 0)].sum() / squares.sum())
 
 
 def pod(
@@ -303,7 +307,7 @@ def _rigid_work(model: FullModel) -> Array | None:
 
 
 def without_rows(model: ReducedModel, numbers: Sequence[int]) -> ReducedModel:
-    """Return the model without the rows with these `numbers`; the names of the rows are added to its `left_out`."""
+    """Return the model without the rows with these `numbers`, from 0; the names of the rows are added to `left_out`."""
     numbers_left = [i for i in range(len(model.row_names)) if i not in numbers]
     left_out = (*model.left_out, *(model.row_names[i] for i in numbers))
     return replace(model.with_rows(numbers_left), left_out=left_out)

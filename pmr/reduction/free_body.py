@@ -95,9 +95,9 @@ class FreeBody:
         return self._solver.solve(g)
 
     def elastic_modes(self, count: int) -> Eigenpairs:
-        """Eigenpairs, with values 1/omega^2, of the `count` lowest elastic modes, or of all if there are fewer.
+        """Eigenpairs of the `count` lowest elastic modes on fixed supports, or of all if there are fewer; collective.
 
-        A ConvergenceError is raised if some of these modes do not converge.
+        Their values are 1/omega^2.  A ConvergenceError is raised if some of these modes do not converge.
         """
         loads = np.random.default_rng(7).uniform(-1.0, 1.0, (self.model.size, BLOCK))[self.model.share]
         dimension = self.model.size - len(fixed_rows(self.model)) - self.Z.shape[1]
@@ -178,7 +178,10 @@ def _motion_measures(model: FullModel, R: Array) -> Array:
 
 
 def _null_space(rows: Array) -> Array:
-    """Orthonormal combinations (k, c) of k motions for which all h rows, with the values `rows` (h, k), are zero."""
+    """Orthonormal combinations (k, c) of k motions for which all h rows, with the values `rows` (h, k), are zero.
+
+    Each row is scaled to unit length; values up to `HELD` count as zero.
+    """
     size = np.linalg.norm(rows, axis=1, keepdims=True)
     scaled = rows[size[:, 0] > 0.0] / size[size[:, 0] > 0.0]
     count = rows.shape[1]
@@ -226,7 +229,8 @@ def support_motions(body: FreeBody) -> Array | None:
 def with_reactions(reduced: ReducedModel, body: FreeBody, V: Array, motions: Array | None) -> ReducedModel:
     """Return `reduced`, the model on the basis V, with reactions of its rigid supports; unchanged if `motions` is None.
 
-    V (n_local, r) and the supports' unit motions `motions` (n_local, h) are this rank's parts; collective.
+    V (n_local, r) and the supports' unit motions `motions` (n_local, h) are this rank's parts; collective.  The work of
+    matrices on these motions moves from the model's carriers to the reactions.
     """
     if motions is None:
         return reduced
@@ -335,9 +339,9 @@ class ResidualFlexibility:
         return x
 
     def powers(self, c: Array, count: int) -> Array:
-        """Vectors R c, R M R c, ... (n_local, `count`), this rank's part, for one load c (n_local,).
+        """Vectors R c, R M R c, ... (n_local, `count`), this rank's part, for one load c (n_local,); collective.
 
-        Collective.
+        At least one vector is returned.
         """
         columns = [self.apply(np.array(c)[:, None])]
         while len(columns) < count:
@@ -345,7 +349,7 @@ class ResidualFlexibility:
         return np.asfortranarray(np.hstack(columns))
 
 
-def terms(A: PETSc.Mat, X: Array) -> Array:
+def absolute_product(A: PETSc.Mat, X: Array) -> Array:
     """Product |A| |X| (n_local, k) of absolute values, which bounds the terms of A X and so its round-off; collective.
 
     X (n_local, k) and the result are this rank's parts.
@@ -367,6 +371,6 @@ def _diagonalise(model: FullModel, W: Array) -> Array:
     comm = model.comm
     theta, Q = scipy.linalg.eigh(inner(W, times(model.K, W), comm), inner(W, times(model.M, W), comm))
     W = np.ascontiguousarray(W @ Q)
-    KW, MW, of_K = times(model.K, W), times(model.M, W), terms(model.K, W)
+    KW, MW, of_K = times(model.K, W), times(model.M, W), absolute_product(model.K, W)
     differs, size = (np.diagonal(inner(x, x, comm)) for x in (KW - theta * MW, of_K))
     return np.array([W, np.where(differs <= (EIGENVECTOR * np.finfo(float).eps) ** 2 * size, MW, KW / theta)])

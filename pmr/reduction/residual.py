@@ -1,6 +1,7 @@
 """Reduced models with the residual flexibility that their basis leaves out, tabulated over the path.
 
-The tables are exact piecewise polynomials in s: products of the rows' polynomials with R between carriers.
+The tables are exact piecewise polynomials in s: products of the rows' polynomials with the residual flexibility R
+between carriers, the vectors of which all rows are combinations (`pmr.system.rows`).
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from pmr.fem.distributed import SparseProduct, free_dropped, inner, local_csr, t
 from pmr.files.arrays import Array, Indices
 from pmr.fullmodel.model import FullModel
 from pmr.reduction.basis import Basis, galerkin, without_rows
-from pmr.reduction.free_body import FreeBody, ResidualFlexibility, released_rows, terms
+from pmr.reduction.free_body import FreeBody, ResidualFlexibility, absolute_product, released_rows
 from pmr.scene.members import TAIL
 from pmr.system.attachment import RICHER
 from pmr.system.carriers import CarrierFlexibility, CarrierRows, CylinderResponses, Flexibility
@@ -43,7 +44,7 @@ SATISFIED = 1e-6
 ROUND_OFF = 100.0
 
 
-#: Most entries of all responses to loads together with which matrices of a moving frame are computed between them.
+#: Most entries of the responses to all loads together; if they have more, the vectors that span them are left out.
 MOST_ENTRIES = 20_000_000
 #: Eigenvalue of the products of responses of unit size, over the largest one, up to which a direction is left out.
 SPANNED = 1e-13
@@ -104,7 +105,8 @@ def section_model(
     For these responses, and for those on the carriers if the model is estimable, it has the work of their inertia on
     the `motions` (n_local, h) of rigid supports, None if there are none (`pmr.reduction.free_body.support_motions`).
 
-    An InputError is raised as by `flexible_model`, and a ValueError if the basis has vectors that are not eigenmodes.
+    The factor of `body` is freed.  An InputError is raised as by `flexible_model`, and a ValueError if the basis has
+    vectors that are not eigenmodes.
     """
     model, shared, V = body.model, _rows_on_path(body.model), np.array(basis.V.getDenseArray())
     residual = ResidualFlexibility(body, V)
@@ -162,9 +164,9 @@ def _cylinder_responses(
 
 
 class _Span(NamedTuple):
-    """Vectors (n_local, p) that span L responses, and coefficients (p, L): each response is a sum of the vectors.
+    """Vectors (n_local, p) that span L responses, and coefficients (p, L): the product of both is the responses.
 
-    If the vectors are None, p is 0.
+    If the vectors are None, p is 0, and the responses are not known.
     """
 
     vectors: Array | None
@@ -174,8 +176,9 @@ class _Span(NamedTuple):
 def _spanning_vectors(residual: ResidualFlexibility, loads: sp.csc_matrix) -> _Span:
     """Vectors (n_local, p) that span the responses R g to loads g (n_local, L), and the responses' coefficients (p, L).
 
-    Collective.  R is the `residual` flexibility.  If there are too many loads, the vectors are None and p is 0.  For a
-    beam, p is at most its number of coordinates; for a shell, at most L.
+    Collective.  R is the `residual` flexibility.  If the responses have more than `MOST_ENTRIES` entries, the vectors
+    are None and p is 0.  If the model has fewer than 2 L coordinates, as a beam, the vectors are its coordinates and p
+    is their number; otherwise p is at most L.
     """
     model = residual.model
     if model.size * loads.shape[1] > MOST_ENTRIES:
@@ -236,7 +239,8 @@ def _cylinder_values(
 def _with_coordinates(model: ReducedModel, coordinates: int) -> ReducedModel:
     """Return the model with its first `coordinates` modes as coordinates, and its other modes as enrichment modes.
 
-    A ValueError is raised unless the basis consists of eigenmodes.
+    If there are no others, it gets tables of its flexibility over the path instead.  A ValueError is raised unless the
+    basis consists of eigenmodes.
     """
     if not is_modal(model):
         raise ValueError("residual inertia needs a basis of eigenmodes: it is the inertia of the truncated ones")
@@ -289,15 +293,17 @@ def _without_round_off(reduced: ReducedModel, residual: ResidualFlexibility, V: 
     """
     model, rigid, bound = residual.model, residual.rigid, ROUND_OFF * np.finfo(float).eps
 
-    def size(A: PETSc.Mat) -> Array:
-        return inner(np.abs(V), terms(A, V), model.comm)
+    def sum_sizes(A: PETSc.Mat) -> Array:
+        """Matrix |V|^T |A| |V| (r, r) of the sums of sizes of the terms of V^T A V."""
+        return inner(np.abs(V), absolute_product(A, V), model.comm)
 
-    def remove_round_off(A: Array, terms: Array) -> Array:
-        lost = np.abs(A) <= bound * terms
+    def remove_round_off(A: Array, sizes: Array) -> Array:
+        """Return A (r, r) with zeros off the diagonal where it is round-off in terms of these `sizes` (r, r)."""
+        lost = np.abs(A) <= bound * sizes
         return np.where(lost & ~np.eye(len(A), dtype=bool), 0.0, A)
 
-    of_K = size(model.K)
-    of_D = size(model.D) if model.rayleigh is None else model.rayleigh.matrix(size(model.M), of_K)
+    of_K = sum_sizes(model.K)
+    of_D = sum_sizes(model.D) if model.rayleigh is None else model.rayleigh.matrix(sum_sizes(model.M), of_K)
     K, D = remove_round_off(reduced.K, of_K), remove_round_off(reduced.D, of_D)
     K[rigid] = K[:, rigid] = 0.0
     return replace(reduced, K=K, D=D)

@@ -27,7 +27,7 @@ from pmr.files.arrays import Array, Indices, Mask
 from pmr.fullmodel.eigensolvers import DenseEigenSolver, DependentRowsError, eigensolver, is_dense
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.modes import Modes, finish_modes
-from pmr.reduction.free_body import FreeBody, fixed_rows, terms
+from pmr.reduction.free_body import FreeBody, absolute_product, fixed_rows
 from pmr.scene import Scene
 from pmr.system.body_matrices import DAMPING
 from pmr.system.polynomials import power_contributions
@@ -65,7 +65,8 @@ def positions(scene: Scene, model: FullModel) -> Array:
 
     The scene lists the positions, or names a rule.  ``nodes`` is the node set of the paper (`node_set`), among the
     nodes at which the first slider may be while all sliders are on the beam.  ``path`` spaces the positions evenly over
-    the travelled part of the path.  An InputError is raised if two snapshots are at the same node.
+    the travelled part of the path, ends included; a single position is its middle.  An InputError is raised if two
+    snapshots are at the same node.
     """
     choice, count = scene.reduction.positions, scene.reduction.snapshots
     if choice == "nodes":
@@ -85,7 +86,9 @@ def positions(scene: Scene, model: FullModel) -> Array:
 
 
 def eigenmode_snapshots(model: FullModel, scene: Scene) -> Snapshots:
-    """Snapshots of a scene: ``reduction.modes`` mass-normalised eigenmodes for each position of the held slider.
+    """Snapshots of a scene: the ``reduction.modes`` lowest eigenmodes for each position of the held slider.
+
+    They are mass-normalised, those of one position in succession.
 
     An InputError is raised if the slider can't be held at one of the positions, a ConvergenceError if too few modes
     exist or converge.  Collective.
@@ -213,10 +216,7 @@ def _lowest_modes(body: FreeBody, count: int) -> _LowestModes:
 
 
 def _elastic_modes(fixed_model: FullModel, body: FreeBody, pairs: int) -> Modes:
-    """Elastic modes among the `pairs` lowest modes of `fixed_model`, which are counted with the rigid-body modes.
-
-    Collective.
-    """
+    """Elastic modes of `fixed_model` among its `pairs` lowest modes, rigid-body modes included; collective."""
     if is_dense(fixed_model, body.choice):
         return _remove_rigid_modes(
             fixed_model, body.Z, DenseEigenSolver(fixed_model).lowest(_any_position(fixed_model), pairs)
@@ -260,7 +260,8 @@ def _bent_modes(model: FullModel, stress: Sequence[PETSc.Mat], modes: Modes, num
     """Mask (k,) of the modes with the numbers `numbers` (k,) that axial forces bend; collective.
 
     `stress` are the geometric stiffnesses of the axial forces.  The measure of mode k is the sum of (phi_k^T G phi_j)^2
-    / omega_k^2 over the matrices G in `stress` and all modes j before the first of `numbers`.
+    / omega_k^2 over the matrices G in `stress` and all modes j before the first of `numbers`.  A mode is bent if its
+    measure is more than `UNBENT`^2 times the largest.
     """
     bending = np.zeros(len(numbers))
     for G in stress:
@@ -298,7 +299,8 @@ def _with_coupled_modes(model: FullModel, work: Array, modes: Sequence[Array]) -
         return work
     D, phi = model.matrices[DAMPING], np.hstack(modes)
     coupling = np.abs(inner(phi, times(D, phi), model.comm))
-    coupling[coupling <= ROUND_OFF * np.finfo(float).eps * inner(np.abs(phi), terms(D, phi), model.comm)] = 0.0
+    sizes = inner(np.abs(phi), absolute_product(D, phi), model.comm)
+    coupling[coupling <= ROUND_OFF * np.finfo(float).eps * sizes] = 0.0
     scale = np.sqrt(np.diagonal(coupling))
     product = np.outer(scale, scale)
     coupling = np.divide(coupling, product, out=np.zeros_like(coupling), where=product > 0.0)
@@ -309,10 +311,10 @@ def _with_coupled_modes(model: FullModel, work: Array, modes: Sequence[Array]) -
 
 
 def _reached_motions(work: Array) -> Array:
-    """Orthonormal combinations (c, k) of c rigid-body modes on which loads and rows do work (a, c).
+    """Orthonormal combinations (c, k) of c rigid-body modes on which loads and rows do work.
 
-    The modes may be any set that spans the rigid motions: a motion on which no work is done may be hidden in several of
-    them.
+    `work` (a, c) is their work on each mode.  The modes may be any set that spans the rigid motions: a motion on which
+    no work is done may be hidden in several of them.  If work is done on all motions, the combinations are the modes.
     """
     _, values, Vt = np.linalg.svd(work, full_matrices=False)
     reached = int(np.sum(values > UNREACHED))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
-from pmr.errors import ConvergenceError, InputError, SimulationError
+from pmr.errors import ConvergenceError, InputError, SimulationError, reason_of
 from pmr.files import npz
 from pmr.files.arrays import Array
 from pmr.scene import Scene
@@ -211,7 +211,7 @@ def compute_richer_postures(arguments: Arguments, needs: Needs) -> TaskResult:
             return _missing_model(f"a {called} has other pads and cylinders")
         postures = PostureMatrices.from_scene(other, tasks.reduced_system(other), at)
     except UNKNOWN as error:
-        return _missing_model(error.allowed if isinstance(error, InputError) else str(error))
+        return _missing_model(reason_of(error))
     return TaskResult(arrays={**npz.record_arrays(postures, "model."), "called": np.array(called)})
 
 

@@ -97,6 +97,7 @@ def test_kappa_of_ten_by_ten_at_twenty_is_the_papers(model: FullModel, load_scen
 def test_kappa_keeps_the_digits_of_its_complement() -> None:
     assert 1.0 - kappa(np.array([1.0, 1e-5]), 1) == pytest.approx(1e-10, rel=1e-5)
     assert kappa(np.array([3.0, 4.0])[::-1], 1) == pytest.approx(16.0 / 25.0)
+    assert kappa(np.array([3.0, 2.0, 1.0]), 4) == 1.0  # more vectors than values
 
 
 @pytest.mark.parametrize("solver", SOLVERS)

@@ -35,7 +35,7 @@ DRIVE_UNITS = {"opening": "1", "force": "N", "length": "m"}
 
 @dataclass(frozen=True)
 class Drivers:
-    """A system in the kernel's form, and its N drivers.
+    """A system in the kernel's form, and its N drivers: all that moves or loads it from outside.
 
     The drivers are paths, then loads, then motions of the frame if the frame moves.  `forms` has each body in modal
     coordinates, by name, and `data` the arrays of the kernel.  `frame` is None if the system has no frame that moves
@@ -170,7 +170,11 @@ class Drivers:
         return self.has_derivatives and rows.friction is None and bool(np.all(rows.gives > 0.0))
 
     def kinds(self) -> list[int]:
-        """Kind of each driver: 0 other, 1 path, 2 angle, 3 slewing angle, 4 start of an angle, 5 free path."""
+        """Kind of each driver (N,), as source/unit.h numbers them.
+
+        0 stands for others, 1 for a path, 2 for an angle, 3 for the slewing angle, 4 for a free luffing angle, of which
+        only the start counts, and 5 for a path that a free extension moves.
+        """
         kinds = dict.fromkeys(AXES, 0) | {SLEWING: 3} | ({LUFFING: 4} if LUFFING in self.started else {})
         of_motions = [kinds.get(name, 2) for name in self.motions]
         return [*(5 if path in self.moved_paths else 1 for path in self.paths), *(0 for _ in self.loads), *of_motions]
@@ -256,7 +260,10 @@ def path_names(paths: Sequence[str]) -> list[str]:
 
 
 def rate_unit(unit: str, order: int) -> str:
-    """Unit of the rate of a given order of a quantity: ``m/s2`` for the unit ``m/s`` and order 1."""
+    """Unit of the rate of a given order of a quantity: ``m/s2`` for the unit ``m/s`` and order 1.
+
+    An empty unit, or ``1``, stands for a number: ``1/s``.  For order 0 the unit is returned.
+    """
     if not order:
         return unit
     what, over, exponent = (unit or "1").partition("/s")
@@ -286,12 +293,12 @@ UNITS = _UNITS | {
 }
 
 
-def _drivers(drivers: Drivers) -> Iterator[Variable]:
+def _driver_variables(drivers: Drivers) -> Iterator[Variable]:
     """Yield the drivers of an FMU's system as variables without a start value: first paths, then loads, then motions.
 
-    The variables have names that are not made unique yet.  Drivers are inputs; of a free luffing angle or extension,
-    the value at the beginning of the simulation is a parameter instead.  Left out are other paths that a free motion
-    moves, and the loads by which the rope of a hoist pulls.  Rates are added by `_inputs_and_parameters`.
+    The variables have names that are not made unique yet, and no rates.  Drivers are inputs; of a free luffing angle or
+    extension, the value at the beginning of the simulation is a parameter instead.  Left out are other paths that a
+    free motion moves, and the loads by which the rope of a hoist pulls.
     """
     paths, ranges = drivers.shown_paths, drivers.data.rows.ranges
     for k, (name, path, (low, high)) in enumerate(zip(path_names(paths), paths, ranges, strict=False), 1):
@@ -316,13 +323,13 @@ def _drivers(drivers: Drivers) -> Iterator[Variable]:
 def _inputs_and_parameters(drivers: Drivers, names: Identifiers, start: Array) -> Iterator[Variable]:
     """Yield time, the inputs with their rates of order one to three, and the parameters, as variables.
 
-    `start` (4 + 4 N,), for N drivers, has their start values in the order of value references, and `names` makes
-    identifiers from names.
+    They are in the order of their value references.  Of a start there is the first rate alone.  `start` (4 + 4 N,), for
+    N drivers, has their start values in the same order, and `names` makes identifiers from names.
     """
     fixed = [names(name) for name in ("internal_step", "rho_inf", "start")]  # before those of loads
     yield Variable(names("time"), 0, "time", Role("independent", initial=""), "s")
     orders = list[tuple[int, Variable]]()
-    for driver in _drivers(drivers):
+    for driver in _driver_variables(drivers):
         suffixes = ("", "_rate", "_rate_2", "_rate_3")[: 2 if driver.role is PARAMETER else ORDERS]
         orders += [(k, replace(driver, name=names(driver.name + suffix))) for k, suffix in enumerate(suffixes)]
     for order, driver in sorted(orders, key=lambda each: (each[0], each[1].reference)):
@@ -353,7 +360,8 @@ def output_kinds(drivers: Drivers) -> Iterator[tuple[str, str, bool]]:
 def _output_variables(drivers: Drivers, names: Identifiers, first: int) -> Iterator[Variable]:
     """Yield outputs, rates of outputs that are motions, and contact forces; the first value reference is `first`.
 
-    `names` makes identifiers from names.  There are no rates if the system of `drivers` has no derivatives.
+    Every output has a value reference for a rate, which is not used if it has none.  `names` makes identifiers from
+    names.  There are no rates if the system of `drivers` has no derivatives.
     """
     system, called = drivers.system, list(output_kinds(drivers))
     count, o = len(called), len(system.output_names)
