@@ -36,7 +36,7 @@ ANGLES = 1001
 class ListSignal(SignalBase):
     """Signal with one value of a list at each of the times 0, 1, 2 ...; its rate is 0 at all times.
 
-    From each of these times to the next the value stays; after the last one it is the last of the list.
+    The value stays from each of these times to the next, and after the last one.
     """
 
     values: tuple[float, ...]
@@ -118,15 +118,16 @@ def amplitudes_at_rest(scene: Scene, extensions: Mapping[str, Array], luffing: f
     """Amplitudes c (P, k) of the k terms of a scene's moving frame, for a boom at rest in P postures.
 
     A term is a matrix of the system times an amplitude that varies in time, such as the geometric stiffness by the
-    weight (`pmr.system.terms`).  The postures have extensions (P,) in m by name and a `luffing` angle in rad.  The
-    weight acts in full.  Loads along x have their smallest value in the scene's time, all other loads their largest,
-    since these values compress the boom most.  For a scene without terms, k is 0.
+    weight (`pmr.system.terms`).  The postures have extensions (P,) in m by name, one at least, and a `luffing` angle
+    in rad.  The weight acts in full.  Loads that pull at the boom along its axis have their smallest value in the
+    scene's time, since it compresses the boom most, and all other loads their largest.  For a scene without terms, k is
+    0.
     """
     if not list(frame_terms(scene)):
         return np.empty((len(next(iter(extensions.values()))), 0))
-    end = scene.time.end
+    pulls = {"body": {"x": 1.0}, "ground": {"x": np.cos(luffing), "z": np.sin(luffing)}}
     pressing = {
-        load.name: load.signal.bounds(0.0, end)[0 if load.direction == "x" else 1]
+        load.name: load.signal.bounds(0.0, scene.time.end)[0 if pulls[load.axes].get(load.direction, 0.0) > 0.0 else 1]
         for part in scene.sections
         for load in part.loads
     }

@@ -148,9 +148,9 @@ class FrameAmplitude(FrameSignal):
     def highest_frequency(self, start: float, end: float) -> float:
         """Highest frequency in Hz of the amplitude from `start` to `end` in s, an estimate.
 
-        The estimate is twice the highest frequency of angles, gravity and paths, as the amplitude has their squares and
-        products.  If a load or the base moves, the estimate is at least the sum of that motion's highest frequency and
-        that of angles, gravity and paths.
+        The amplitude has squares and products of angles, gravity and paths, so the estimate is twice their highest
+        frequency.  A load or an acceleration of the base is multiplied with them: if one of these has tones, the
+        estimate is at least the sum of both highest frequencies.
         """
         slow, fast = (
             max((signal.highest_frequency(start, end) for signal in signals), default=0.0)
@@ -182,8 +182,8 @@ def load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
 
     A load along an axis of the body has one signal.  A force along an axis of the ground has one signal for each of its
     components along the axes of the body.  A component is left out if it is always zero or the model can't move along
-    its axis.  Wind has one signal for each polynomial (`WindOnSection`) along each axis across the body.  The loads by
-    which the rope of a hoist pulls come last.
+    its axis.  Wind has one signal for each polynomial (`WindOnSection`) along each axis across the body.  The
+    forces of a hoist's rope come last.
     """
     signals = dict[str, SignalBase]()
     for load in member.part.loads:
@@ -197,10 +197,10 @@ def load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
 
 
 def rope_load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
-    """Signals of the loads by which the rope of a hoist pulls a section while its payload hangs at rest, by names.
+    """Signals by name of the forces of a hoist's rope on a section, while the payload hangs at rest.
 
-    Along the boom the rope pulls with the weight divided by the number of its falls.  Simulators that know how the
-    payload moves put the rope's forces in their place.  The result is empty without a hoist or without gravity.
+    Along the boom the rope pulls with the weight divided by the number of its falls.  Simulators that compute the
+    payload's motion take the rope's actual forces instead.  The result is empty without a hoist or without gravity.
     """
     signals, hoist, gravity = dict[str, SignalBase](), scene.hoist, scene.gravity
     if hoist is None or gravity is None:
@@ -299,8 +299,8 @@ class ExposedSection(BaseModel):
 class WindOnSection(FrameSignal):
     r"""Amplitude in N/m of one polynomial of the wind on one section, along one of its axes.
 
-    With the pressure q of the wind at the height Z above the ground, and the component e along an axis y or z of a
-    section of the horizontal unit vector in which the wind blows, the force per length along this axis is
+    The wind has the pressure q at the height Z above the ground, and blows along a horizontal unit vector with the
+    component e along the axis y or z of the section.  The force per length along this axis is
 
     .. math:: w(x) = c\, d\, q(Z(x))\, e\, |e|, \qquad q = q_r(t) \bigl(\max(Z, Z_{least}) / Z_r\bigr)^{2 p}
 

@@ -288,7 +288,7 @@ class MovingFrame:
     def start(self) -> Array:
         """Values, rates and second rates (3, n) of the drivers in the scene at t = 0, with the full weight.
 
-        If the luffing angle is free (`computed`), its rate is the one with which it begins.
+        A free luffing angle (`computed`) has the rate with which its motion begins.
         """
         motions, frame = self.motions(self.excitation, 0.0), self.scene.frame
         if self.computed is not None and frame is not None and frame.luffing_rate:

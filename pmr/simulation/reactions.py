@@ -135,7 +135,7 @@ def with_reactions(response: Response, of_bodies: Mapping[str, Supports], forces
 
 
 def with_pivot_force(scene: Scene, response: Response) -> Response:
-    """Return the response with the force and moment by which the boom presses on the ground at the frame's pivot.
+    """Return the response with the force and moment of the boom on the ground, about the frame's pivot.
 
     The new columns are forces in N and moments in N m along the boom's axes, one for each direction in which points of
     the base section can move in its model.  The response is returned unchanged if the scene has no frame, or if it
@@ -187,9 +187,9 @@ def with_force_of_pin(scene: Scene, response: Response) -> Response:
     The sum is over the pin's supports along and across the boom and the support that stands for the luffing cylinder in
     the model; :math:`\lambda_k` is the force on support k along n_k.  The cylinder's thrust F acts on the boom along d
     and on the machine along -d.  What is left of the sum of forces on the machine is the pin's force.  The two outputs
-    that held the forces on the pin's supports now hold the pin's force along and across the boom.  Wherever the pin is
-    in the model, this is the force of a pin at the pivot, as the frame turns there.  The response is unchanged if the
-    base is held in another way, or if a force is unknown.
+    that held the forces on the pin's supports now hold the pin's force along and across the boom.  This is the
+    force of a pin at the pivot, about which the frame turns, even if the model has its pin elsewhere.  The response is
+    unchanged if the base is held in another way, or if a force is unknown.
     """
     held = pin_and_cylinder(scene)
     if held is None or CYLINDER not in response.other_names or not set(held.pin) <= set(response.other_names):

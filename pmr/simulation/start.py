@@ -211,7 +211,7 @@ class Grip:
 
 
 def slide(law: Friction, old: Grip, sums: Array, s: Array, h: float, multipliers: Array, matrix: Array) -> Grip:
-    """Friction of all pads with friction at the end of a step of h s, at the beginning of which it was `old`.
+    """Friction of all pads that rub, at the end of a step of h s.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ def slide(law: Friction, old: Grip, sums: Array, s: Array, h: float, multipliers
     old : Grip
         State at the beginning of the step.
     sums : (J,) array, N
-        Sum of the friction in each joint with which `multipliers` were computed.
+        Sum of the friction in each joint, as it was when `multipliers` were computed.
     s : (J,) array, m
         Path coordinates at the end of the step.
     h : float, s

@@ -116,8 +116,9 @@ def describe_lost_features(signals: Sequence[tuple[str, SignalBase]], stepping: 
     """Warnings on what the steps do not resolve of signals, one line for each lost feature; empty if nothing is lost.
 
     A feature is a tone that has too few steps in a period, or the course of a signal at a break between two steps.
-    `signals` are pairs of a name and a signal, `stepping` the time grid.  A line names those signals with the feature
-    that follow from no other signals; if all follow from others, the line names the first and counts the rest.
+    `signals` are pairs of a name and a signal, `stepping` the time grid.  A line names the
+    signals that lose the feature.  Those that follow from other signals are left out unless all do: then the line names
+    the first and counts the rest.
     """
     names, derived = dict[str, list[str]](), dict[str, list[str]]()
     for name, signal in signals:
@@ -156,7 +157,7 @@ def _describe_losses(signal: SignalBase, stepping: TimeStepping) -> list[str]:
 def _describe_loss(signal: SignalBase, stepping: TimeStepping) -> Iterator[str]:
     """Yield a line for each tone of a signal that is too fast for the steps, then one for its overshoot at breaks.
 
-    The overshoot is that of `_overshoot`; one of at most the share `UNSEEN` of the signal's range has no line.
+    The overshoot (`_overshoot`) has a line only if it exceeds the share `UNSEEN` of the signal's range.
     """
     h = stepping.step
     for part in signal.parts:
@@ -235,7 +236,10 @@ class Recorder:
         self._recorded: SystemTrajectory | None = None
 
     def __call__(self, first: int, part: SystemTrajectory) -> None:
-        """Record the selected steps of a `part` of the trajectory, whose first step has the number `first`."""
+        """Record the selected steps of `part`, a part of the trajectory that begins with the step number `first`.
+
+        Arrays of a part that is the whole run are not copied.
+        """
         low, high = np.searchsorted(self._steps, [first, first + len(part.t)])
         if high - low == len(part.t) == len(self._steps):
             self._recorded = part  # the whole run: no later steps take its arrays
@@ -300,9 +304,9 @@ def energy_surplus(stored: Array, work: Array, least: float = 0.0, since_start: 
 
 
 def energy_round_off(mobility: Array, loads: Array, step: float) -> float:
-    """Energy in J that counts as zero: a share of what `loads` (T, i) give a free body in a step at most.
+    """Energy in J that counts as zero: a share of the most that `loads` (T, i) can give a free body in one step.
 
-    At most means that all loads have their largest size at the same time and help each other.  `mobility` is
+    They give the most if all act with their largest size at the same time and help each other.  `mobility` is
     B^T diag(M)^-1 B, (i, i) in 1/kg; `step` is in s.
     """
     largest = np.array([np.abs(load).max(initial=0.0) for load in loads.T])  # column by column: rows are too short

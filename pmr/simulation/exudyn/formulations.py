@@ -41,8 +41,8 @@ AddItems: TypeAlias = Callable[[exu.MainSystem, Equations, Inputs, Start], Syste
 def add_with_springs(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
     """Add the items of a system in the states `start`; contact rows, travelling springs and loads are set once a step.
 
-    Sparse systems with contacts that give way, none of which only pushes or rubs, use `add_with_multipliers` instead:
-    springs would fill the sparse stiffness anew in every step.
+    A sparse system with contacts that give way, but without any that only push or rub, is added by
+    `add_with_multipliers` instead: springs would fill the sparse stiffness anew in every step.
     """
     n = equations.size
     contacts = Contacts(equations, inputs)

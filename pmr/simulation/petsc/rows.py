@@ -68,7 +68,10 @@ class BlockFactor:
 
 
 def effective_matrix(model: FullModel, v_gain: float, q_gain: float) -> PETSc.Mat:
-    """Matrix S = M + dv D + dq K, with dv = `v_gain`, dq = `q_gain`: derivative of forces by a step's acceleration."""
+    """Matrix S = M + dv D + dq K, with dv = `v_gain`, dq = `q_gain`: derivative of forces by a step's acceleration.
+
+    The caller has to free its memory, by ``destroy``.
+    """
     S = model.K.copy()
     S.scale(q_gain)
     for factor, A in ((v_gain, model.D), (1.0, model.M)):
@@ -384,7 +387,8 @@ class BodyStep:
 def contact_frequency(system: FullSystem, x: Array, mass: BlockFactor) -> float:
     """Largest omega in rad/s of contacts that only push, with the q sides at x (T, q) in m; collective.
 
-    `mass` is the factor of M.
+    It is computed at about `pmr.simulation.contact_step.PLACES` of the T times, and is 0 if all these contacts are
+    rigid.  `mass` is the factor of M.
     """
     pushing, largest = np.flatnonzero(~np.isnan(system.clearance)), 0.0
     steps = np.unique(np.linspace(0, len(x) - 1, contact_step.PLACES).astype(int))

@@ -237,7 +237,7 @@ class Form:
         return np.asarray(values[:, :last])
 
     def is_stable(self, loads: Array) -> Mask:
-        """Mask (p,) that is true for those of p `loads` (p,) in kg at which the structure does not buckle."""
+        """Mask (p,), true for each of the `loads` (p,) in kg under which the structure is held and does not buckle."""
         return np.asarray(loads < self.critical)
 
     @cached_property
@@ -444,9 +444,9 @@ class LoadedStructure:
     def _nearest_loose(self, closed: Mask, load: float, refuse: bool = False) -> int | None:
         """Return the number of the contact to close next, if the contacts in the mask `closed` (m,) leave a body free.
 
-        It is the nearest one of the open contacts of this body that touch, as they have no play.  None if no body is
-        free, or if the `load` in kg moves it far beyond the clearance of one of its contacts.  If all open contacts of
-        the body have play, an InputError is raised if `refuse` is true, and None is returned otherwise.
+        Among the open contacts of this body without play it is the nearest.  None if no body is free, or if the `load`
+        in kg moves it far beyond the clearance of one of its contacts.  If all open contacts of the body have play, an
+        InputError is raised if `refuse` is true, and None is returned otherwise.
         """
         e, o = self._first_order.equations, len(self.equations.outputs) + len(closed)
         if Form(self.equations.unstressed, closed).held:

@@ -102,10 +102,10 @@ def with_hook(scene: Scene, point: tuple[float, float, float] | None = None) -> 
 def with_winds(scene: Scene, winds: Mapping[str, tuple[float, float]]) -> Scene:
     """Scene with winds of zero pressure that turn with the boom: loads on sections, with the names of `winds`.
 
-    The values of `winds` are the angle from the boom to the direction in which a wind blows, in the unit of the scene's
-    frame, and its shape factor.  A section that already has wind keeps the shape factor, depth and profile over the
-    height of the first one.  A box that varies along its section meets a wind with its largest dimension; a section
-    without a box or with given matrices, and without wind of its own, gets no wind.
+    A value of `winds` is a pair of the angle from the boom to the direction in which the wind blows, in the unit of the
+    scene's frame, and the shape factor.  A section that already has wind keeps the shape factor, depth and
+    height profile of the first one.  A box that varies along its section meets a wind with its largest dimension.  A
+    section without a box or with given matrices, and without wind of its own, gets no wind.
     """
     parts = list[Any]()
     for member in members(scene):
