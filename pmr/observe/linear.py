@@ -209,15 +209,17 @@ def linearize(
     Raises
     ------
     InputError
-        If the scene does not fit the system, if the system has no output or load of a name, for a hoist, and for
-        accelerations and velocities in a frame that moves.
+        If the scene does not fit the system, if the system has no output or load of a name, if there are fewer than two
+        steps, for a hoist, and for accelerations and velocities in a frame that moves.
     """
     if system.hoist:
         raise InputError("observe", "hoist", None, "none is allowed: a rope that may be slack is not linear")
     chosen = select_outputs(scene, system, outputs)
     excitation = excitation_of_scene(scene, system)
-    grid = TimeStepping(excitation.stepping.end, step or excitation.stepping.step, excitation.stepping.rho_inf, parts=1)
-    excitation = excitation.on_grid(grid)
+    end, h = excitation.stepping.end, excitation.stepping.step if step is None else step
+    if not 0.0 < h <= end / 2.0:
+        raise InputError("observe", "step", h, f"more than 0 and at most half of the motion's {end:g} s is allowed")
+    excitation = excitation.on_grid(TimeStepping(end, h, excitation.stepping.rho_inf, parts=1))
     form = SystemForm.of(system)
     if form.kernel.motions and any(chosen.orders):
         named = next(name for name, order in zip(chosen.names, chosen.orders, strict=True) if order)

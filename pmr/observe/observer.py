@@ -231,14 +231,16 @@ class Observer:
     disturbance: float = 1e-3
 
     def __post_init__(self) -> None:
-        if not self.error_time > 0.0:
+        if not 0.0 < self.error_time < np.inf:
             raise InputError("observe", "error_time", self.error_time, "more than 0 s is allowed")
+        if not 0.0 <= self.disturbance < np.inf:
+            raise InputError("observe", "disturbance", self.disturbance, "0 or more is allowed")
         if not self.sensors:
             raise InputError("observe", "sensors", None, "one sensor or more is needed")
         for sensor in self.sensors:
             self.model.output_number(sensor.output)
-            if not sensor.noise > 0.0 or sensor.bias < 0.0 or sensor.gain < 0.0:
-                allowed = "noise above 0, and bias and gain of 0 or more, are allowed"
+            if not (0.0 < sensor.noise < np.inf and 0.0 <= sensor.bias < np.inf and 0.0 <= sensor.gain < np.inf):
+                allowed = "finite numbers are allowed: noise above 0, bias and gain of 0 or more"
                 raise InputError("observe", f"sensors.{sensor.output}", None, allowed)
         names = {"sensors": [each.output for each in self.sensors], "loads": [load.input for load in self.loads]}
         for key, listed in names.items():
@@ -246,8 +248,9 @@ class Observer:
                 raise InputError("observe", f"{key}.{repeated}", None, "each name is allowed once")
         for load in self.loads:
             self.model.input_number(load.input)
-            if not (load.deviation > 0.0 and load.time > 0.0):
-                raise InputError("observe", f"loads.{load.input}", None, "a deviation and a time above 0 are allowed")
+            if not (0.0 < load.deviation < np.inf and 0.0 < load.time < np.inf):
+                allowed = "a finite deviation and a finite time above 0 are allowed"
+                raise InputError("observe", f"loads.{load.input}", None, allowed)
         if self.payload is not None:
             self.model.input_number(self.payload.input)
             self.model.output_number(self.payload.acceleration)
@@ -262,8 +265,9 @@ class Observer:
                 places = " or ".join(rate + name for name in at_load) or "that of an output where the load acts"
                 allowed = f"{places} is allowed, as the load {self.payload.input!r} acts there"
                 raise InputError("observe", "payload.acceleration", self.payload.acceleration, allowed)
-            if not self.payload.deviation > 0.0 or self.payload.wander < 0.0:
-                allowed = "a deviation above 0, and a wander of 0 or more, are allowed"
+            of = self.payload
+            if not (0.0 < of.deviation < np.inf and 0.0 <= of.wander < np.inf and np.isfinite(of.gravity)):
+                allowed = "finite numbers are allowed: a deviation above 0, a wander of 0 or more"
                 raise InputError("observe", "payload", None, allowed)
             if self.payload.gravity and self.payload.acceleration.startswith(SPECIFIC_FORCE):
                 allowed = "0 is allowed, as a specific force includes gravity"

@@ -98,6 +98,9 @@ def test_wrong_names_are_refused(system: System) -> None:
     for outputs, inputs in ((["nothing"], []), ([TIP], ["nothing"]), ([f"velocity of {FORCE}"], []), (["machine"], [])):
         with pytest.raises(InputError, match="observe"):
             linearize(scene, system, outputs, inputs)
+    for step in (0.0, -1e-3, 0.002):  # 0 was taken for the scene's step, and a single step ended in a traceback
+        with pytest.raises(InputError, match=f"observe: step = {step}: more than 0 and at most half of .* 0.002 s"):
+            linearize(scene, system, [TIP], step=step)
     first, other = (linearize(scene, system, [name]) for name in (TIP, FORCE))
     with pytest.raises(InputError, match="parameters"):
         output_sensitivity(first, other)

@@ -318,6 +318,12 @@ def test_what_the_model_lacks_is_refused() -> None:
         {"sensors": [sensor], "payload": Payload("push", OUTPUTS[0], 0.0)},
         {"sensors": [sensor], "parameters": [Parameter("E", np.zeros((2, 2)))]},
         {"sensors": [sensor], "error_time": 0.0},
+        {"sensors": [sensor], "error_time": np.inf},
+        {"sensors": [sensor], "disturbance": np.nan},
+        {"sensors": [Sensor(OUTPUTS[1], 1.0, bias=np.nan)]},
+        {"sensors": [sensor], "loads": [UnknownLoad("push", 1.0, np.inf)]},
+        {"sensors": [sensor], "payload": Payload("push", OUTPUTS[0], 1.0, wander=np.nan)},
+        {"sensors": [sensor], "payload": Payload("push", OUTPUTS[0], 1.0, gravity=np.nan)},
     ]
     for arguments in wrong:
         with pytest.raises(InputError, match="observe"):
