@@ -153,7 +153,7 @@ def prepare_folder(folder: Path, ours: Sequence[str] = ()) -> None:
 
 
 def check_output_file(file: Path, *read: Path) -> None:
-    """Raise InputError unless a file can be written.
+    """Make the folder of a file, and raise InputError unless the file can be written.
 
     The file has to be new or an ordinary file, and must be none of the files in `read`, from which the command reads.
     """
@@ -169,7 +169,7 @@ def check_output_file(file: Path, *read: Path) -> None:
 def scene_file(path: Path) -> Path:
     """Return the scene file that `path` names: itself, `scene.toml` in this folder, or a workflow of this name.
 
-    Raises InputError if it is a study.
+    Raises InputError if it is a study.  A file that is missing passes: the function that reads it says so.
     """
     file = _find_file(path, "scene.toml")
     if "kind" in tables_or_empty(file):

@@ -73,7 +73,7 @@ def export(
 
 
 def read_unit_observer(file: Path, model: Path) -> UnitObserver:
-    """Observer for an FMU, from a `file` that describes it and the saved system `model`, with its stored scene.
+    """Return the observer for an FMU that a `file` describes, of the saved system `model` with its stored scene.
 
     The errors of the model are those in ``summary.json`` in the folder of the model, if it is there.  Raises InputError
     for a model without its scene, and for all that `ObserverFile.observer` refuses.

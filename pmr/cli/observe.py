@@ -159,7 +159,7 @@ def identify(
 
 
 def _starts(fit: Sequence[str]) -> dict[str, float]:
-    """Values at the start by key, from the texts `fit`, each ``KEY=START``.
+    """Return the values at the start by key, from the texts `fit`, each ``KEY=START``; the last one of a key counts.
 
     Raises InputError for a text of another form.
     """
@@ -174,7 +174,7 @@ def _starts(fit: Sequence[str]) -> dict[str, float]:
 
 
 def _toml_line(change: str) -> str:
-    """Line of a TOML file for a change ``key=value`` of ``--set``, in which a bare word stands for a string.
+    """Return the line of a TOML file for a change ``key=value`` of ``--set``, in which a bare word stands for a string.
 
     Names in the key are quoted where TOML needs it.
     """
@@ -190,6 +190,9 @@ def _toml_line(change: str) -> str:
 
 
 def _rms_by_mode(errors: Array) -> list[float | None]:
-    """RMS of relative errors (k, m) of m frequencies at k places; None for a frequency that was not measured."""
+    """Return the RMS of the relative errors (k, m) of m frequencies at k places, without those that are NaN.
+
+    None stands for a frequency that was not measured at any place.
+    """
     columns = [[error for error in column if math.isfinite(error)] for column in errors.T.tolist()]
     return [math.hypot(*column) / math.sqrt(len(column)) if column else None for column in columns]

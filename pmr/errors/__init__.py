@@ -159,7 +159,7 @@ FORMER: Mapping[str, FormerName] = {}
 
 
 def declared_names(file: str) -> dict[str, str]:
-    """Objects, as ``module:name``, that a package imports for type checkers alone, by their names in the package.
+    """Return the objects that a package imports for type checkers alone, as ``module:name`` by their names there.
 
     `file` is the source of the package, in which they stand under ``if TYPE_CHECKING``.
     """
@@ -262,7 +262,7 @@ def similar_name_hint(name: object, names: Iterable[str]) -> str:
 
 
 def overview(head: str, **names: Sequence[str]) -> str:
-    """Return a text for a ``repr``: the line `head`, then a line for each list of `names`: its length, and names.
+    """Return a text for a ``repr``: the line `head`, and for each list in `names` its key, length and names.
 
     Of more than three names the first two and the last one are shown.
     """

@@ -41,7 +41,7 @@ MPI_VARIABLES = ("OMPI_", "ORTE_", "PRTE_", "PMIX_", "PMI_", "PMI2_", "HYDI_", "
 
 @cache
 def plugin_objects(group: str, reserved: frozenset[str]) -> dict[str, Any]:
-    """Return the objects that installed packages offer in a group of entry points, by name.
+    """Return the objects that installed packages offer in a group of entry points, by name; imported once in a process.
 
     `reserved` are the names that pmr itself uses.  Raises InputError if an object can't be imported, or if its name is
     reserved or used twice.
@@ -192,10 +192,10 @@ _NEEDED = {
 
 
 def import_package(name: str) -> Any:
-    """Import and return the package or module `name`, at the time when it is needed.
+    """Import and return the optional package `name`, or a module in it, at the time when it is needed.
 
     Raises InputError if the package, or a library that it loads, is missing.  The message says what the package does
-    and how to install it.
+    and how to install it, for which the package has to be one of `_NEEDED`.
     """
     try:
         return importlib.import_module(name)
@@ -210,7 +210,10 @@ def is_installed(name: str) -> bool:
 
 
 def check_installed(name: str) -> None:
-    """Raise an InputError if the package `name` is missing, without importing the package; called before long work."""
+    """Raise an InputError if the package `name`, one of `_NEEDED`, is missing; it is not imported.
+
+    To be called before work that takes long.
+    """
     if not is_installed(name):
         raise InputError("installation", name, None, f"not found; {_NEEDED[name]}")
 
@@ -264,7 +267,7 @@ def available_memory() -> int | None:
 
 @contextmanager
 def mpi_without_launcher() -> Iterator[None]:
-    """Context in which MPI starts without looking for other processes, unless a launcher started this process.
+    """Context in which MPI starts without looking for other processes; without effect in a process of a launcher.
 
     Open MPI would otherwise start a daemon for later processes and look for fast networks, which takes 0.3 s.
     Environment variables that the user has set are kept.  All others that this function sets are removed after the
@@ -309,7 +312,7 @@ def package_versions() -> dict[str, str]:
 def checkout_commit() -> str | None:
     """Return the commit of pmr's Git checkout, followed by " with changes" if files differ from the commit.
 
-    None is returned if pmr does not run from a checkout.
+    None is returned if pmr does not run from a checkout, or if git can't read it.
     """
     folder = Path(__file__).resolve().parents[2]
     if not (folder / ".git").exists():
@@ -459,7 +462,7 @@ class Clock:
         """Context that measures the time of a stage, which may come several times.
 
         The context yields a function that reports the share (0 to 1) of the stage that is done.  A SimulationError in
-        the block begins with the words for the stage.
+        the block gets the words for the stage before its message.  A stage that raises an error adds no time.
         """
         self.progress(name, 0.0)
         start = time.perf_counter()

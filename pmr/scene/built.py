@@ -91,9 +91,9 @@ class Geometry(ShorthandTable):
 class Body(Geometry):
     """A section: a box boom, a beam given by its stiffnesses, or the mesh of a file.
 
-    With `model` ``auto`` a run takes the smallest structural model whose results are near enough to those of a shell,
-    which it measures.  The density of `material` includes `attached_mass_per_length` (m') of a box: the density is rho
-    + m' L / V, with the box's length L and the volume V of its walls.
+    With `model` ``auto`` a run measures how far the results of smaller models are from those of a shell, and takes the
+    smallest model that is near enough.  The density of `material` includes `attached_mass_per_length` (m') of a box:
+    the density is rho + m' L / V, with the box's length L and the volume V of its walls.
     """
 
     shear: Switch = Field(default=True, description="Whether beams in space have shear deformation and rotary inertia")
@@ -280,7 +280,7 @@ class Support(SceneTable):
         Here F and M are force and moment of the support, a is the unit vector along the pin and d the `lug_spacing`.
         The lugs share the force across the pin half and half.  They bear the moment as two opposite forces.  Each lug
         is taken to bear all of the force along the pin, :math:`F_a = a\, (a \cdot F)`, as one of them may have to.
-        The support has 1 N along the `direction`, or 1 N m about it.
+        The support has 1 N along the `direction`, or 1 N m about it.  Only for a support with a `lug_spacing`.
         """
         pin, unit = (np.eye(3)["xyz".index(axis)] for axis in (self._free_axes, direction[-1]))
         if direction.startswith("r"):
@@ -479,7 +479,7 @@ class Load(PlacedLoad):
 
     @model_validator(mode="after")
     def _check_keys(self) -> Self:
-        """Refuse keys that have no effect on a load with this `acts`; return the load itself.
+        """Refuse keys that have no effect on a load with this `acts`, unless they have their default; return the load.
 
         A difference of temperature along the body's axis and the point of a moment are refused, too.
         """
@@ -522,7 +522,7 @@ class Load(PlacedLoad):
 
 
 class Gravity(ShorthandTable):
-    """Weight of all parts; it rises smoothly from zero within the first `rise` seconds, or acts from the start (0).
+    """Weight of all parts; it rises smoothly from zero within the first `rise` seconds, or acts from the start if 0.
 
     By default it rises within a second if the motion begins at rest, and acts from the start if the motion begins in
     equilibrium (`start`).  Its direction is given by the vector `direction`, or by the `inclination` in degrees of a
@@ -571,7 +571,7 @@ class Gravity(ShorthandTable):
 
     @property
     def signal(self) -> SignalBase:
-        """Acceleration of the weight in m/s^2 over time."""
+        """Acceleration of the weight in m/s^2 over time: constant if `rise` is 0, else rising until that time."""
         if self.rise == 0.0:
             return Constant(amount=self.acceleration)
         return SmoothRamp(times=(0.0, self.rise), values=(0.0, self.acceleration))

@@ -125,8 +125,8 @@ def input_directions(member: Member, load: Load) -> dict[str, Direction]:
     """For each input that a load becomes, return its name and the axis of the body along or about which it acts.
 
     A load along an axis of the body is one input, with the load's name.  A load along an axis of the ground becomes one
-    input ``"NAME AXIS"`` for each axis of the body along which the model can move, and which the frame may turn towards
-    the axis of the ground.  Wind becomes one input ``"NAME AXIS NUMBER"`` for each Legendre polynomial along the body
+    input ``"NAME AXIS"`` for each axis of the body that the frame may turn towards the axis of the ground, if the model
+    can move along it.  Wind becomes one input ``"NAME AXIS NUMBER"`` for each Legendre polynomial along the body
     and each axis.
     """
     if load.acts == "wind":
@@ -148,7 +148,8 @@ def input_directions(member: Member, load: Load) -> dict[str, Direction]:
 def axis_loads(member: Member) -> tuple[Load, ...]:
     """Return one load along an axis of the body for each input that the loads of a body become (`input_directions`).
 
-    The loads by which the rope of a hoist pulls the body are the last.
+    It has all other keys of the load that it comes from, with the signal of that load.  The loads by which the rope of
+    a hoist pulls the body are the last.
     """
     of_loads = tuple(
         load.model_copy(update={"name": name, "direction": direction, "axes": "body"})

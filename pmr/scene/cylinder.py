@@ -149,7 +149,7 @@ class DrivenCylinder(SceneTable):
 
     @model_validator(mode="after")
     def _check_drive(self) -> Self:
-        """Refuse several drives, a length without a spring over which it drives, and a spring without a length."""
+        """Refuse several drives, and a length or a spring alone: a length drives over a spring."""
         drives = self.drives
         if len(drives) > 1:
             raise key_error(drives[1], None, f"one of force, length and oil is allowed: {drives[0]} is there")

@@ -223,9 +223,9 @@ def _unused_joint_keys(scene: Scene, number: int) -> Iterator[UnusedKey]:
 def _unused_scene_keys(scene: Scene) -> Iterator[UnusedKey]:
     """Yield keys without effect in the tables about all bodies.
 
-    The keys are the elements of an ANCF cable if there is no such reference, settings of Newton's method if Exudyn does
-    not simulate, a play of pads if no pad only pushes or the pads have a clearance already, and stops of a luffing
-    cylinder that has no stroke or whose angle is prescribed.
+    The keys are the elements of an ANCF cable if there is no such reference, and settings of Newton's method if Exudyn
+    does not simulate.  A play of pads has no effect if no pad only pushes or the pads have a clearance already, stops
+    of a luffing cylinder have none if it has no stroke or its angle is prescribed.
     """
     frame = scene.frame
     if frame is not None and frame.cylinder is not None and not (frame.luffing == "free" and frame.cylinder.stroke):

@@ -1,10 +1,10 @@
 """Checks of a moving frame, its luffing cylinder and a hoist, which raise InputError.
 
 Refused are motions of a frame that jump, and a luffing cylinder without an arm about the pivot.  So are models that
-can't follow the frame (matrices without a mesh; planar ones if the boom leaves its vertical plane) and places at which
-supports and loads are not covered by terms of second order.  Beside a luffing angle that is computed, the cylinder
-needs a drive, and supports may neither hold the angle nor give way to it.  Places of head and winch of a hoist on the
-boom stand here too.
+can't follow the frame: matrices without a mesh, and planar ones if the boom leaves its vertical plane.  With second
+order, supports and loads are refused at places for which it has no terms.  Beside a luffing angle that is computed, the
+cylinder needs a drive, and supports may neither hold the angle nor give way to it.  Places of head and winch of a hoist
+on the boom stand here too.
 """
 
 from __future__ import annotations

@@ -135,7 +135,7 @@ def convex_hull(points: Sequence[Corner]) -> list[Corner]:
     """Return the corners of the convex hull of points X, Y, anticlockwise; points on its edges are no corners."""
 
     def half(ordered: Sequence[Corner]) -> list[Corner]:
-        """Corners on the right of the way through the `ordered` points, without the last point."""
+        """Return the corners on the right of the way through the `ordered` points, without the last point."""
         chain = list[Corner]()
         for point in ordered:
             while len(chain) > 1 and polygon_area((chain[-2], chain[-1], point)) <= 0.0:
@@ -154,11 +154,12 @@ def polygon_area(polygon: ArrayLike) -> float:
 
 
 def edge_rows(polygon: ArrayLike, height: float) -> NDArray[np.float64]:
-    """Return rows (e, 6) whose product with a force and its moment about the pivot (6,) is the moment about e edges.
+    """Return rows (e, 6), one for each of e edges of a polygon, that give the moment of a force about the edge.
 
-    The corners of `polygon` are X and Y in m from the pivot, in either direction.  Edges run anticlockwise; the first
-    one begins at the first corner, or at the last one if the corners run clockwise.  The pivot is `height` in m above
-    the corners.  A positive moment tips the machine over the edge.
+    The moment is the product of the row with the force and its moment about the pivot (6,).  The corners of `polygon`
+    are X and Y in m from the pivot, in either direction.  Edges run anticlockwise; the first one begins at the first
+    corner, or at the last one if the corners run clockwise.  The pivot is `height` in m above the corners.  A positive
+    moment tips the machine over the edge.
     """
     corners = np.insert(np.asarray(polygon, float), 2, -height, axis=1)
     if polygon_area(polygon) < 0.0:

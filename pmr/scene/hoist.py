@@ -115,7 +115,7 @@ class Payload(SceneTable):
 
 
 class Hoist(Payload, Rope):
-    """A rope over head sheaves with a hook and a payload, which swings; rope and hoist only pull."""
+    """A rope over head sheaves with a hook and a payload that swings; the rope only pulls."""
 
     section: NameOrNone = Field(default="", description="Section with the head sheaves; by default the last one")
     on: Name | Place = Field(default="tip", description="Place of the head sheaves: the tip, or a place along x in m")
@@ -171,7 +171,8 @@ class Hoist(Payload, Rope):
     def free_length(self, t: Array, along: ArrayLike) -> Array:
         """Return the length without force in m of the rope at ascending times t (T,) in s, the first of which is 0.
 
-        `along` is the distance in m from the winch to the head at t = 0.
+        `along` is the distance in m from the winch to the head at t = 0.  The speed of a winch is taken as linear
+        between the times.
         """
         if self.length is not None:
             return np.asarray(self.length.value(t))

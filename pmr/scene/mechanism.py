@@ -359,7 +359,7 @@ def drive_rows(scene: Scene, forces: Sequence[str]) -> dict[str, Array]:
 def rope_length(scene: Scene, number: int) -> float | None:
     """Return the length in m of the rope of section `number` (1 or more) where the section's extension is 0.
 
-    The result is None without a rope, or if its length is neither set nor follows from the sections.
+    The result is None without a rope, and for a rope whose length the scene does not set and the sections do not tell.
     """
     joint = scene.joint(number)
     if joint.rope is None or joint.rope.length is not None:

@@ -90,7 +90,10 @@ def _default_comparison(scene: Scene) -> ModelComparison:
 
 
 def shell_cell_count(part: BoomSection, by: float) -> float:
-    """Return the number of cells of a section's shell whose cells are `by` times as long and wide as the scene's."""
+    """Return about how many cells a section's shell has whose cells are `by` times as long and wide as the scene's.
+
+    The number is not rounded to whole cells.
+    """
     assert part.body.box is not None  # as `model_comparison` says
     around, along = by * part.mesh.size, by * (part.mesh.along or part.mesh.size)
     return sum(max(2.0, side.length / around) for side in part.body.box.sides) * part.length / along

@@ -358,9 +358,11 @@ class BoxProfile(SceneTable):
         return NOTHING * max(self.width, self.height)
 
     def thickness(self, face: str) -> float:
-        """Return the thickness in m of the plate on a face; 0 if `wall` has no entry for the face.
+        """Return the thickness in m of the plate on a face; 0 if `wall` has no entry for it.
 
-        The rounded corners at the bottom are as thick as the face ``bottom``, those at the top as the face ``top``.
+        Without an entry of their own, left and right have that of ``sides``, and slanted faces that of ``bottom`` or
+        ``top``, the first word of their names.  The rounded corners at the bottom are as thick as the face ``bottom``,
+        those at the top as the face ``top``.
         """
         if not isinstance(self.wall, dict):
             return self.wall
@@ -369,11 +371,14 @@ class BoxProfile(SceneTable):
         return by_name.get(face, by_name.get(half, 0.0))
 
     def radius_at(self, half: Half) -> float:
-        """Return the radius in m of the corners in a `half` of the box, at the bottom or at the top."""
+        """Return the radius in m of the corners in a `half`, bottom or top; 0 if `radius` does not name it."""
         return self.radius.get(half, 0.0) if isinstance(self.radius, dict) else self.radius
 
     def cut(self, half: Half) -> Pair:
-        """Return the lengths in m along y and z that chamfers cut off the corners in a `half`, bottom or top."""
+        """Return the lengths in m along y and z that chamfers cut off the corners in a `half`, bottom or top.
+
+        Both are 0 if `chamfer` does not name the half.
+        """
         cut = self.chamfer.get(half, 0.0) if isinstance(self.chamfer, dict) else self.chamfer
         return cut if isinstance(cut, tuple) else (cut, cut)
 

@@ -349,6 +349,6 @@ class Published(SceneTable):
 
     @property
     def frequencies_only(self) -> Published | None:
-        """Published frequencies without the errors, which hold for one motion alone; None without frequencies."""
+        """The publication with its frequencies alone, as errors hold for one motion; None if it has no frequencies."""
         without_errors: dict[str, Any] = {"errors": {}, "max_displacement": None, "max_error": None}
         return self.model_copy(update=without_errors) if self.frequencies else None

@@ -152,9 +152,10 @@ class SectionTables(CommonTables):
 
     @property
     def signals(self) -> dict[str, SignalBase]:
-        """Signals over time of the inputs of the only body's model, by input name.
+        """Signals over time of the only body's loads and of its weight, by name.
 
-        Users of Exudyn pass them to `pmr.simulation.exudyn.add_sliding_body`.
+        Users of Exudyn pass them to `pmr.simulation.exudyn.add_sliding_body`.  A load along an axis of the ground and
+        wind have several inputs, whose names begin with the load's (`pmr.scene.choice.input_directions`).
         """
         weight = {WEIGHT: self.gravity.signal} if self.gravity else {}
         return {load.name: load.signal for load in self.loads} | weight
@@ -173,7 +174,8 @@ class SectionTables(CommonTables):
     def points(self) -> tuple[float, ...]:
         """Distances in m of the only body's sliding points ahead of s.
 
-        The result is empty if pads slide on the body, or if nothing slides on it.
+        It is (0.0,) for a body with a slider that has neither `offsets` nor pads that move.  The result is empty if
+        pads slide on the body, or if nothing slides on it.
         """
         slider = self.only_section.slider
         if slider is not None and slider.offsets is not None:
@@ -367,7 +369,10 @@ class Scene(SectionTables):
 
     @property
     def pivot_height(self) -> float:
-        """Height in m of the pivot, or without a frame of the base's tail, above the ground; 0 if no height is set."""
+        """Height in m of the pivot, or without a frame of the base's tail, above the ground; 0 if no height is set.
+
+        The height in the table of the hoist counts before that in the table of the ground.
+        """
         ground = None if self.frame is None else self.frame.ground
         of_hoist = 0.0 if self.hoist is None else self.hoist.pivot_height
         return of_hoist or (0.0 if ground is None else ground.height)
@@ -466,8 +471,8 @@ def _lift_body_keys(content: dict[str, Any]) -> dict[str, Any]:
 def _merge_section(common: Mapping[str, object], part: Mapping[str, object]) -> dict[str, Any]:
     """Return the tables `part` of a section merged over the tables `common` to all sections.
 
-    A section that drives its joint itself takes over no `extension`, `overlap` or `follows`.  If it follows no section,
-    it takes over no rope either.
+    If the section's own joint sets one of `extension`, `overlap` and `follows`, it takes over none of the three.  If it
+    sets `extension` or `overlap`, it takes over no rope either.
     """
     joint, of_common = part.get("joint"), common.get("joint")
     ways = {"extension", "overlap", "follows"}

@@ -37,7 +37,7 @@ def experiments() -> dict[str, Path]:
 
 
 def workflow(name: str) -> Path | None:
-    """Return the file of a workflow by its name; None if there is none."""
+    """Return the file of a workflow by its name, with or without ``.toml``; None if there is none."""
     return workflows().get(name.removesuffix(".toml"))
 
 

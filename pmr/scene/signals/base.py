@@ -37,10 +37,11 @@ class Interval(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Strand:
-    """Pieces p(x) + a sin(q(x)), x the time since a piece began; the first holds before it, too, the last for ever.
+    """Curve over time in pieces p(x) + a sin(q(x)), with polynomials p and q of the time x since the piece began.
 
-    p and q are polynomials, and u is the value of the pieces at a time t.  With a `spread` h > 0 the strand stands for
-    (u'(t + h/2) - u'(t - h/2)) / h, from t = 0 on only; with a negative `spread` it stands for the second rate u''.
+    The first piece also holds before it begins, and the last one for ever.  Let u(t) be the value of the pieces.  A
+    strand without a `spread` stands for u itself.  With a `spread` h > 0 it stands for (u'(t + h/2) - u'(t - h/2)) / h,
+    from t = 0 on only, and with a negative `spread` for the second rate u''.
     """
 
     breaks: Array  # (k,) s: where each piece begins
@@ -131,7 +132,7 @@ class SignalBase(BaseModel):
     def kinks(self, end: float) -> dict[float, float]:
         """Return by how much the rate jumps at each kink, by the kink's time in s; only times within (0, end] count.
 
-        The result is empty without kinks.
+        Jumps that are round-off, or small for the signal (`KINK`), are left out.  The result is empty without kinks.
         """
         at = np.array([b for b in self.breaks if 0.0 < b <= end])
         if not len(at):
