@@ -11,7 +11,7 @@ from pmr.models import DIRECTIONS
 from pmr.models.beam3d import Beam3D, box_beam
 from pmr.models.box_mesh import write_shell
 from pmr.models.named_mesh import read_mesh
-from pmr.models.shell import Shell, draw_box, of
+from pmr.models.shell import Shell, boom_of_box, of
 from pmr.scene import Body
 from pmr.scene.box import Box
 from pmr.scene.structures import Beam3DBody, Material, PointMass
@@ -35,7 +35,7 @@ def answers(model) -> np.ndarray:
 
 def shell(of_box: Box, folder: Path, size: float, along: float) -> Shell:
     """Shell of a box, meshed in a folder with cells of `size` m around and `along` m along it."""
-    write_shell(draw_box(of_box, size, along), folder / "m.msh")
+    write_shell(boom_of_box(of_box, size, along), folder / "m.msh")
     return of(Body(box=of_box), read_mesh(folder / "m.msh", ("triangle",)))
 
 

@@ -238,11 +238,11 @@ def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBo
         if member.frame is not None or len(member.scene.sections) > 1:
             _check_place(read)
         return add_faces(read, member.part.mesh.faces)
-    from pmr.models.shell import draw_box
+    from pmr.models.shell import boom_of_box
 
     box, mesh = member.box, member.part.mesh
     try:
-        boom = draw_box(box, mesh.size, mesh.along or 0.0, mesh.tail_layer)
+        boom = boom_of_box(box, mesh.size, mesh.along or 0.0, mesh.tail_layer)
         with TemporaryDirectory() as folder:
             file = Path(folder, "boom.msh")
             write(boom, file)

@@ -35,7 +35,7 @@ from pmr.models import DIRECTIONS, StructuralModel
 from pmr.models.beam3d import Beam3D, box_beam
 from pmr.models.box_mesh import BoxBoom, write_shell
 from pmr.models.named_mesh import read_mesh
-from pmr.models.shell import Shell, draw_box, of
+from pmr.models.shell import Shell, boom_of_box, of
 from pmr.scene import Body
 from pmr.scene.box import Box
 from pmr.scene.choice import motion_directions
@@ -285,7 +285,7 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
     staying, rings = _split_by_sliding(member, pads)
     masses = tuple(mass for mass in part.masses if mass.coupling == "rigid")
     plates = PlateBody(
-        draw_box(box, mesh.size, mesh.along or 0.0),
+        boom_of_box(box, mesh.size, mesh.along or 0.0),
         box,
         body.material,
         body.shear_correction,

@@ -29,7 +29,7 @@ from pmr.fullmodel.wall_compliance import HeldModel, PlateBody, beam_of, shell_o
 from pmr.models.meshed import node_fits
 from pmr.models.profile_section import section_of
 from pmr.models.sections_along import axial_stress_factors, torsion_stress_factors
-from pmr.models.shell import draw_box
+from pmr.models.shell import boom_of_box
 from pmr.results.field_series import mean_by_place
 from pmr.results.field_stress import FORCES, PLANE, von_mises
 from pmr.scene.built import PadRing
@@ -124,7 +124,7 @@ class SectionPiece:
         self._code = environment.computing_digest()
         self.section, self.length = box, min(box.length, length + PIECE * max(box.width, box.height))
         piece = box.model_copy(update={"length": self.length})
-        meshes = [draw_box(piece, width / (f * ACROSS), length / (f * ALONG)) for f in FINENESS]
+        meshes = [boom_of_box(piece, width / (f * ACROSS), length / (f * ALONG)) for f in FINENESS]
         self.bodies = [PlateBody(mesh, piece, part.body.material, part.body.shear_correction) for mesh in meshes]
 
     @cached_property

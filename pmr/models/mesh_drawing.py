@@ -216,7 +216,8 @@ def graded_nodes(length: float, elements: int, grading: float) -> Array:
 def read_nodes(file: Path, length: float) -> Array:
     """Coordinates (N,) in m, ascending, of a beam's nodes from the line cells of a file that meshio reads.
 
-    Raises an `InputError` if the line cells form no chain on the x axis from 0 to `length`.
+    Raises an `InputError` if the line cells form no chain on the x axis from 0 to `length`, and the errors of
+    `read_mesh_file`.
     """
 
     def refuse(problem: str) -> InputError:

@@ -85,9 +85,9 @@ def number_nodes(cell: str, points: Array, cells: Indices, components: Mapping[i
     for dim in sorted(components):
         vertices = np.sort(cells[:, topology[dim]], axis=-1)
         flat = vertices.reshape(-1, vertices.shape[-1])
-        code[dim], once, inverse = np.unique(
-            _dimension_codes(flat, dim, cells, len(points)), return_index=True, return_inverse=True
-        )
+        # two cells may share their three lowest vertices, so that cells have their numbers as codes
+        number = np.arange(len(cells), dtype=np.int64) if dim == 3 else codes(flat, len(points))
+        code[dim], once, inverse = np.unique(number, return_index=True, return_inverse=True)
         in_cell[dim] = inverse.reshape(vertices.shape[:2])
         places.append(points[flat[once]].mean(axis=1))
         padded = np.full((len(once), cells.shape[1]), -1, np.int64)
@@ -104,12 +104,3 @@ def number_nodes(cell: str, points: Array, cells: Indices, components: Mapping[i
         for i, c in enumerate(components[dim]):
             at[first[dim] + i], component[first[dim] + i] = place, c
     return Nodes(components, code, first, in_cell, at, component)
-
-
-def _dimension_codes(flat: Indices, dim: int, cells: Indices, points: int) -> Indices:
-    """Numbers (e,) that identify e entities `flat` (e, k), with sorted vertices, of the dimension `dim`.
-
-    The numbers are the `codes` of the entities, for a mesh with so many `points`.  If `dim` is 3, the entities are
-    `cells` and their numbers are 0, 1, 2, ..., as two cells may share their three lowest vertices.
-    """
-    return np.arange(len(cells), dtype=np.int64) if dim == 3 else codes(flat, points)

@@ -24,6 +24,7 @@ from pmr.fem.compat import (
     cell_dofs,
     comm_of,
     compiled_form,
+    create_mesh,
     function,
     original_cells,
     tabulate,
@@ -113,7 +114,7 @@ class MeshedModel(TracedModel):
 
     def domain(self, comm: MPI.Comm) -> Mesh:
         """The mesh in dolfinx, spread over `comm`; collective."""
-        return self.mesh.distribute(comm)
+        return create_mesh(comm, self.mesh.cell, self.mesh.points, self.mesh.cells)
 
     def element_coordinates(self, cells: Indices) -> list[Indices]:
         """Numbers (c, d) of the d coordinates on each of c cells, one array for each component."""
@@ -283,6 +284,7 @@ class NodeFits(NamedTuple):
 def node_fits(mesh: NamedMesh) -> NodeFits:
     """Return the matrix that fits values at the nodes of each wall, at its edges too, to values of cells.
 
+    Walls are the mesh's regions.  Their nodes follow one another, so that a node on an edge has a row for each wall.
     At each node the value is that of a quadratic polynomial in the two directions of the wall.  The polynomial fits the
     values in the middles of the cells that touch the node, and of all cells that share a node with them; cells that are
     farther away have less weight.

@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import coo_matrix
@@ -18,16 +17,12 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from pmr.errors import NAMED, InputError, is_name
-from pmr.fem.compat import MPI, cell_topology, create_mesh
+from pmr.fem.compat import cell_topology
 from pmr.files.arrays import Array, Indices, Mask
 from pmr.files.cards import Place
 from pmr.models.mesh_file import COINCIDENT, DIMENSIONS, read_mesh_file
 from pmr.models.mesh_nodes import codes
 from pmr.scene.built import FaceNormal
-
-if TYPE_CHECKING:
-    from pmr.fem.compat import Mesh
-
 
 #: Cells with less than this share of the volume (area) of a regular cell of their size count as degenerate.
 DEGENERATE = 1e-6
@@ -191,13 +186,9 @@ class NamedMesh:
 
     @cached_property
     def open_seam(self) -> Array:
-        """Points (k, 3) m at which several vertices lie, which no cell joins: the body is open there."""
+        """Points (k, 3) m, each once, at which several vertices lie; cells on different ones are not joined."""
         pairs = cKDTree(self.points).query_pairs(COINCIDENT * float(np.ptp(self.points, axis=0).max()))
         return self.points[sorted({first for first, _ in pairs} - {second for _, second in pairs})]
-
-    def distribute(self, comm: MPI.Comm) -> Mesh:
-        """The mesh as a dolfinx mesh, spread over `comm`; collective."""
-        return create_mesh(comm, self.cell, self.points, self.cells)
 
     def require(self, names: Sequence[str]) -> None:
         """Raise an `InputError`, which lists the mesh's groups, if one of the groups `names` is missing."""

@@ -37,7 +37,7 @@ the last middle to the last element.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -149,18 +149,16 @@ class MidLine:
 
 def section_of(profile: BoxProfile, poisson: float) -> BeamSection:
     """Section properties of a profile, for the material's Poisson ratio `poisson`."""
-    line = MidLine(profile)
-    area, first, second = np.zeros(()), np.zeros(2), np.zeros((2, 2))
+    line, total = MidLine(profile), FigureMoments()
     for k, side in enumerate(line.sides):
         neighbours = line.sides[k - 1], line.sides[(k + 1) % len(line.sides)]
-        integrals = _sector(side) if side.centre is not None else _strip(side, *neighbours)
-        area, first, second = (total + part for total, part in zip((area, first, second), integrals, strict=True))
-    centroid = _zero_round_off(first / area, max(profile.width, profile.height))
-    second = second - area * np.outer(centroid, centroid)
+        total = total.plus(_sector(side) if side.centre is not None else _strip(side, *neighbours))
+    centroid = _zero_round_off(total.first / total.area, max(profile.width, profile.height))
+    second = total.second - total.area * np.outer(centroid, centroid)
     b, h, shear = profile.width, profile.height, np.diag(line.shear_compliance)
     (y, z), (y_s, z_s) = centroid, line.shear_centre
     return BeamSection(
-        area=float(area),
+        area=total.area,
         second_moment_y=float(second[1, 1]),
         second_moment_z=float(second[0, 0]),
         product_of_inertia=float(_zero_round_off(second[:1, 1], second.trace())[0]),
@@ -212,14 +210,8 @@ def _first_moments(side: Side, x: Array, centroid: Array) -> Array:
     return np.asarray(side.thickness * ((side.centre - centroid) * s + side.radius**2 * turned))
 
 
-Integrals = tuple[Array, Array, Array]
-
-
-def _strip(side: Side, before: Side, after: Side) -> Integrals:
-    """Integrals of 1, p (2,) and p p^T (2, 2) over the flat plate of a `side`, with p from the axis.
-
-    p is a vector in m.  The plate is mitred at sharp corners with the sides `before` and `after`.
-    """
+def _strip(side: Side, before: Side, after: Side) -> FigureMoments:
+    """Area and moments of the flat plate of a `side`, mitred at sharp corners with the sides `before` and `after`."""
     x, w = np.polynomial.legendre.leggauss(3)
     out = x * side.thickness / 2.0
     start = out * _mitre(side, before)
@@ -227,7 +219,8 @@ def _strip(side: Side, before: Side, after: Side) -> Integrals:
     middle = np.add(side.start, np.outer(out, side.normal) + np.outer(start + length / 2.0, side.direction))
     area = w * side.thickness / 2.0 * length
     along = np.outer(side.direction, side.direction) * (area @ length**2) / 12.0
-    return area.sum(), area @ middle, np.einsum("q,qi,qj", area, middle, middle) + along
+    second = np.einsum("q,qi,qj", area, middle, middle) + along
+    return FigureMoments(float(area.sum()), area @ middle, second)
 
 
 def _mitre(side: Side, other: Side) -> float:
@@ -241,11 +234,8 @@ def _mitre(side: Side, other: Side) -> float:
     return float((cosine * side.thickness - other.thickness) / np.sqrt(1.0 - cosine**2) / side.thickness)
 
 
-def _sector(side: Side) -> Integrals:
-    """Integrals of 1, p (2,) and p p^T (2, 2) over a rounded corner `side`, a sector of a ring.
-
-    p is the vector from the axis.
-    """
+def _sector(side: Side) -> FigureMoments:
+    """Area and moments of a rounded corner `side`, a sector of a ring."""
     r, t, centre = side.radius, side.thickness, np.array(side.centre)
     a, b = _arc_angles(side, np.array([0.0, 1.0]))
     c, s, twice = np.sin(b) - np.sin(a), np.cos(a) - np.cos(b), (np.sin(2.0 * b) - np.sin(2.0 * a)) / 4.0
@@ -254,7 +244,8 @@ def _sector(side: Side) -> Integrals:
     half = side.angle / 2.0
     second = (r**3 * t + r * t**3 / 4.0) * np.array([[half + twice, mixed], [mixed, half - twice]])
     shift = np.outer(centre, first)
-    return np.array(area), area * centre + first, second + shift + shift.T + area * np.outer(centre, centre)
+    second = second + shift + shift.T + area * np.outer(centre, centre)
+    return FigureMoments(float(area), area * centre + first, second)
 
 
 def _poisson_factor(across: float, along: float, nu: float) -> float:
@@ -284,13 +275,14 @@ def _shear_coefficient(m: float, nu: float) -> float:
 class FigureMoments:
     """Integrals of 1, p and p p^T over a plane figure, where p is the vector from the beam's axis."""
 
-    area: float  # m^2
-    first: Array  # (2,) m^3
-    second: Array  # (2, 2) m^4
+    area: float = 0.0  # m^2
+    first: Array = field(default_factory=lambda: np.zeros(2))  # (2,) m^3
+    second: Array = field(default_factory=lambda: np.zeros((2, 2)))  # (2, 2) m^4
 
-    def less(self, other: FigureMoments) -> FigureMoments:
-        """Integrals over this figure without `other`, a figure inside this one."""
-        return FigureMoments(self.area - other.area, self.first - other.first, self.second - other.second)
+    def plus(self, other: FigureMoments, factor: float = 1.0) -> FigureMoments:
+        """Integrals over this figure plus `factor` times those over `other`; -1 cuts a figure out of this one."""
+        first, second = self.first + factor * other.first, self.second + factor * other.second
+        return FigureMoments(self.area + factor * other.area, first, second)
 
 
 @dataclass(frozen=True)
@@ -303,7 +295,7 @@ class RingMasses:
     second: Array  # (E, 2, 2) m^4
 
     def at_positions(self, places: Array) -> RingMasses:
-        """Areas and moments of those e elements that contain the coordinates `places` (e,) m."""
+        """Areas and moments of those e elements that contain the coordinates `places` (e,) m; `ends` stay all ends."""
         number = np.clip(np.searchsorted(self.ends, places) - 1, 0, len(self.area) - 1)
         return replace(self, area=self.area[number], first=self.first[number], second=self.second[number])
 
@@ -329,7 +321,7 @@ def ring_masses(box: Box, stations: Array) -> RingMasses:
         sides = box.profile_at(x).sides
         plate = enclosed_figure(sides)
         if box.frame_depth != "full":
-            plate = plate.less(enclosed_figure(inset_sides(sides, box.frame_depth)))
+            plate = plate.plus(enclosed_figure(inset_sides(sides, box.frame_depth)), -1.0)
         k = int(np.clip(np.searchsorted(middles, x), 1, len(h) - 1)) if len(h) > 1 else 0
         share = np.clip((middles[k] - x) / (middles[k] - middles[k - 1]), 0.0, 1.0) if k else 0.0
         for e, share_of_element in ((k - 1, share), (k, 1.0 - share)):

@@ -57,7 +57,8 @@ class SectionsAlong:
     def section_numbers(self, places: Array | float) -> Indices:
         """Numbers (k,) of the sections at coordinates `places` (k,) m along the axis.
 
-        Where one section ends and another begins, the number is that of the latter.
+        Where one section ends and another begins, the number is that of the latter.  Places beyond an end of the beam
+        belong to the first or the last section.
         """
         return np.clip(np.searchsorted(self.ends, places, side="right") - 1, 0, len(self.each) - 1)
 
@@ -127,15 +128,7 @@ class SectionsAlong:
     @cached_property
     def second_moments(self) -> Array:
         """Second moments (K, 2) m^4 about the centroid, for bending along each principal axis."""
-        tensors = np.array(
-            [
-                [
-                    [section.second_moment_z, section.product_of_inertia],
-                    [section.product_of_inertia, section.second_moment_y],
-                ]
-                for section in self.each
-            ]
-        )
+        tensors = np.array([_second_moment_matrix(section) for section in self.each])
         return np.einsum("kij,kjl,kil->ki", self.principal, tensors, self.principal)
 
     @cached_property
@@ -222,6 +215,12 @@ def stations_of(breaks: Sequence[float], elements: int) -> Array:
     return np.concatenate(parts)
 
 
+def _second_moment_matrix(section: BeamSection) -> Array:
+    """Integrals (2, 2) in m^4 of y y, y z and z z over a section, with y and z from its centroid."""
+    product = section.product_of_inertia
+    return np.array([[section.second_moment_z, product], [product, section.second_moment_y]])
+
+
 def _principal_axes(section: BeamSection) -> Array:
     """Principal axes of a section, unit vectors in y and z, as the rows of a matrix (2, 2)."""
     if section.product_of_inertia == 0.0:
@@ -244,9 +243,7 @@ def axial_stress_factors(section: BeamSection, points: Array) -> Array:
 
     .. math:: \sigma = \frac{N}{A} + \begin{pmatrix} -M_z & M_y \end{pmatrix} I^{-1} (p - c)
     """
-    I = np.array([[section.second_moment_z, section.product_of_inertia],
-                  [section.product_of_inertia, section.second_moment_y]])  # fmt: skip
-    of_z, of_y = np.linalg.solve(I, np.subtract(points, section.centroid).T)
+    of_z, of_y = np.linalg.solve(_second_moment_matrix(section), np.subtract(points, section.centroid).T)
     factors = np.zeros((len(points), len(FORCES)))
     factors[:, 0], factors[:, 4], factors[:, 5] = 1.0 / section.area, of_y, -of_z
     return factors
@@ -398,7 +395,7 @@ class Bending:
         if self.shear_stiffness is None:
             return np.array([value, slope])
         third = _evaluate(THIRD, X) * scale / h**3
-        gamma = -(h**2) / 12.0 / (1.0 + (self.shear_stiffness / (12.0 * self.stiffness))[number] * h**2) * third
+        gamma = _shear_strain(third, h, self.stiffness[number], self.shear_stiffness[number])
         return np.array([value + gamma * h * (X - 3 * X**2 + 2 * X**3), slope + gamma * (-6 * X + 6 * X**2)])
 
     def deflection(self, w: Expr, h: Expr, X: Expr, of_elements: Callable[[Array], Expr]) -> Deflection:
@@ -414,7 +411,7 @@ class Bending:
             return Deflection(second, third, None, w, first, second)
         EI, kGA = of_elements(self.stiffness), of_elements(self.shear_stiffness)
         bulge = h * (X - 3 * X**2 + 2 * X**3)
-        gamma, steeper = -(h**2) / 12 / (1 + kGA * h**2 / (12 * EI)) * third, bulge.dx(0)
+        gamma, steeper = _shear_strain(third, h, EI, kGA), bulge.dx(0)
         rotation, curvature = first + gamma * (steeper - 1), second + gamma * steeper.dx(0)
         return Deflection(second, third, gamma, w + gamma * bulge, rotation, curvature)
 
@@ -426,6 +423,15 @@ class Bending:
         EI = of_elements(self.stiffness)
         integrand = EI * trial.second * test.second
         return integrand if trial.shear is None else integrand + EI * trial.shear * test.third
+
+
+def _shear_strain(third: Expr, h: Expr, EI: Expr, kGA: Expr) -> Expr:
+    """Shear strain of elements of length h in m, whose cubic deflection has the third derivative `third` in 1/m^2.
+
+    EI in N m^2 and kGA in N are the stiffnesses in bending and shear.  All arguments and the result are in UFL, or all
+    are arrays.
+    """
+    return -(h**2) / 12 / (1 + kGA * h**2 / (12 * EI)) * third
 
 
 def _evaluate(polynomials: Array, X: Array) -> Array:

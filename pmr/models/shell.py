@@ -273,7 +273,7 @@ def of(body: Body, mesh: NamedMesh) -> Shell:
     return replace(shell, walls=walls)
 
 
-def draw_box(box: Box, size: float, along: float, tail_layer: float = 0.0) -> BoxBoom:
+def boom_of_box(box: Box, size: float, along: float, tail_layer: float = 0.0) -> BoxBoom:
     """Description of a box and the sizes of its cells, from which gmsh draws and meshes it.
 
     Cells have the width `size` (m) around the section and the length `along` (m), 0: the same as `size`.  `tail_layer`
@@ -292,9 +292,9 @@ def draw_box(box: Box, size: float, along: float, tail_layer: float = 0.0) -> Bo
 def walls_along(box: Box, mesh: NamedMesh) -> Array:
     """Thickness (C,) in m in the middle of each of C cells of a box that varies along its axis.
 
-    The mesh is one that `draw_box` has described.  Cells of frames have the thickness of the frames' plates.
+    The mesh is one that `boom_of_box` has described.  Cells of frames have the thickness of the frames' plates.
     """
-    boom = draw_box(box, box.length, 0.0)
+    boom = boom_of_box(box, box.length, 0.0)
     middle = mesh.points[mesh.cells].mean(axis=1)[:, 0]
     thickness = np.full(len(middle), box.frame_plate_thickness)
     for k, side in enumerate(boom.sides):

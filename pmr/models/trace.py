@@ -126,7 +126,7 @@ def group_trace(mesh: NamedMesh, nodes: Nodes, name: str, parts: int = 1) -> Tra
     jacobian = np.einsum("dqk,eki->eqid", slopes, corners, optimize=True)
     metric = np.einsum("eqic,eqid->eqcd", jacobian, jacobian)
     measure = np.sqrt(np.linalg.det(metric)) if group.dim else np.ones((1, 1))
-    first = _entity_nodes(mesh, nodes, name, kind)
+    first = _entity_nodes(mesh, nodes, name)
     order = np.argsort(first, axis=1)
     columns = np.repeat(np.take_along_axis(first, order, axis=1)[:, None, :], len(weights), axis=1)
     ends = np.arange(0, columns.size + 1, first.shape[1])
@@ -171,9 +171,8 @@ def coordinates_on(mesh: NamedMesh, nodes: Nodes, name: str, components: Sequenc
     Raises the errors of `group_trace`.
     """
     group = _named_group(mesh, name)
-    topology = cell_topology(ENTITY_KINDS[group.dim, group.entities.shape[1]]) if group.dim else [[[0]]]
     coordinates = []
-    for dim, parts in enumerate(topology):
+    for dim, parts in enumerate(_topology(group)):
         carried = len(nodes.components.get(dim, ()))
         if carried:
             coordinates.append((_part_coordinates(mesh, nodes, name, parts)[..., None] + np.arange(carried)).ravel())
@@ -187,16 +186,19 @@ def _named_group(mesh: NamedMesh, name: str) -> Group:
     return mesh.groups[name]
 
 
-def _entity_nodes(mesh: NamedMesh, nodes: Nodes, name: str, kind: str) -> Indices:
+def _topology(group: Group) -> list[list[list[int]]]:
+    """Vertices of the sub-entities of a group's entities on the reference cell, for each dimension from 0 on."""
+    return cell_topology(ENTITY_KINDS[group.dim, group.entities.shape[1]]) if group.dim else [[[0]]]
+
+
+def _entity_nodes(mesh: NamedMesh, nodes: Nodes, name: str) -> Indices:
     """First coordinates (e, k) of the k displacement nodes on each of e entities, in the order of Lagrange functions.
 
-    The entities are those of the group `name`; `kind` is the kind of the entities' cells.  Raises the InputError of
-    `_part_coordinates`.
+    The entities are those of the group `name`.  Raises the InputError of `_part_coordinates`.
     """
-    topology = cell_topology(kind) if mesh.groups[name].dim else [[[0]]]
     tables = [
         _part_coordinates(mesh, nodes, name, parts)
-        for dim, parts in enumerate(topology)
+        for dim, parts in enumerate(_topology(mesh.groups[name]))
         if 0 in nodes.components.get(dim, ())
     ]
     return np.concatenate(tables, axis=1)

@@ -25,7 +25,7 @@ from pmr.fullmodel.wall_stress import (
     yield_forces,
 )
 from pmr.models.meshed import node_fits
-from pmr.models.shell import draw_box
+from pmr.models.shell import boom_of_box
 from pmr.results.field_series import mean_by_place
 from pmr.results.field_stress import FORCES, PLANE, von_mises
 from pmr.scene import Scene
@@ -75,7 +75,7 @@ def test_the_bar_is_larger_where_the_largest_stress_is_on_an_edge() -> None:
 def test_values_at_nodes_are_those_of_a_quadratic_field_up_to_the_edges_of_each_wall() -> None:
     box = section().body.box
     assert box is not None
-    mesh = shell_of(PlateBody(draw_box(box, 0.05, 0.1), box, section().body.material, 5.0 / 6.0)).mesh
+    mesh = shell_of(PlateBody(boom_of_box(box, 0.05, 0.1), box, section().body.material, 5.0 / 6.0)).mesh
     x, y, z = mesh.points[mesh.cells].mean(axis=1).T
     (fits, on_edge), number = node_fits(mesh), 0
     for name, of_wall in mesh.regions.items():
@@ -207,7 +207,7 @@ def test_local_and_whole_stress_add_up_to_that_of_a_shell_of_the_whole_section()
 
     def whole(fineness: int) -> float:
         cells = size[1] / (fineness * wall_stress.ACROSS), size[0] / (fineness * wall_stress.ALONG)
-        body = PlateBody(draw_box(box, *cells), box, part.body.material, part.body.shear_correction)
+        body = PlateBody(boom_of_box(box, *cells), box, part.body.material, part.body.shear_correction)
         shell = shell_of(body)
         model, rows, fits = HeldModel(shell, body), shell.stresses(), node_fits(shell.mesh).matrix
         (stress,) = rows.evaluate((model.under_pads([*middle, *ends])[:, : len(f)] @ f)[None])
@@ -216,7 +216,7 @@ def test_local_and_whole_stress_add_up_to_that_of_a_shell_of_the_whole_section()
         near = np.concatenate([np.abs((fits @ rows.points[of])[:, 0] - 1.0) < size[0] for of in on])
         return float(von_mises(np.concatenate([fits @ stress[of] for of in on]), PLANE)[near].max())
 
-    body = PlateBody(draw_box(box, 0.05, 0.05), box, part.body.material, part.body.shear_correction)
+    body = PlateBody(boom_of_box(box, 0.05, 0.05), box, part.body.material, part.body.shear_correction)
     line = beam_of(body)
     held, forces = HeldModel(line, body), line.section_forces()
     values = forces.rows @ (held.under_pads([*middle, *ends])[:, : len(f)] @ f)

@@ -13,7 +13,7 @@ from pmr.fullmodel.structure import Clamp, Structure, structural_model
 from pmr.fullmodel.wall_compliance import A_LAYER, PlateBody, Ring, places_along, wall_compliance
 from pmr.fullmodel.walls import Sliding, Standing, Walls, summary
 from pmr.models.beam3d import Beam3D
-from pmr.models.shell import draw_box
+from pmr.models.shell import boom_of_box
 from pmr.scene.box import Box
 from pmr.scene.structures import Beam3DBody, BoxProfile, Material, PointMass
 
@@ -190,7 +190,7 @@ def found(thickness: float, staying=PRESSED, rings=(), ends=(), clamps=()):
     pytest.importorskip("gmsh")
     box = Box(length=2.4, width=0.3, height=0.4, wall=thickness)
     return wall_compliance(
-        PlateBody(draw_box(box, 0.15, 0.15), box, Material(), 5.0 / 6.0, clamps), staying, ends, rings
+        PlateBody(boom_of_box(box, 0.15, 0.15), box, Material(), 5.0 / 6.0, clamps), staying, ends, rings
     )
 
 

@@ -12,7 +12,7 @@ from pmr.fullmodel.model import assemble_model
 from pmr.fullmodel.pads import Pad
 from pmr.fullmodel.wall_compliance import PlateBody, Ring, wall_compliance
 from pmr.models.profile_section import enclosed_figure, inset_sides, section_of
-from pmr.models.shell import draw_box
+from pmr.models.shell import boom_of_box
 from pmr.scene.box import Box
 from pmr.scene.profile import BoxProfile
 from pmr.scene.structures import Material
@@ -45,7 +45,7 @@ def test_a_beam_weighs_what_its_frames_weigh_where_they_are(depth, elements: int
     """Mass, centre and moments of inertia of rigid motions, but for what is due to the elements' length alone."""
     box = Box(**(FRAMED | BELOW | {"frames": [1.7, 4.1], "frame_depth": depth}))
     plate = enclosed_figure(box.sides)
-    plate = plate if depth == "full" else plate.less(enclosed_figure(inset_sides(box.sides, depth)))
+    plate = plate if depth == "full" else plate.plus(enclosed_figure(inset_sides(box.sides, depth)), -1.0)
     own, area = section_of(box, 0.3), PLATE * plate.area
     found = {}
     for shear in (False, True):
@@ -89,7 +89,7 @@ def test_plates_of_a_shell_are_as_large_and_thick_as_they_are(depth, taper: dict
     for at in (1.5, 4.5):
         sides = box.profile_at(at).sides
         plate = enclosed_figure(sides)
-        plate = plate if depth == "full" else plate.less(enclosed_figure(inset_sides(sides, depth)))
+        plate = plate if depth == "full" else plate.plus(enclosed_figure(inset_sides(sides, depth)), -1.0)
         here = cells[np.abs(x[cells] - at) < 1e-9]
         assert areas(model.mesh)[here].sum() == pytest.approx(plate.area, rel=1e-9)
     others = np.setdiff1d(np.arange(len(x)), cells)
@@ -104,7 +104,7 @@ def test_walls_are_stiffer_near_a_frame() -> None:
     found = {}
     for name, frames in (("bare", ()), ("framed", (1.2,))):
         box = Box(length=2.4, width=0.3, height=0.4, wall=0.008, frames=frames, frame_depth=0.06)
-        body = PlateBody(draw_box(box, 0.15, 0.15), box, Material(), 5.0 / 6.0, frames=box.frame_plate_thickness)
+        body = PlateBody(boom_of_box(box, 0.15, 0.15), box, Material(), 5.0 / 6.0, frames=box.frame_plate_thickness)
         _, (along,) = wall_compliance(body, (), (), (ring,))
         found[name] = along.sliding[:, 0, 0]
         where = 0.5 + along.u
