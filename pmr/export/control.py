@@ -219,7 +219,7 @@ def write_modelica(npz_path: Path, target: Path, options: Options) -> Path:
     ]
     lines += [_variable("output", names(title), title, unit) for title, unit in outputs]
     variables = [line.split("(")[0].split()[-1] for line in lines]
-    i = len(space.inputs)
+    i, units = len(space.inputs), {path_unit(path) for path in space.paths}
     equations = [f"  f[{k}] = {variable};" for k, variable in enumerate(variables[:i], 1)]
     equations += [f"  {variable} = y[{k}];" for k, variable in enumerate(variables[i:], 1)]
     S, n = space.A.shape[:2]
@@ -231,7 +231,8 @@ def write_modelica(npz_path: Path, target: Path, options: Options) -> Path:
             **{"S": S, "P": max(1, space.s.shape[1]), "n": n, "i": i, "q": len(space.outputs)},
             **{key: _braces(getattr(space, key)) for key in "ABCD"},
             s=_braces(space.s if space.paths else np.zeros((S, 1))),
-            paths=_escape(", ".join(space.paths) or "nothing travels"),
+            unit=f'(each unit = "{units.pop()}")' if len(units) == 1 else "",
+            paths=_escape(", ".join(f"{path} in {path_unit(path)}" for path in space.paths) or "nothing travels"),
             variables="\n".join(lines),
             equations="\n".join(equations),
         )

@@ -18,7 +18,8 @@ from state_spaces import frequency_response
 
 import pmr
 from pmr import InputError, ReducedModel, SimulationError, System
-from pmr.export.formats import BODY_FORMATS, FORMATS
+from pmr.export.control import write_modelica, write_python_control
+from pmr.export.formats import BODY_FORMATS, FORMATS, Options
 from pmr.export.state_space import path_positions, state_space
 from pmr.scene import Scene
 from pmr.scene.signals import Constant
@@ -146,7 +147,7 @@ def test_a_flexible_body_is_none_of_several_sections(to: str, tmp_path: Path, ru
     assert "sections = ['base', 'middle', 'fly']: one body is allowed: such a file holds nodes" in done.stderr
 
 
-def test_a_luffing_angle_is_in_rad(tmp_path: Path, run_command) -> None:
+def test_a_luffing_angle_is_in_rad(tmp_path: Path, run_command, capsys: pytest.CaptureFixture[str]) -> None:
     scene = turning_cylinder.boom({"kind": "smooth_ramp", "times": [0.0, 0.02], "values": [10.0, 60.0]}, "beam2d", 1e8)
     system = pmr.reduce(scene).system
     npz, target = system.save(tmp_path / "boom.npz"), tmp_path / "response.csv"
@@ -158,6 +159,12 @@ def test_a_luffing_angle_is_in_rad(tmp_path: Path, run_command) -> None:
     assert refused.returncode == 2 and "luffing from -3.14159 to 3.14159 rad" in refused.stderr
     space = state_space(system, {"s1": 4.0, "luffing": 0.2}, "boom")
     assert space.place(0) == "s1 = 4.0 m, luffing = 0.2 rad"
+    options = Options(at="s1=4,luffing=0.2; s1=4,luffing=0.9")
+    text = write_modelica(npz, tmp_path / "Boom.mo", options).read_text()
+    assert '"s1 in m, luffing in rad";' in text and "s[2, 2] = {" in text
+    script = write_python_control(npz, tmp_path / "boom_space.py", options)
+    runpy.run_path(str(script), run_name="__main__")
+    assert capsys.readouterr().out.startswith("s1 = 4 m, luffing = 0.2 rad: ")
 
 
 @pytest.mark.slow

@@ -335,8 +335,8 @@ def _inputs_and_parameters(drivers: Drivers, names: Identifiers, start: Array) -
     for order, driver in sorted(orders, key=lambda each: (each[0], each[1].reference)):
         at = order * drivers.count + driver.reference
         what = ("", "rate of ", "second rate of ", "third rate of ")[order]
+        what += driver.description.partition("; ")[0] if order else driver.description
         unit, within = rate_unit(driver.unit, order), None if order else driver.within
-        what += driver.description
         yield replace(driver, reference=at, description=what, unit=unit, start=float(start[at]), within=within)
     first = 1 + ORDERS * drivers.count
     how = "undeformed and at rest, in equilibrium with the loads, or as the start values of the modes say"

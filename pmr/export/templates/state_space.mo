@@ -1,6 +1,6 @@
 block {name} "Boom on pads, linear, with its extensions held at one of {S} places; written by pmr"
   parameter Integer place(min = 1, max = {S}) = 1 "which of the places" annotation(Evaluate = true);
-  final parameter Real s[{S}, {P}](each unit = "m") = {s} "{paths}";
+  final parameter Real s[{S}, {P}]{unit} = {s} "{paths}";
   parameter Real x_start[{n}] = zeros({n}) "modal coordinates and their rates at the start";
 {variables}
   Real x[{n}](start = x_start, each fixed = true) "modal coordinates and their rates";

@@ -25,13 +25,13 @@ def _names(key):
 
 
 def system(k):
-    """X' = A x + B f, y = C x + D f at S[k] m."""
+    """X' = A x + B f, y = C x + D f at S[k]."""
     parts = [_DATA[name][:, :, k] for name in "ABCD"]
     return control.ss(*parts, inputs=_names("inputs"), outputs=_names("outputs"), states=_names("states"))
 
 
 def nearest(s):
-    """The state space at the place next to s (m)."""
+    """The state space at the place next to s, in the units of S."""
     return system(int(np.argmin(np.linalg.norm(np.reshape(S, (len(S), -1)) - np.reshape(s, (1, -1)), axis=1))))
 
 
@@ -39,4 +39,6 @@ if __name__ == "__main__":
     for k, s in enumerate(S):
         poles = system(k).poles()
         hertz = np.sort(np.abs(poles[poles.imag > 0.0])) / (2.0 * np.pi)
-        print(f"s = {s} m: {', '.join(f'{f:.4g}' for f in hertz[:4])} Hz")
+        along = zip(PATHS, np.atleast_1d(s), strict=False)  # nothing travels: no paths
+        place = ", ".join(f"{path} = {x:g} {'rad' if path == 'luffing' else 'm'}" for path, x in along)
+        print(f"{place or 'at rest'}: {', '.join(f'{f:.4g}' for f in hertz[:4])} Hz")
