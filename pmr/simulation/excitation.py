@@ -36,7 +36,7 @@ from pmr.simulation.frame_motion import (
     Product,
     computed_inputs,
     computed_parts,
-    held_where_computed,
+    hold_computed_motions,
     rotation_products,
 )
 from pmr.simulation.stepping import TimeStepping
@@ -91,7 +91,7 @@ class Excitation:
         loads |= computed_inputs(scene)
         terms = term_signals(scene)
         driven = scene.driven_paths, loads, stepping, scene.simulation, scene.start
-        held = held_where_computed(scene)
+        held = hold_computed_motions(scene)
         resting = None if held is scene else cls.from_scene(held)
         return cls(*driven, terms=terms, hoist=hoist_signals(scene), resting=resting)
 

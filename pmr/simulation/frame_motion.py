@@ -274,7 +274,7 @@ def computed_inputs(scene: Scene) -> dict[str, SignalBase]:
     return {} if samples is None else {name: ComputedInput(samples=samples, name=name) for name in samples.inputs}
 
 
-def held_where_computed(scene: Scene) -> Scene:
+def hold_computed_motions(scene: Scene) -> Scene:
     """Scene in which motions that were computed rest where they are at t = 0; the scene itself if there are none.
 
     A machine whose directions are all held has none.

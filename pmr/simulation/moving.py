@@ -56,6 +56,12 @@ class StoredScene:
     #: the scene with its free luffing angle or extension; None if nothing is free, or the scene was read without it
     free_scene: Scene | None = None
 
+    @classmethod
+    def of_boom(cls, boom: Scene, system: System) -> StoredScene:
+        """The scene `boom` as a stored scene, with its loads at t = 0 under the full weight."""
+        in_full = Excitation.from_scene(boom.with_keys(gravity=boom.gravity and {"rise": 0.0}))
+        return cls(boom.title, Excitation.from_scene(boom), in_full.first_loads(system), boom)
+
     @property
     def luffs_freely(self) -> bool:
         """Whether the luffing angle is free."""
@@ -127,14 +133,14 @@ def _read_boom_scene(scene: Any, system: System, free: bool) -> StoredScene:
     """
     boom = stored_scene(scene, "provenance.scene", RECORDED)
     computed = free and boom.computed_key in ("frame.luffing", *boom.extension_keys)
-    as_written, boom = boom, held_at_start(boom) if computed else boom
+    as_written, boom = boom, hold_at_start(boom) if computed else boom
     _check_steps(TimeStepping(boom.time.end, boom.time.step))
     if set(system.bodies) != set(boom.bodies) or not set(system.paths) <= set(boom.driven_paths):
         raise ValueError(f"sections {', '.join(system.bodies)} and paths {', '.join(system.paths)} are needed")
-    return replace(store_boom_scene(boom, system), free_scene=as_written if computed else None)
+    return replace(StoredScene.of_boom(boom, system), free_scene=as_written if computed else None)
 
 
-def held_at_start(scene: Scene) -> Scene:
+def hold_at_start(scene: Scene) -> Scene:
     """Scene whose free extensions, or else its luffing angle, stay where they begin.
 
     If the luffing angle stays, the frame gets a slewing angle of 0 unless it has one.
@@ -154,13 +160,6 @@ def _check_steps(stepping: TimeStepping) -> TimeStepping:
     if stepping.steps > MOST_STEPS:
         raise ValueError(f"{stepping.steps} steps, at most {MOST_STEPS:,} steps are allowed")
     return stepping
-
-
-def store_boom_scene(boom: Scene, system: System) -> StoredScene:
-    """Scene `boom` as a stored scene, with its loads at t = 0 under the full weight."""
-    excitation = Excitation.from_scene(boom)
-    in_full = Excitation.from_scene(boom.with_keys(gravity=boom.gravity and {"rise": 0.0}))
-    return StoredScene(boom.title, excitation, in_full.first_loads(system), boom)
 
 
 def path_ranges(system: System) -> dict[str, tuple[float, float]]:

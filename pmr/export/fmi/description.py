@@ -22,7 +22,7 @@ from pmr.scene.signals import SignalBase
 from pmr.scene.signals.base import Strand
 from pmr.simulation.contact_step import contact_frequency, contact_frequency_within
 from pmr.simulation.excitation import Excitation, signals_in_order
-from pmr.simulation.moving import DRIVE, EXTENSION_DRIVE, StoredScene, store_boom_scene
+from pmr.simulation.moving import DRIVE, EXTENSION_DRIVE, StoredScene
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.free_motion import with_free_motion
@@ -206,7 +206,7 @@ def reference(drivers: Drivers, scene: StoredScene) -> Reference:
     `pmr.simulation.native.free_motion.with_free_motion`.
     """
     if scene.free_scene is not None:
-        scene = store_boom_scene(with_free_motion(scene.free_scene, drivers.system)[0], drivers.system)
+        scene = StoredScene.of_boom(with_free_motion(scene.free_scene, drivers.system)[0], drivers.system)
     system, excitation = drivers.system, scene.excitation
     inputs = input_cubics(drivers, excitation)
     reached = _cubic_excitation(drivers, excitation, inputs)

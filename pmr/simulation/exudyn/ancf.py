@@ -57,11 +57,17 @@ class Cable:
         return self.length / self.elements
 
     def left_elements(self, x: Array) -> Indices:
-        """Numbers of the elements with the material points x (any shape) in m, like x; at a node, of the left one."""
+        """Numbers, like x, of the elements with the material points x (any shape) in m; at a node, of the left one.
+
+        Points beyond an end of the cable count to the element there.
+        """
         return np.clip(np.ceil(x / self.element_length - _ON_NODE).astype(int) - 1, 0, self.elements - 1)
 
     def right_elements(self, x: Array) -> Indices:
-        """Numbers of the elements with the material points x (any shape) in m, like x; at a node, of the right one."""
+        """Numbers, like x, of the elements with the material points x (any shape) in m; at a node, of the right one.
+
+        Points beyond an end of the cable count to the element there.
+        """
         return np.clip(np.floor(x / self.element_length + _ON_NODE).astype(int), 0, self.elements - 1)
 
 

@@ -270,7 +270,7 @@ def zero_jacobian(equations: Equations, steps: Steps) -> Callable[..., exu.Matri
 
 
 #: Name as a simulator of a scene, and function that adds the items, of each formulation.
-FORMULATIONS: dict[Formulation, tuple[str, AddItems]] = {
+ADD_BY: dict[Formulation, tuple[str, AddItems]] = {
     "springs": ("exudyn", add_with_springs),
     "multipliers": ("exudyn-multiplier", add_with_multipliers),
     "callbacks": ("exudyn-callback", add_with_callbacks),

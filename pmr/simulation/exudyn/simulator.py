@@ -21,7 +21,7 @@ from pmr.simulation.contact_step import StepParts, contact_frequency, with_sched
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.exudyn.contacts import Balance, Contacts, Motion, Pads, balance_energy
 from pmr.simulation.exudyn.equations import Driving, Equations, NodeCoordinate, SignalInputs, TabulatedInputs
-from pmr.simulation.exudyn.formulations import FORMULATIONS, Formulation
+from pmr.simulation.exudyn.formulations import ADD_BY, Formulation
 from pmr.simulation.exudyn.free_base import Base, OnBody, add_without_contacts, loads_on_base, terms_on_base, with_base
 from pmr.simulation.exudyn.items import (
     SystemItems,
@@ -110,7 +110,7 @@ def add_system(
     if on is not None:
         loads, terms = loads_on_base(system, loads), terms_on_base(loads, paths, on)
     inputs = SignalInputs(mbs, equations, paths, loads, terms or {})
-    name, add = FORMULATIONS[formulation]
+    name, add = ADD_BY[formulation]
     if free := [path for path, driving in paths.items() if isinstance(driving, NodeCoordinate)]:
         if on is None or formulation != "springs":
             allowed = "a coordinate of a node is allowed for a boom on a rigid body (on), with the formulation springs"
@@ -177,7 +177,7 @@ def step_parts(system: System, excitation: Excitation, initial: Mapping[str, Ini
 
 
 class SystemRun:
-    """Simulation of a system under an excitation; steps are divided as a schedule says or as the contacts need it."""
+    """Simulation of a system under an excitation; steps are divided as `step_parts` says."""
 
     def __init__(
         self, system: System, excitation: Excitation, initial: Mapping[str, InitialState], formulation: Formulation
@@ -189,7 +189,7 @@ class SystemRun:
         """
         self.system, self._excitation, self._formulation = system, excitation, formulation
         self._equations, self._friction = Equations(system), Friction.from_contacts(system.contacts)
-        name, add = FORMULATIONS[formulation]
+        name, add = ADD_BY[formulation]
         self._needs = self._equations.needs(self._equations.side_positions(excitation), excitation.stepping.rho_inf)
         refuse_unsupported(name, self._needs)
         self._lengths = step_parts(system, excitation, initial)

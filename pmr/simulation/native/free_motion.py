@@ -53,7 +53,7 @@ from pmr.simulation.moving import (
     OF_FRAME,
     MovingFrame,
     StoredScene,
-    held_at_start,
+    hold_at_start,
     read_scene,
 )
 from pmr.simulation.native.form import SystemForm, begin, path_text, step_failure
@@ -156,7 +156,7 @@ class ExtensionRun:
 
         Raises InputError if the kernel does not support the system.
         """
-        self._scene, first = scene, held_at_start(scene)
+        self._scene, first = scene, hold_at_start(scene)
         ((self._number, self._extension),) = scene.free_extensions.items()
         self._excitation, self.form, self._system = Excitation.from_scene(first), SystemForm.of(system), system
         stepping, modal = self._excitation.stepping, self.form.modal
@@ -289,7 +289,7 @@ class LuffingRun(MachineRun):
         of_machine = scene.with_keys(frame=as_machine)
         t = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf).times
         cylinder = None if frame.cylinder is None else kernel_cylinder(frame.cylinder, t)
-        super().__init__(of_machine, system, held_at_start(scene), self.level, cylinder, LUFFING_REASONS)
+        super().__init__(of_machine, system, hold_at_start(scene), self.level, cylinder, LUFFING_REASONS)
 
     def with_luffing(self) -> Scene:
         """Take all steps and return the scene with the computed luffing angle as a signal.
