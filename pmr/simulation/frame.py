@@ -72,6 +72,10 @@ class BaseAcceleration(FrameSignal):
         """Acceleration in m/s^2 at the times t (any shape) in s, in the shape of t."""
         return np.asarray(self.displacement.second_rate(t) + self.acceleration.value(t))
 
+    def highest_frequency(self, start: float, end: float) -> float:
+        """Highest frequency in Hz of displacement and prescribed acceleration from `start` to `end` in s."""
+        return max(signal.highest_frequency(start, end) for signal in self.signals)
+
     @property
     def strands(self) -> tuple[Strand, ...]:
         """Pieces of the signal for the kernel, in which those of the displacement stand for its second rate."""

@@ -53,6 +53,13 @@ def test_a_drive_that_the_steps_do_not_resolve_is_warned_of_once_by_its_key(key:
     assert line.endswith(expected.partition(": ")[2])
 
 
+def test_a_base_that_is_shaken_accelerates_the_boom_with_no_other_frequency() -> None:
+    """Loads of the frame are linear in the acceleration of its base, which has ten steps a period."""
+    shaken = "frame.base.x={kind='sine',amplitude=0.01,frequency=25.0}"
+    scene = pmr.load_scene(plain_machines.HOIST, (shaken, "time.end=2.0", "compare.against=[]"))
+    assert sampling_part(scene, Excitation.from_scene(scene)).warnings == []
+
+
 def test_what_follows_from_a_signal_that_the_steps_resolve_is_told_in_one_line() -> None:
     """Loads of the frame have the square of a rate, so twice its frequency."""
     slewing = "frame.slewing={kind='sine',amplitude=0.01,frequency=20.0}"
