@@ -124,7 +124,7 @@ class _Files:
             yield place, text
 
     def include(self, card: Card, within: Sequence[Path]) -> Iterator[tuple[Place, str]]:
-        """Return place and text of each line of the file that the option INPUT of a card names.
+        """Return an iterator over place and text of each line of the file that the option INPUT of a card names.
 
         `within` are the files that led to the card, the deck first.  The file is looked for in the folder of the deck,
         then in that of the file that names it.  Raises InputError, with file and line, for a file that is missing or
@@ -242,7 +242,8 @@ def move_instance(card: Card, points: Sequence[Point]) -> list[Point]:
     """Return the points of the N nodes of an instance, from their `points` in the part; empty without nodes.
 
     The first line of the instance's `card` has a translation.  The second one has two points on an axis and an angle in
-    degrees by which the nodes are turned about it after they were moved.  Raises InputError for other lines.
+    degrees by which the nodes are turned about it after they were moved.  Numbers that are missing are 0.  Raises
+    InputError for other lines.
     """
     if not points:
         return []

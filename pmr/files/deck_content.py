@@ -144,7 +144,10 @@ class Deck:
     further: FurtherCards = field(default_factory=FurtherCards)
 
     def copy(self) -> Deck:
-        """Return a copy of this deck, to which nodes, elements and sets can be added without a change of this deck."""
+        """Return a copy of this deck, to which nodes, elements and sets can be added without a change of this deck.
+
+        Coordinates of nodes that follow are along the axes of the whole again: the copy has no `axes`.
+        """
         sets = deepcopy({"node_sets": self.node_sets, "element_sets": self.element_sets})
         return Deck(**{name: copy(value) for name, value in vars(self).items()} | sets | {"axes": None})
 

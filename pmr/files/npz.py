@@ -328,7 +328,10 @@ def _expand_alias(hint: Any) -> Any:
 
 @cache
 def _field_types(cls: Any) -> dict[str, Any]:
-    """Return the types of a dataclass's fields, by the fields' names; of an optional type, the type without None."""
+    """Return the types of a dataclass's fields, by the fields' names; of an optional type, the type without None.
+
+    The result is cached and shared.
+    """
     hints = get_type_hints(cls)
     return {field.name: _without_none(hints[field.name]) for field in fields(cls)}
 

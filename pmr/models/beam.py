@@ -154,11 +154,11 @@ class Beam(FiniteElementModel, ABC):
         return T
 
     def bending_load(self, direction: str, gradient: float) -> sp.csr_matrix:
-        r"""Row (1, n) of the load by an initial strain whose gradient along `direction` is `gradient` in 1/m.
+        r"""Row (1, n) of the load by an initial strain whose gradient along `direction`, y or z, is `gradient` in 1/m.
 
         The strain is zero at the centroid.  Under the gradient :math:`\kappa` an element with the bending stiffness EI
         is bent by the moments :math:`\mp EI \kappa` at its ends, which is the integral of :math:`EI \kappa\, \delta
-        w''` along it.
+        w''` along it.  The row is zero for a direction along which the beam does not bend.
         """
         d, load = len(self.directions), np.zeros(len(self.directions) * (self.first[-1] + 2))
         for slope, stiffness in self.bending_stiffness(direction).items():

@@ -86,7 +86,10 @@ class Mover:
         return self.displacement(place)
 
     def centroid(self, place: str | float) -> Array:
-        """Position (3,) in m of a place on the axis; InputError for a group other than tail and tip."""
+        """Position (3,) in m of a place on the axis: ``tail``, ``tip`` or a distance in m.
+
+        Raises an `InputError` for another name.
+        """
         ends = {"tail": 0.0, "tip": self.body.length}
         if isinstance(place, str) and place not in ends:
             raise InputError("scene", "place", place, "tail, tip or a number is allowed on a mover")

@@ -185,8 +185,8 @@ def with_attachment_modes(
 
     The principal responses are those with the most inertia, at most `MOST`, that together have all but a share
     `left_out` of the inertia of all responses.  If the section has a cylinder, `RICHER` modes of the cylinder are
-    included.  If no load moves the residual part and there is no cylinder, the model is returned unchanged; any other
-    result has no enrichment modes.
+    included, and the result has no enrichment modes.  If nothing moves the residual part, the model is returned
+    unchanged, but for residual flexibility under the force of a cylinder, which is then round-off and set to zero.
 
     The result has no reactions of rigid supports if the model lacks ``carriers.support_inertia``, as models of earlier
     versions do.  A ValueError is raised if the model lacks flexibility or inertia of its residual part on carriers.

@@ -322,7 +322,7 @@ def clear_rows(F: Array, mask: Mask) -> None:
 
 
 def compliant_rows(body: SlidingBody) -> list[int]:
-    """Numbers of the rows of a body that have flexibility: residual flexibility, or the compliance of a pad."""
+    """Numbers of the rows that have flexibility anywhere on the path: residual flexibility, or compliance of a pad."""
     F = np.diag(body.row_compliance)
     if body.flexibility is not None:
         F = F + np.abs(power_contributions(body.flexibility.rows)).max(axis=(0, 1))

@@ -258,8 +258,8 @@ def combine_rings(system: System) -> CombinedRings:
     """Combine the pads of each ring around a section of reduced bodies into the fewest contacts with the same effect.
 
     The result has the system with fewer contacts, and the shares from which the forces of the original contacts follow.
-    For a system on one path (`System.on_one_path`), or without rings that can be combined, it has the system unchanged
-    and no shares.
+    Of all else, the new system has the terms alone, neither provenance nor hoist nor `on_modes`.  For a system on one
+    path (`System.on_one_path`), or without rings that can be combined, it has the system unchanged and no shares.
     """
     if system.on_one_path:
         return CombinedRings(system)

@@ -242,7 +242,7 @@ class IntervalColumns(NamedTuple):
 
     codes: Indices  # (c,): each once, ascending
     place: Indices  # (c,): index of each code's column among the columns of its interval
-    columns: Indices  # (k, w): ascending; an interval with fewer columns repeats its last one
+    columns: Indices  # (k, w): ascending; an interval with fewer columns repeats its last one, or column 0 without any
 
 
 def columns_by_interval(touching: Indices, n: int, k: int) -> IntervalColumns:

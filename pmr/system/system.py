@@ -251,7 +251,7 @@ class BodySystem(Generic[AnyBody]):
         return ranges
 
     def side_rates(self, rates: Mapping[str, ArrayLike]) -> Array:
-        """Rates (..., sides) in m/s of the places of all sides; `rates` maps names of paths to their rates in m/s.
+        """Rates (..., sides) in m/s of the places of all sides; `rates` maps names of all paths to their rates in m/s.
 
         A place that does not travel has the rate 0.
         """
