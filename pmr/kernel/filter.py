@@ -338,8 +338,8 @@ def isolate(
     measurements `values` (t, p): one trial without each sensor that is not in the mask `excluded` (p,).  The figure of
     a trial is the largest mean square of innovations, in its last `JUDGED` s, among the sensors that it uses.  A sensor
     is at fault if the figure is at most `AGREED` in the trial without it, and `APART` times as large or more in every
-    other trial.  The filter `kalman` then gets the state of the trial without this sensor, but its `level` stays; all
-    of it stays as it is if no sensor is at fault.
+    other trial.  The filter `kalman` then gets the state of the trial without this sensor, except for its `level`.  If
+    no sensor is at fault, it stays as it is.
     """
     trials, present = list[tuple[float, int, Array]](), kalman.memory.copy()
     judged, levels = max(1, round(JUDGED / step)), kalman.level.copy()

@@ -131,7 +131,7 @@ def frame_output_arrays(frame: Frame | None, system: System, paths: Sequence[str
     luffing cylinder is computed, else 0.  ``tip_numbers`` (4,) has the numbers of the tip's displacements along x, y
     and z (-1 if there are none) and the number of paths that lead to the tip, ``tip_place`` (3,) its place in m from
     the pivot with all paths at 0.  ``pressing_numbers`` (K,) and ``pressing_wrenches`` (K, 6, 1 + P), flattened,
-    are those of `PressingForces`, from whose moments the cylinder's force follows unless the cylinder holds the base
+    are those of `PressingForces`; the force of a cylinder follows from their moments if it is none of these forces
     itself.  ``cylinder_hinges`` (4,) are the coordinates x, z in m of the cylinder's foot and of its lug, zeros without
     a cylinder.  ``cylinder_pin`` (3,) has the numbers of the pin's reactions along x and z (-1 if there are none) and
     of the force at the lug.
@@ -332,9 +332,9 @@ def mass_numbers(masses: Sequence[MachineMass]) -> Array:
 def ground_arrays(frame: Frame, cylinder: int) -> Arrays:
     """Arrays of the outriggers, by name, of a scene in a `frame`; empty if the scene has no ground.
 
-    They have the numbers of the base's motions, of gravity, and of the force of a `cylinder` that holds the base (-1
-    for what there is not), the machine's masses, and the corners, places, stiffness and tipping edges of the
-    outriggers.
+    ``ground_numbers`` (5,) has the numbers of three motions of the base and of gravity, -1 for one that does not drive
+    the frame, and `cylinder`, the number of the force of a cylinder that holds the base.  The other arrays have the
+    machine's masses, and corners, places, stiffness and tipping edges of the outriggers.
     """
     ground = None if frame.scene.frame is None else frame.scene.frame.ground
     if ground is None:

@@ -92,9 +92,9 @@ class LimitCheck:
         self.structure = structure("pmr_limits", self.arrays | sizes | room)
 
     def watch(self, state: State) -> int:
-        """Return the number of a limit that does not hold in `state`; -1 if there is none that was not returned before.
+        """Return the number of a further limit that does not hold in `state`; -1 if there is none.
 
-        Of limits with one warning together only the first one is returned.
+        Each limit is returned once, and of limits with one warning together the first one alone.
         """
         return int(lib.pmr_watch(state.pointer, self.structure))
 
@@ -102,8 +102,8 @@ class LimitCheck:
         """Number of the first of T times at which a limit does not hold, by the number of the limit.
 
         `values` (T, o) are the o outputs in `names`.  Limits that hold at all times are left out.  A negative force of
-        a family is judged by the largest forces of all times.  If it is beyond its limit so, the time is the first at
-        which it is also beyond the limit by the largest forces until then, as in a stepper.
+        a family is judged by the largest forces of all times.  If it is too large beside them, the time is the first at
+        which it is also too large beside the forces up to then, as a stepper judges it.
         """
         so_far, in_all = (self._first_times(values) for _ in range(2))  # the second round knows what is largest
         return {number: so_far[number] for number in in_all}

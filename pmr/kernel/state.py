@@ -35,9 +35,9 @@ class StepError(SimulationError):
 class Settings:
     """Time step, damping and substeps with which a system is simulated.
 
-    With several numbers in `parts`, each step is divided into equal substeps; of these numbers, the smallest is taken
-    that keeps the error of the forces of contacts that only push within the tolerance.  `energy` says whether the
-    energy balance, stored energy and work, is computed.
+    If `parts` has several numbers, each step is divided into equal substeps.  Their number is the smallest one in
+    `parts` that keeps the error of the forces of contacts that only push within the tolerance.  `energy` says whether
+    the energy balance, stored energy and work, is computed.
     """
 
     step: float  # s
@@ -157,10 +157,10 @@ class State:
     ) -> None:
         """Begin at t = 0 under drivers u (N,): at rest, with given z and v (modes,), or at rest in equilibrium.
 
-        `kind` says which of the three; z and v count for ``given`` alone.  If `rates` (P,) of the paths in m/s are not
-        None, v is corrected, by the change of least kinetic energy, so that it satisfies rigid contacts that move.  A
-        StepError is raised if nothing holds the bodies, or if contacts depend on each other; an InputError for numbers
-        that are not finite.
+        `kind` says which of the three; z and v count for ``given`` alone.  With the `rates` (P,) of the paths in m/s, v
+        is corrected by the change of least kinetic energy, so that rigid contacts move with their paths.  A StepError
+        is raised if nothing holds the bodies, or if contacts depend on each other; an InputError for numbers that are
+        not finite.
         """
         drivers = self._check_array("u", u, self.kernel.drivers)
         moving = None if rates is None else self._check_array("rates", rates, self.kernel.paths)

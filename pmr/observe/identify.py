@@ -42,8 +42,8 @@ AT_BOUND = 1e-3
 class MeasuredFrequencies:
     """Frequencies (m,) in Hz, lowest first, measured at one place of a path; NaN where a mode was not measured.
 
-    Raises InputError for frequencies that do not grow, for a `deviation` that is not above 0, and for damping ratios
-    that are not between 0 and 1.
+    Frequencies have to grow, the `deviation` has to be above 0, and damping ratios between 0 and 1; an InputError is
+    raised otherwise.
     """
 
     place: float  # m, or the number of the place in a `FrequencyTable`
@@ -276,8 +276,8 @@ class FrequencyTable:
         """Fit keys of a scene to the frequencies of this table; `start` maps the keys to their values at the start.
 
         `reduced` takes texts ``key=value``, as the option ``--set`` does, and returns the reduced system of the scene
-        with these changes.  All contacts count as closed.  Raises an InputError where the function `identify` does, for
-        a system with a hoist, and if the system's paths are not those of the table.
+        with these changes.  All contacts count as closed.  Raises the InputErrors of the function `identify`, and one
+        for a system with a hoist or with other paths than those of the table.
         """
         count, damped = (len(self.measured[0].frequencies), len(self.measured[0].damping)) if self.measured else (0, 0)
 

@@ -110,7 +110,7 @@ class Observation:
 
         `truth` has times (n,) in s and true values (n,) of estimates by their names, None if no true values are known.
         `title` is the title of the report.  Raises the errors of `Observer.run`, and InputError for a name in `truth`
-        that is not estimated, or that has no value at the model's steps.
+        without an estimate, or without a value at the model's steps.
         """
         estimates, without = observer.run(measured), dict[str, dict[str, float]]()
         names, true = (*estimates.unknowns, *estimates.outputs), dict[str, Array]()

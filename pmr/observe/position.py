@@ -245,8 +245,8 @@ class PositionObserver:
     Raises
     ------
     InputError
-        If places are not evenly spaced, a speed passes more than half a place in a step, there is another number of
-        `mode_noise` than of modes, or a number of `noise` is not allowed.
+        If places are not evenly spaced, a speed passes more than half a place in a step, `mode_noise` has not one
+        number for each mode, or a number of `noise` is not allowed.
     """
 
     models: PlaceModels

@@ -189,8 +189,9 @@ class Drivers:
     def _take_motions_at_once(self, motions: dict[Any, Any], limits: Limits) -> bool:
         """Take all `motions` of a frame at once and return True; or take none and return False.
 
-        The motions are taken if each is a float or a tuple of two or three floats, value, rate and second rate, within
-        its `limits`, with a second rate where inertia needs one.  Otherwise the caller takes one after the other.
+        Each has to be a float, or a tuple of two or three floats: value, rate and second rate.  All have to be within
+        the `limits` of the motion, and a second rate has to be there where inertia needs one.  Otherwise the caller
+        takes one motion after the other.
         """
         written, rates, seconds, counts = self._values, self._rates, self._seconds, self._counts
         unwarned = self._unwarned
@@ -347,11 +348,11 @@ def _motion_numbers(names: Sequence[str], numbers: Sequence[int]) -> dict[str | 
 
 
 def number_of(name: str | int, names: Sequence[str], key: str) -> int:
-    """Position of `name` in `names`; if `name` is a number in range, the number itself.
+    """Position of `name` in `names`; if `name` is a whole number in range, the number itself.
 
-    Raises InputError with the key `key` for a name that is not in `names` and a number out of range.
+    Raises InputError with the key `key` for a name that is not in `names`, and for any other number.
     """
-    if not isinstance(name, str) and 0 <= name < len(names):
+    if isinstance(name, int | np.integer) and 0 <= name < len(names):
         return int(name)
     if name not in names:
         allowed = f"{similar_name_hint(name, list(names))}{', '.join(names) or 'none'} are allowed"
@@ -372,8 +373,8 @@ def _motion_names(numbers: Mapping[str | int, int]) -> list[str]:
 def _read_in_order(values: Values, numbers: Mapping[str | int, int], key: str, what: str) -> Array:
     """Values of all m motions in `numbers` as a float array (m,), from a number or a sequence.
 
-    Raises InputError about `key` if there are not m values, with `what` in words as allowed, or if a value is not
-    finite.
+    Raises InputError about `key` for another number of values, where `what` says what is allowed, and for values that
+    are not finite.
     """
     count = len(numbers) // 2
     array = np.asarray(values, dtype=float)

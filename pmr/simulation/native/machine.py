@@ -71,8 +71,8 @@ Fields = Mapping[str, Any]
 class MachineSimulation:
     """Simulation of a machine with its boom over T steps, with arrays of the recorded results, a row for each step.
 
-    An InputError is raised for a boom on a frame without a moving base, for contacts that only push, and for settings
-    of several substeps or of energy.
+    An InputError is raised unless the boom is on a frame with a moving base, its contacts hold both ways, and its
+    settings have one substep and no energy.
     """
 
     def __init__(self, state: State, machine: Fields, reasons: Mapping[int, str] = REASONS) -> None:
@@ -228,7 +228,7 @@ def _path_rates(scene: Scene, frame: MovingFrame, t: Array) -> Array:
     """Rates (T, n) of the frame's n drivers at times t (T,) in s, in m/s or rad/s.
 
     The columns are in the order of `frame.drivers`.  The rate of a path at a kink is the mean of the rates before and
-    after.  A driver that is neither a path nor the angle of a luffing cylinder that holds the boom has the rate 0.
+    after.  Of the other drivers only a luffing angle has a rate, if a luffing cylinder holds the boom; theirs are 0.
     """
     rates = np.zeros((len(t), len(frame.drivers)))
     before = np.maximum(np.nextafter(t, -np.inf), 0.0)
@@ -282,8 +282,8 @@ class MachineRun:
 
         Three arguments are None except for a free luffing angle, which is simulated as a machine that pitches:
         `luffing`, the scene in which the angle is prescribed; `level`, the luffing angle in rad at which the machine
-        does not pitch; and `cylinder`, the fields of the kernel's machine about a luffing cylinder.  `reasons` are the
-        messages for the kernel's error codes.  Raises InputError if the kernel does not support the system.
+        does not pitch; and `cylinder`, the kernel's fields of a luffing cylinder.  `reasons` are the messages for the
+        kernel's error codes.  Raises InputError if the kernel does not support the system.
         """
         machine = scene.present_frame.machine
         assert machine is not None  # of a scene with a machine

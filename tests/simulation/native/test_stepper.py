@@ -108,6 +108,8 @@ def test_what_cannot_be_stepped_is_refused(small: ReducedModel) -> None:
         Stepper(small, step=1e-3, s=2.0, rho_inf=1.0)
     with pytest.raises(InputError, match="step = 0.0"):
         Stepper(small, step=0.0, s=2.0)
+    with pytest.raises(InputError, match=r"outputs = 1\.5: .* are allowed"):
+        Stepper(small, step=1e-3, s=2.0, outputs=[1.5])  # type: ignore[list-item]
     stepper = Stepper(small, step=1e-3, s=0.2)
     with pytest.raises(InputError, match="s.slider = -0.1: 0 to 5 m is allowed"):
         stepper.step(-0.1, 0.0)
