@@ -73,7 +73,12 @@ class Mover:
         return np.array([0.0, self.body.length])
 
     def displacement(self, *places: str | float) -> sp.csr_matrix:
-        """Rows (p t, n) of the displacements of the mass, which are those of all p places, along its t `directions`."""
+        """Rows (p t, n) of the displacements of the mass, which are those of all p places, along its t `directions`.
+
+        Raises the InputError of `centroid`.
+        """
+        for place in places:
+            self.centroid(place)
         return sp.csr_matrix(np.tile(np.eye(self.size)[self._of_mass], (len(places), 1)))
 
     @property
@@ -82,7 +87,10 @@ class Mover:
         return [0 if axis == "z" else self.size - 1 for axis in self.directions]
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
-        """Rows (t, n) of the displacements along the t directions, the same for every `place`; `about` is not used."""
+        """Rows (t, n) of the displacements along the t directions, the same for every `place`; `about` is not used.
+
+        Raises the InputError of `centroid`.
+        """
         return self.displacement(place)
 
     def centroid(self, place: str | float) -> Array:

@@ -310,6 +310,13 @@ def test_a_mover_that_can_not_be_is_refused(change: dict[str, Any], said: str) -
         crossing(plain | change, 1.0, 1.0)
 
 
+def test_a_load_on_a_place_that_a_mover_lacks_is_refused() -> None:
+    load = {"name": "force", "on": "middle", "direction": "z", "signal": 1.0}
+    scene = mover(path(1.0), 1.0, {"mass": 1.0}, loads=[load])
+    with pytest.raises(InputError, match="place = 'middle': tail, tip or a number is allowed on a mover"):
+        pmr.reduce(scene)
+
+
 def test_a_wheel_that_leaves_the_beam_is_refused() -> None:
     with pytest.raises(InputError, match="the whole pad has to be on it"):
         mover(path(1.0, 0.0, 21.0), 1.0, {"mass": 1.0})
