@@ -47,9 +47,9 @@ def luffing_part(scene: Scene, response: Response) -> SummaryPart:
     the angle, whatever holds the base in the scene.
 
     If a cylinder's force drives the angle, all columns are taken from the response, pressures, flows and volumes of oil
-    among them; ``stops`` and warnings are as those of `extension_part`.  If the scene limits the force of the cylinder,
-    ``use`` is the share of the allowed force that is used.  The part is empty if the scene has no such cylinder, or if
-    its force is not known.
+    among them, and there are ``stops`` and warnings as in `extension_part`.  If the scene limits the force of the
+    cylinder, ``use`` is the share of the allowed force that is used.  Warnings are those of `turning_warnings`, too.
+    The part is empty if the scene has no such cylinder, or if its force is not known.
     """
     if scene.frame is None or scene.frame.cylinder is None or CYLINDER not in response.other_names:
         return SummaryPart()
@@ -76,8 +76,9 @@ def luffing_part(scene: Scene, response: Response) -> SummaryPart:
 def _use_of_cylinder(cylinder: LuffingCylinder, force: Array, length: Array) -> dict[str, Array]:
     """Return the entry ``use``: the share (T,) of its allowed force that a `cylinder` uses at T times.
 
-    The cylinder has the `force` (T,) in N, positive where it pushes, and the `length` (T,) in m.  Allowed is its force
-    for pushing if the force pushes, else that for pulling.  The result is empty if the `cylinder` may carry any force.
+    The cylinder has the `force` (T,) in N, positive where it pushes, and the `length` (T,) in m.  A pushing force is
+    compared with the one that is allowed for pushing, a pulling force with the one for pulling.  The result is empty if
+    the scene limits neither.
     """
     if not cylinder.has_allowed_forces:
         return {}
@@ -91,8 +92,8 @@ def extension_part(scene: Scene, response: Response) -> SummaryPart:
     Lengths are extensions in m.  ``stops`` lists the spans in which a stop is pressed in.  A span has ``start`` and
     ``end`` in s, the number of ``steps``, and the ``speed`` in m/s with which the stop was met; ``length`` is the
     extension in m where the stop gives way most, and ``give`` how far it does in m.  There is a warning about each stop
-    that is met.  Further warnings name pressures that are so low that the oil would boil, or higher than that of the
-    supply.  The part is empty unless an extension was computed.
+    that is met.  Further warnings name pressures that are higher than that of the supply (`supply_warnings`).  The part
+    is empty unless an extension was computed.
     """
     computed = {name: path for name, path in scene.paths.items() if isinstance(path, ComputedMotion)}
     if (name := next(iter(computed), None)) is None:
@@ -290,9 +291,9 @@ def hoist_part(scene: Scene, response: Response) -> SummaryPart:
 
     ``weight_force`` is the rope's force if the payload is at rest, :math:`m g / n` with the mass m, gravity g and n
     falls.  ``factor`` is the largest force over this one, a hoist or stop factor of the motion.  ``slack`` lists the
-    spans in which the rope is slack (`slack_spans`).  Warnings name these spans, a hook below the ground, and a rope
-    that moves at t = 0 with another speed than its payload.  The part is empty if the scene has no hoist or no gravity,
-    or the response no hook.
+    spans in which the rope is slack (`slack_spans`).  A grave warning names the worst of these spans, another warning a
+    rope that moves at t = 0 with another speed than its payload.  The part is empty if the scene has no hoist or no
+    gravity, or the response no hook.
     """
     hoist = scene.hoist
     if hoist is None or scene.gravity is None or not response.of(KINDS[HEIGHT]).shape[1]:

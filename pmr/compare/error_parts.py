@@ -92,7 +92,7 @@ def other_model_scene(scene: Scene, reduced: ReducedModel) -> Scene:
     return scene.model_copy(update={"reduction": other})
 
 
-def reduction_error(
+def estimate_reduction(
     scene: Scene,
     simulated: SimulatedSystem,
     clock: Clock,
@@ -101,10 +101,11 @@ def reduction_error(
 ) -> ReductionError:
     """Estimate the error of the reduction by enrichment modes, or for a single body by the `other` model.
 
-    The result lists the effects that the error does not cover, and warns of them; if there is no estimate, it has the
-    reason.  The entry ``estimate`` is missing if a section of the scene asks for no estimate.  Further warnings are
-    those of `estimate_warnings`.  `other` is None for booms of several sections.  If `estimated` is not None, it is
-    taken as the estimate, which is then not computed.  The estimate is a stage of `clock`.
+    Nothing is simulated unless all sections of the scene ask for an estimate.  The result lists the effects that the
+    error does not cover, and warns of them; if there is no estimate, it has the reason.  The entry ``estimate`` is
+    missing if a section of the scene asks for no estimate.  Further warnings are those of `estimate_warnings`.  `other`
+    is None for booms of several sections.  If `estimated` is not None, it is taken as the estimate, which is then not
+    computed.  The estimate is a stage of `clock`.
     """
     system, excitation = simulated.system, simulated.excitation
     models = system.modal

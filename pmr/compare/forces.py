@@ -63,14 +63,17 @@ def limits_part(scene: Scene, system: System, response: Response) -> SummaryPart
 
 
 def histories(scene: Scene, response: Response) -> History:
-    """Return a function from the name of an output, or of the luffing angle, to its history (T,), or None."""
+    """Return a function from the name of a force, of another output or of the luffing angle to its history (T,).
+
+    It returns None for any other name.  The force of a rigid pad that does not move is the reaction of a support.
+    """
 
     def history(name: str) -> Array | None:
+        """History (T,) of the output `name` in its unit, or of the angle `LUFFING` in rad; None if there is none."""
         if name in response.force_names:
             return response.force(name)
         if name == LUFFING and scene.frame is not None:
             return np.asarray(scene.frame.angles.luffing.value(response.t))
-        # the force of a rigid pad that does not move is the reaction of a support
         named = (name, reaction_name(name.removeprefix(FORCE_OF)))
         stored_name = next((of for of in named if of in response.other_names), None)
         return None if stored_name is None else response.other(stored_name)
@@ -111,7 +114,7 @@ def support_rows(scene: Scene, response: Response) -> list[dict[str, Any]]:
 
 
 def pad_extremes(scene: Scene, response: Response) -> dict[str, Extremes]:
-    """Extremes in N of all pads whose force the response contains, by name; positive pushes the body inwards.
+    """Extremes in N of the forces of all pads in the response, by name; a positive force pushes the body inwards.
 
     For a single body they are in the order of its rings.  For sections they are in the order of the response's outputs.
     """
@@ -129,7 +132,10 @@ def _pad_rings(scene: Scene) -> tuple[PadRing, ...]:
 
 
 def _cylinder_rows(scene: Scene, system: System, response: Response) -> Iterator[dict[str, Any]]:
-    """Yield rows of ``cylinders`` in summary.json: extremes of each cylinder's force, its friction and its kinks."""
+    """Yield rows of ``cylinders`` in summary.json: extremes of each cylinder's force, then its friction and kinks.
+
+    Cylinders without a force in the response have no row.  Friction and ``kinks`` are left out where there are none.
+    """
     at_kinks, along = cylinder_impulses(scene, system), scene.path_positions(response.t)
     driven = {force_name(cylinder_name(name)): name for name in scene.names[1:]}
     for force in response.force_names:
@@ -179,9 +185,10 @@ def reaction_rows(scene: Scene, response: Response, path: Array) -> dict[str, ob
 
 
 def missing_reaction_warnings(scene: Scene) -> list[str]:
-    """Warnings about reactions that the models do not compute.
+    """List a warning for each of two kinds of reactions that the models do not compute, if the scene has any.
 
-    Such reactions are those along x of beams without axial coordinates, and forces of supports with ``points = "all"``.
+    The first are reactions along x of beams without axial coordinates, where a weight or a sliding section acts along
+    them.  The second are forces of supports with ``points = "all"``.
     """
     weight_along = scene.gravity is not None and scene.gravity.direction[0] != 0.0
     # sections that slide in others are accelerated along them, and have cylinders; a mass on a wheel has none
@@ -214,9 +221,10 @@ def _pad_force(response: Response, name: str) -> Array | None:
 
 
 def unknown_force_warnings(scene: Scene, response: Response) -> list[str]:
-    """A warning that names rigid pads at rest whose forces the model does not contain.
+    """List a warning that names those rigid pads at rest on a single body whose forces the model does not contain.
 
-    The choice of coordinates holds such a pad.  The list is empty if all forces of pads are known.
+    The choice of coordinates holds such a pad.  The list is empty if all forces of pads are known, if there are several
+    sections, or if the response has no contact forces at all.
     """
     staying = [ring for ring in _pad_rings(scene) if ring.stiffness == "rigid" and not ring.moving]
     names = [name for ring in staying for name, _, _ in ring.named_pads if _pad_force(response, name) is None]
@@ -257,9 +265,9 @@ def _accelerated_mass(body: SlidingBody) -> float:
 
 
 def _kink_warnings(kinks_of_cylinders: Mapping[str, Sequence[Mapping[str, float]]]) -> list[str]:
-    """A warning that forces at kinks must not be used for sizing; the list is empty if no cylinder has kinks.
+    """List a warning that forces at kinks must not be used for sizing; empty if no cylinder has kinks.
 
-    `kinks_of_cylinders` has the time and the impulse of each kink, by cylinder.
+    `kinks_of_cylinders` has the time and the impulse of each kink, by cylinder; the largest impulse is named.
     """
     kinks = [(kink, name) for name, of_cylinder in kinks_of_cylinders.items() for kink in of_cylinder]
     if not kinks:

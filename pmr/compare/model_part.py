@@ -110,7 +110,7 @@ class Motion:
         return lowest_of_places
 
     def histories(self, kind: str) -> dict[str, Array]:
-        """Histories (T,) of all outputs of a kind, by their names."""
+        """Histories (T,) of all outputs of a kind (`pmr.results.response.KINDS`), by their names."""
         numbers = {output.name: k for k, output in enumerate(self.response.outputs) if output.kind == kind}
         return {name: self.response.column(k) for name, k in numbers.items()}
 
@@ -122,10 +122,11 @@ class Motion:
         return force_histories(replace(response, slider_force=peaks))
 
     def displacements_at(self, other: Motion) -> dict[str, Array]:
-        """Displacements (T,) of this motion where another motion has outputs, by the names of these outputs.
+        """Displacements (T,) of this motion where another motion has outputs along a body, by the names of the latter.
 
-        The displacements are interpolated by cubic splines between this motion's own positions on the same body, in the
-        same direction.  Outputs beyond these positions are left out.
+        Outputs of the tip are not among them.  The displacements are interpolated by cubic splines, or linearly between
+        fewer than four positions, between this motion's own positions on the same body, in the same direction.  Outputs
+        beyond these positions are left out.
         """
         places, displacements = dict[tuple[str, str], dict[float, Array]](), dict[str, Array]()
         for k, output in enumerate(self.response.outputs):
@@ -150,7 +151,8 @@ class Motion:
 def evenly_spaced_steps(excitation: Excitation) -> list[int]:
     """Numbers of the steps at which the sum of all path coordinates is closest to evenly spaced values, each once.
 
-    There are `PLACES` values, from the smallest sum to the largest.
+    There are `PLACES` values, from the smallest sum to the largest; the numbers are in their order, not in that of
+    time.  If nothing moves, it is the first step alone.
     """
     reach = excitation.s.reshape(len(excitation.times), -1).sum(axis=1)
     at = np.linspace(reach.min(), reach.max(), PLACES)

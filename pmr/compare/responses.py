@@ -7,10 +7,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from pmr.compare.errors import ResponseFunction, observed_quantities
 from pmr.compare.evaluation import Evaluation, SimulatedSystem, append_machine, evaluate_motion
@@ -34,9 +32,6 @@ from pmr.system.body import Body, kinds_of, names_of, units_of
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import BodyStates, SystemTrajectory, states_of
 from pmr.system.system import System
-
-if TYPE_CHECKING:
-    from pmr.simulation.exudyn import ancf
 
 #: A full model with more coordinates than this is simulated by PETSc, because diagonalising it would take longer.
 #: Exudyn factorises in every step: 453 coordinates take it twice as long as PETSc, and from some 900 on Newton's method
@@ -88,9 +83,10 @@ def simulate(
 ) -> Simulations:
     """Simulate a reduced system by each simulator of the scene, as `simulate_by` does; record states at the `steps`.
 
-    The response and states are those of the first simulator; for the others, the solver times and the differences in
-    displacements are returned.  If contacts only push, and the compiled simulator ran first, Exudyn divides each step
-    into the same parts.  Each simulation is a stage of `clock`; None measures nothing.
+    The numbers of `steps` count from 0.  The response and states are those of the first simulator; for the others, the
+    solver times and the differences in displacements are returned.  If contacts only push, and the compiled simulator
+    ran first, Exudyn divides each step into the same parts.  Each simulation is a stage of `clock`; None measures
+    nothing.
 
     Raises InputError, with the key to change, if the motion grows without bound.
     """
@@ -118,7 +114,8 @@ def simulate_by(
 ) -> Simulation:
     """Simulate by one simulator and record states at the `steps`.
 
-    Short simulations are repeated as the scene says, and the shortest solver time is reported.  The compiled simulator
+    Short simulations are repeated as the scene says, and the shortest solver time is reported.  The response has the
+    forces on the scene's machine, but not its motion (`pmr.compare.evaluation.append_machine`).  The compiled simulator
     keeps the motion of reduced bodies at all steps, that of a single body without terms if it fits in memory
     (`fits_in_memory`).  `done`, if not None, is called with the share of the run that is done.
     """
@@ -136,9 +133,9 @@ def simulate_by(
 
 
 def march_once(scene: Scene, system: System | SystemForm, excitation: Excitation) -> Response:
-    """Response by the compiled simulator, simulated once; states are not recorded.
+    """Response by the compiled simulator, simulated once, with the forces on the scene's machine.
 
-    Simulations of the same `SystemForm` share its tables.
+    States are not recorded.  Simulations of the same `SystemForm` share its tables.
     """
     nothing = np.empty(0, np.int64)
     return with_forces_on_machine(scene, _march(SystemForm.of(system), excitation, nothing, nothing).response)
@@ -168,9 +165,10 @@ def refuse_growth(scene: Scene) -> Iterator[None]:
 
 
 def check_installed(scene: Scene) -> None:
-    """Raise an InputError if a package that the scene's simulators need is not installed.
+    """Raise an InputError if a package that a simulator of the scene needs is not installed.
 
-    The error names the package and the command that installs it.
+    Simulators of the full model and of the ANCF cable count, too.  The error names the package and the command that
+    installs it.
     """
     names = [*scene.simulation.simulators, *(["exudyn"] if "ancf" in scene.compare.against else [])]
     if "full" in scene.compare.against and scene.simulation.full != "auto":
@@ -194,7 +192,7 @@ def compared_quantities(scene: Scene, response: Response) -> Mapping[str, Respon
 def full_simulator(scene: Scene, size: int) -> str:
     """Name of the simulator for a full model of `size` coordinates: that of the scene, or by default the fastest.
 
-    With a hoist it is by default ``march``.
+    With a hoist it is by default ``march``.  `size` is that of all bodies together.
     """
     if scene.simulation.full != "auto":
         return scene.simulation.full
@@ -322,8 +320,8 @@ def check_memory(scene: Scene, size: int, outputs: int, free: int | None, tell: 
     """Raise an InputError, with the number of steps that fits, if histories do not fit into `free` bytes of memory.
 
     Histories of less than `NOTABLE_BYTES` are not checked, and all others fit if `free` is None (unknown).  If `tell`
-    is true, a warning is logged for those that fit.  `size` is the number of coordinates, and `outputs` the number of
-    outputs, of all full models together.
+    is true, the warning of `memory_warnings` is logged for those that fit.  `size` is the number of coordinates, and
+    `outputs` the number of outputs, of all full models together.
     """
     for message in memory_warnings(scene, size, outputs):
         total = needed_bytes(scene, size, outputs)
@@ -335,52 +333,33 @@ def check_memory(scene: Scene, size: int, outputs: int, free: int | None, tell: 
             _log.warning("%s", message)
 
 
-def _cable(scene: Scene) -> ancf.Cable:
-    """The scene's beam as an ANCF cable; raises InputError if Exudyn is not installed."""
+def cable_response(scene: Scene, body: Body, done: Progress | None) -> Response:
+    """Response of the scene's beam as an ANCF cable, a reference for its `body`, with the outputs of this body.
+
+    The joint of the cable holds a point in space, so the cable has no rows, and the residuals of rows are NaN.  `done`,
+    if not None, is called with the share of the run that is done.  Raises InputError if Exudyn is not installed, and
+    InputError and SimulationError as `pmr.simulation.exudyn.ancf.simulate` does.
+    """
     import_package("exudyn")
     from pmr.simulation.exudyn import ancf
 
     profile = scene.body.profile
     assert profile is not None and profile.axial_stiffness is not None  # the scene's check
-    return ancf.Cable(
+    cable = ancf.Cable(
         length=profile.length,
         axial_stiffness=profile.axial_stiffness,
         bending_stiffness=profile.bending_stiffness,
         mass_per_length=profile.mass_per_length,
         elements=scene.compare.ancf_elements,
     )
-
-
-def simulate_cable(
-    scene: Scene, x: ArrayLike, excitation: Excitation, done: Progress | None = None
-) -> ancf.CableMotion:
-    """Motion of the scene's beam, modelled as an ANCF cable, at the material points x (o,) in m.
-
-    `done`, if not None, is called with the share of the run that is done.  Raises InputError if Exudyn is not
-    installed, and whenever `pmr.simulation.exudyn.ancf.simulate` does; SimulationError if a step fails or a result is
-    not finite.
-    """
-    cable = _cable(scene)
-    from pmr.simulation.exudyn import ancf
-
-    return ancf.simulate(cable, scene.only_section.load_positions, excitation, np.asarray(x, dtype=float), done)
-
-
-def cable_response(scene: Scene, body: Body, done: Progress | None) -> Response:
-    """Response of the scene's beam as an ANCF cable, a reference for its `body`, with the outputs of this body.
-
-    The joint of the cable holds a point in space, so the cable has no rows, and the residuals of rows are NaN.  `done`,
-    if not None, is called with the share of the run that is done.  Errors are those of `simulate_cable`.
-    """
-    motion = simulate_cable(scene, body.output_positions, Excitation.from_scene(scene), done)
-    from pmr.simulation.exudyn import ancf
-
+    places, excitation = scene.only_section.load_positions, Excitation.from_scene(scene)
+    motion = ancf.simulate(cable, places, excitation, body.output_positions, done)
     unknown = np.full(len(motion.t), np.nan)
     return Response(
         t=motion.t,
         x=motion.x,
         displacement=motion.displacement,
-        energy=ancf.energy(_cable(scene), motion),
+        energy=ancf.energy(cable, motion),
         slider_force=motion.slider_force[:, None],
         residual_position=unknown,
         residual_velocity=unknown,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from pmr.compare.drives import extension_part, hoist_part, luffing_part
-from pmr.compare.error_parts import ReductionError, reduction_error, step_part
+from pmr.compare.error_parts import ReductionError, estimate_reduction, step_part
 from pmr.compare.errors import (
     ResponseFunction,
     absolute_error,
@@ -294,7 +294,7 @@ def simulate_saved(system: System, scene: Scene) -> RunResult:
 
 def _estimated_error(scene: Scene, simulated: SimulatedSystem, clock: Clock) -> ReductionError:
     """Estimated error of the reduction; for models from a file of an earlier version the reason `EARLIER` instead."""
-    error = reduction_error(scene, simulated, clock)
+    error = estimate_reduction(scene, simulated, clock)
     bodies, estimated = simulated.system.reduced.items(), all(part.reduction.estimate for part in scene.sections)
     if estimated and any(model.cylinder_modes and name not in simulated.system.on_modes for name, model in bodies):
         return ReductionError(SummaryPart({"estimate": error.part.figures["estimate"] | {"reason": EARLIER}}))

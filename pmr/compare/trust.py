@@ -33,8 +33,8 @@ def reason_for_distrust(response: Response, rigid: Sequence[str] = ()) -> str | 
     `rigid` are the names of rigid contacts, which the reason mentions.
 
     There is a reason if displacements are not finite, or if energy of the response comes from neither loads nor
-    contacts that travel (`pmr.simulation.stepping`).  The energy of the ANCF cable leaves out the axial strain; for
-    this cable there is a reason instead if displacements alternate from step to step.
+    contacts that travel (`Response.surplus` above `pmr.simulation.stepping.NOTABLE`).  A response without an energy
+    balance, such as that of the ANCF cable, is distrusted if its displacements alternate from step to step.
     """
     if not np.isfinite(response.displacement).all():
         return "its displacements are not finite"
@@ -55,10 +55,9 @@ def missing_reference_warnings(reasons: Mapping[str, str]) -> list[str]:
 
 
 def distrust_warnings(reduced: Response, rigid: Sequence[str] = ()) -> list[str]:
-    """List a warning for each reason why the reduced motion can't be trusted.
+    """List up to two warnings: of a reduced motion that gains energy, and of contact forces that ring.
 
-    `rigid` are the names of rigid contacts, which the warnings name as a possible cause.  The list is empty if there is
-    no such reason.
+    `rigid` are the names of rigid contacts, which the warnings name as a possible cause.
     """
     lines = []
     if reduced.surplus > NOTABLE:
@@ -189,8 +188,8 @@ def _clause_above(name: str, signal: SignalBase, stepping: TimeStepping, top: fl
     if aliased_tone > top:
         yield f"what {name}, {max(tones):.4g} Hz, excites beyond the highest enrichment mode, {top:.4g} Hz"
     elif (share := _share_above(signal, stepping, top)) > BEYOND:
-        percent = two_digits(100.0 * share)
-        yield f"what {name}, {percent} % of it above the highest enrichment mode, {top:.4g} Hz, excites there"
+        above = f"{two_digits(100.0 * share)} % of it above the highest enrichment mode, {top:.4g} Hz"
+        yield f"what {name}, {above}, excites there"
 
 
 def _aliased_frequency(frequency: float, h: float) -> float:
@@ -202,7 +201,7 @@ def _share_above(signal: SignalBase, stepping: TimeStepping, top: float) -> floa
     """Share of the signal's changes above the frequency `top` in Hz, by RMS, sampled at the steps.
 
     The straight line between the signal's ends is subtracted first; otherwise it would count as a jump from the end to
-    the start.
+    the start.  The share is 0 if nothing is left.
     """
     x = signal.value(stepping.times)
     x = x - np.linspace(x[0], x[-1], len(x))
@@ -219,8 +218,8 @@ FAR = 0.1
 def stated_quantities(scene: Scene, response: Response) -> list[str]:
     """Keys of the quantities, other than displacements, for which a run's results contain values.
 
-    The keys are the kinds of forces and reactions in the response, such as ``pad_force``; kinds are left out whose
-    forces are all zero, or round-off compared with the largest of all kinds.  ``frequency`` is always among the keys,
+    The keys are the kinds of forces and reactions in the response, such as ``pad_force``.  A kind is left out if all of
+    its forces are zero, or round-off compared with the largest of all kinds.  ``frequency`` is always among the keys,
     ``stress`` if the scene recovers stresses, and ``probe`` if there are probes.
     """
     histories = force_histories(response)
@@ -236,14 +235,15 @@ def quantities_not_covered(
 ) -> list[str]:
     """Labels of the quantities in a run's results for which `part`, one part of the error budget, has no error.
 
-    `part` maps keys of quantities to errors; keys in `exact` belong to quantities that need no error.
+    `part` maps keys of quantities to errors, None for an error that is not known.  Quantities with a key in `exact`
+    need no error, and displacements are not looked at.
     """
     stated = stated_quantities(scene, response)
     return [QUANTITIES[kind].label for kind in stated if part.get(kind) is None and kind not in exact]
 
 
 def unsettled_force_clauses(kinds: Sequence[str]) -> list[str]:
-    """List a clause for each kind in `kinds`, whose forces or values still change as the step gets smaller."""
+    """List a clause for each of `kinds`, keys of quantities that still change as the step gets smaller."""
     return [
         f"{QUANTITIES[kind].label} beyond the stated error, as even smaller steps still change them" for kind in kinds
     ]
@@ -320,7 +320,7 @@ def alternation_remedy(rigid: Sequence[str]) -> str:
 
 
 def rigid_contacts(system: BodySystem[AnyBody]) -> list[str]:
-    """Names of the contacts without compliance of their own, without rigid supports.
+    """Names of the contacts without compliance of their own, supports left out.
 
     If all bodies are reduced and have residual flexibility, only cylinders count: at all other contacts the residual
     flexibility gives way.
@@ -338,7 +338,7 @@ def alternating_share(signal: Array) -> float:
     with the signal y and its central difference :math:`\delta` over a step.  For a tone with n steps a period, the
     share is :math:`\sin^8(\pi / n)`: 1e-4 for ten steps, 1 for two.  Such a part comes from the time integration:
     forces of rigid contacts that travel alternate from step to step (docs/time_integration.md), long before
-    displacements or energies show it.  The share is 0 for fewer than nine steps.
+    displacements or energies show it.  The share is 0 for fewer than nine steps, and for a signal of zeros.
     """
     size = float(np.sqrt(np.mean(signal**2)))
     if size == 0.0 or len(signal) < 9:
@@ -350,7 +350,7 @@ def ringing_share(signal: Array, reference: Array | None = None) -> float:
     """RMS of the part of a signal (T, o) that alternates from step to step, divided by the RMS of `reference` (T, o).
 
     If `reference` is None, the divisor is the RMS of the signal itself.  With several columns, the share is the mean of
-    the shares of those that move (`relative_error`).
+    the shares of those that move in the reference (`relative_error`).  A signal of at most eight steps has the share 0.
     """
     reference = signal if reference is None else reference
     return relative_error(reference + signal - _without_alternation(signal), reference)
@@ -369,7 +369,7 @@ def is_ringing(signal: Array, reference: Array) -> bool:
 
 @dataclass(frozen=True)
 class RingingReference:
-    """Finding that an error says nothing about the reduced model, because the reference rings (`is_ringing`)."""
+    """Verdict that an error says nothing about the reduced model, because the reference rings (`is_ringing`)."""
 
     alternating: float  # share of the reference that changes its sign with every step
     band: float  # Hz: frequency above which the full model's motion has 1 % of its RMS

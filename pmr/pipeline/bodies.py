@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmr.compare.accuracy import Choice, Search, prepare_scene, scene_on_other_mesh
-from pmr.compare.error_parts import ReductionError, needs_other_model, other_model_scene, reduction_error, step_part
+from pmr.compare.error_parts import ReductionError, estimate_reduction, needs_other_model, other_model_scene, step_part
 from pmr.compare.evaluation import SimulatedSystem
 from pmr.compare.frequencies import WayPoints, frequencies_on_way, way_points
 from pmr.compare.responses import Simulations, compared_quantities, simulate
@@ -257,7 +257,7 @@ class Bodies:
     def _estimate_error(self, simulated: SimulatedSystem) -> ReductionError:
         """Return the estimated error of the reduction of a simulated system."""
         estimated = None if self.choice is None else self.choice.trial.estimate
-        return reduction_error(self.scene, simulated, self.clock, self._other, estimated)
+        return estimate_reduction(self.scene, simulated, self.clock, self._other, estimated)
 
     def _full_frequencies(self, at: WayPoints) -> Array:
         """Return the full system's f lowest frequencies (S, f) in Hz at the S positions `at`.

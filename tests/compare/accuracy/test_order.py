@@ -18,7 +18,7 @@ from pmr import InputError, reduce, run, simulate
 from pmr.cli.run import _tolerance_overrides
 from pmr.compare import other_runs
 from pmr.compare.accuracy import Choice, accuracy_warnings
-from pmr.compare.error_parts import reduction_error
+from pmr.compare.error_parts import estimate_reduction
 from pmr.compare.errors import relative_error
 from pmr.compare.evaluation import SimulatedSystem
 from pmr.compare.trials import Sizes, Trial, Trials
@@ -248,7 +248,7 @@ def judged(seed: int) -> tuple[float | None, float]:
     scene = sliding_scene(seed)
     reduction = reduce(scene)
     excitation, reduced = Excitation.from_scene(scene), reduction.reduced
-    found = reduction_error(scene, SimulatedSystem(reduction.system, excitation), Clock()).part
+    found = estimate_reduction(scene, SimulatedSystem(reduction.system, excitation), Clock()).part
     step = step_error(reduced, excitation)
     estimated = found.figures["estimate"]["beam"]
     said = not any("may be larger" in line for line in found.warnings) and step.settled and estimated is not None
