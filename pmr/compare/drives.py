@@ -207,9 +207,10 @@ def turning_warnings(scene: Scene, angles: Array) -> list[str]:
 
     Named are supports across the boom that are not at the cylinder's lug (`misplaced_supports`), a pin that is not at
     the pivot or is lacking, and how a support at the lug differs as the boom luffs.  A support with a stiffness does
-    not turn as a cylinder whose stiffness about the pivot varies by more than a factor of `TURNED` over the luffing
-    `angles` (T,) in rad.  Every support across the boom lacks a force along the boom that exceeds `LEANING` times the
-    cylinder's force across the boom.  The list is empty if the scene has no luffing cylinder, or if nothing differs.
+    not turn as a cylinder does; that is named if the cylinder's stiffness about the pivot varies by more than a factor
+    of `TURNED` over the luffing `angles` (T,) in rad.  A support across the boom has no force along it; that is named
+    if the cylinder's force along the boom exceeds `LEANING` times its force across.  The list is empty if the scene has
+    no luffing cylinder, or if nothing differs.
     """
     if scene.frame is None or scene.frame.cylinder is None:
         return []
@@ -355,8 +356,9 @@ def supply_warnings(
     pressure drop or a small share, whichever is larger (`highest_pressure`).
 
     `histories` (T,) are by ``pressure bore`` and ``pressure rod``.  `stop` (T,) is how far a stop gives way: above 0 at
-    the greatest length, below 0 at the smallest.  Times on a stop are ignored, and so are the times after a stop until
-    the valve closes next, because the cylinder may rebound.  Without a valve there is no supply, and the list is empty.
+    the greatest length, below 0 at the smallest.  Times on a stop are ignored.  For the first warning, so are the times
+    after a stop until the valve closes next, because the cylinder may rebound.  Without a valve there is no supply, and
+    the list is empty.
     """
     if oil.valve is None:
         return []

@@ -182,13 +182,13 @@ def _reason_without_forces(model: ReducedModel, excitation: Excitation, of_run: 
 
 
 def _simulate_richer(models: Models, first: SimulatedSystem, floors: RoundOffBounds) -> _RicherSimulation:
-    """Simulate a richer model, with enrichment and attachment modes, than that of the run `first`.
+    """Simulate a model that is richer than that of the run `first`: it has enrichment and attachment modes.
 
-    The attachment modes are responses to the contact forces and loads of the first run, whose parts of each step are
-    used again.  `floors` are bounds of round-off.  If the motion grows, the richer model gets fewer attachment modes,
-    then half its enrichment modes, and so on; a GrowthError is raised if the motion grows with all of these models.  If
-    pads lift off in the first run, a third run without enrichment modes shows in which kinds of outputs richer models
-    disagree; an UnsettledError is raised if they disagree in displacements.
+    The attachment modes are responses to the contact forces and loads of the first run.  Both runs divide each step
+    into the same parts.  `floors` are bounds of round-off.  If the motion grows, the richer model gets fewer attachment
+    modes, then half its enrichment modes, and so on; a GrowthError is raised if the motion grows with all of these
+    models.  If pads lift off in the first run, a third run without enrichment modes shows in which kinds of outputs
+    richer models disagree; an UnsettledError is raised if they disagree in displacements.
     """
     excitation = first.excitation
     if not excitation.stepping.schedule:
@@ -275,8 +275,9 @@ def estimate_by_other_model(system: System, reference: ReducedModel, excitation:
     .. math:: \lVert y - y_r \rVert \le \lVert y_b - y_r \rVert + \lVert y - y_b \rVert
 
     with the exact outputs y, the outputs y_r of `system`, and y_b those of `reference`, a model on free modes
-    with residual flexibility; the estimate for `reference` stands for the last term.  Raises ValueError, InputError and
-    SimulationError as `estimate_error` of the other model does.
+    with residual flexibility; the estimate for `reference` stands for the last term.  Both are simulated here.  Contact
+    forces that only one of both models has are not compared; they are named in `Estimate.unknown`.  Raises ValueError,
+    InputError and SimulationError as `estimate_error` of the other model does.
     """
     begin = time.perf_counter()
     terms = () if system.terms_of is None else system.terms_of({ALONE: reference})

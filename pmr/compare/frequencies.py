@@ -14,7 +14,6 @@ The limits for beta -> 0 are 3 EI / s and -rho A omega^2 (L - s)^3 / 3.
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -126,54 +125,6 @@ def _characteristic(x: Array | float, share: float) -> Any:
     return supported + free
 
 
-def frequency_response(
-    system: System, places: Array, abscissa: Array, tips: Collection[str], c: Array
-) -> FrequencyResponse:
-    """Frequency response of the tip: its displacement per unit of each load over frequency, with all paths at rest.
-
-    This response is the plant on which a drive or a controller acts.  The response is computed by
-    `Assembly.frequency_responses` at `RESPONSE_FREQUENCIES` frequencies, from a tenth of the lowest natural frequency
-    to 1.2 times the highest.  For each load, the output is that displacement of the tip which is largest under the
-    static load.
-
-    Parameters
-    ----------
-    system : System
-    places : (S, sides) array, m
-        Path coordinates in S positions; each contact has a side on each body that it joins.
-    abscissa : (S,) array, m
-        One coordinate of each position, such as the reach, by which results name it.
-    tips : collection of str
-        Names of the outputs that are displacements of the tip.
-    c : (S, k) array
-        Amplitudes of the system's k terms in each position.
-
-    Raises
-    ------
-    InputError
-        If a contact only pushes.
-    """
-    if pushing := [contact.name for contact in system.contacts if contact.clearance is not None]:
-        allowed = f"contacts that hold both ways are allowed: {', '.join(pushing)} only push"
-        raise InputError("scene", "observe.frequency_response", True, allowed)
-    assembly = Assembly(system)
-    rows, natural = assembly.contact_rows_over_time(places), assembly.frequencies(places, assembly.size, c)
-    names = system.output_names
-    which = [k for k, name in enumerate(names) if name in tips]
-    f = np.geomspace(0.1 * np.nanmin(natural), 1.2 * np.nanmax(natural), RESPONSE_FREQUENCIES)
-    omega = 2.0 * np.pi * np.append(0.0, f)
-    answers = np.array(
-        [assembly.frequency_responses(rows.at_time(k), omega, c[k])[:, which] for k in range(len(abscissa))]
-    )
-    static = answers[:, 0].real
-    furthest = np.abs(static).max(axis=0).argmax(axis=0)  # for each load: direction in which it moves the tip most
-    inputs = np.arange(len(system.input_names))
-    gain, damped = np.abs(answers[:, 1:])[:, :, furthest, inputs], bool(assembly.D.count_nonzero())
-    outputs = tuple(names[which[k]] for k in furthest)
-    units = tuple(_UNITS.get(unit, f"m/({unit})") for unit in system.input_units)
-    return FrequencyResponse(abscissa, f, gain, static[:, furthest, inputs], damped, outputs, system.input_names, units)
-
-
 def frequency_part(response: FrequencyResponse | None) -> SummaryPart:
     """Entry ``frequency_response`` of summary.json; nothing if `response` is None.
 
@@ -228,8 +179,9 @@ def way_points(scene: Scene, system: System, excitation: Excitation, size: int) 
 
     `size` is the number of coordinates of the full model, 0 if there is none; large models have fewer positions.  If
     nothing moves along its path, but the stiffness changes with time because of second order or a luffing cylinder, the
-    positions are all the same, at evenly spaced times.  If a run is at a position more than once, with other extensions
-    or axial forces or at another luffing angle, the time is that of the lowest frequency of the reduced `system`.
+    positions are all the same, at evenly spaced times; if the stiffness does not change either, there is one.  If a run
+    is at a position more than once, with other extensions or axial forces or at another luffing angle, the time is that
+    of the lowest frequency of the reduced `system`.
     """
     alone = ALONE in scene.bodies
     count = PLACES_OF_BOOM if size <= LARGE_SYSTEM else FEWER_PLACES_OF_BOOM
@@ -253,7 +205,10 @@ def _at_slider_positions(system: System, excitation: Excitation, s: Array) -> Wa
 
 
 def _at_reaches(scene: Scene, system: System, excitation: Excitation, count: int) -> WayPoints:
-    """Up to `count` positions, evenly spaced in the reach of the sections, each at the time of `_softest_step`."""
+    """Positions at the steps whose reach is nearest to `count` evenly spaced ones, each at that of `_softest_step`.
+
+    A step that is nearest to several of these reaches counts once, and a boom that keeps its reach has one position.
+    """
     reach = scene.reach(excitation.times)
     goals = np.linspace(reach.min(), reach.max(), count if np.ptp(reach) > 1e-9 * reach.max() else 1)
     steps = list(dict.fromkeys(_softest_step(system, excitation, reach, goal) for goal in goals))
@@ -263,9 +218,9 @@ def _at_reaches(scene: Scene, system: System, excitation: Excitation, count: int
 def _softest_step(system: System, excitation: Excitation, along: Array, goal: float) -> int:
     """Number of the step at which a run is at the position `goal` and the reduced system has its lowest frequency.
 
-    `along` (T,) are the positions of all T steps, in m as the goal.  Up to `POSTURES` steps are compared, of those that
-    are at least as near to the goal as their neighbours.  The first of them is taken if its frequency is as low as the
-    lowest one, except for the share `ALIKE`.
+    `along` (T,) are the positions of all T steps, in m as the goal.  Compared are up to `POSTURES` of the steps at
+    which the run passes the goal, or comes nearest to it.  The first one is taken unless its frequency is higher than
+    the lowest by more than the share `ALIKE`.
     """
     d = np.round(np.abs(along - goal), 9)
     near = d <= max(0.5 * np.abs(np.diff(along)).max(initial=0.0), d.min())
@@ -338,19 +293,41 @@ def lowest_mode_part(scene: Scene, system: System, excitation: Excitation, natur
 
 
 def response_on_way(scene: Scene, system: System, excitation: Excitation) -> FrequencyResponse | None:
-    """Frequency response of the last body's tip in `RESPONSES` positions on the way.
+    """Frequency response of the last body's tip in up to `RESPONSES` positions on the way; None unless it is asked for.
 
-    None is returned unless the scene asks for it.
+    It is the displacement per unit of each load over frequency, with all paths at rest: the plant on which a drive or a
+    controller acts.  There are `RESPONSE_FREQUENCIES` frequencies, from a tenth of the lowest natural frequency to 1.2
+    times the highest.  For each load, the output is that displacement of the tip which is largest under the static load
+    in any position.
+
+    Raises InputError if a contact only pushes, or if a natural frequency is 0.
     """
     if not scene.sections[-1].observe.frequency_response:
         return None
+    if pushing := [contact.name for contact in system.contacts if contact.clearance is not None]:
+        allowed = f"contacts that hold both ways are allowed: {', '.join(pushing)} only push"
+        raise InputError("scene", "observe.frequency_response", True, allowed)
     if ALONE in system.bodies:
-        s = np.unique(np.linspace(*scene.path_bounds, RESPONSES))
-        at = _at_slider_positions(system, excitation, s)
+        at = _at_slider_positions(system, excitation, np.unique(np.linspace(*scene.path_bounds, RESPONSES)))
     else:
         at = _at_reaches(scene, system, excitation, RESPONSES)
-    c = excitation.amplitudes(system.term_names, at.t)
-    return frequency_response(system, at.sides(system), at.along, tip_names(scene), c)
+    places, c, assembly = at.sides(system), excitation.amplitudes(system.term_names, at.t), Assembly(system)
+    rows, natural = assembly.contact_rows_over_time(places), assembly.frequencies(places, assembly.size, c)
+    if not np.nanmin(natural) > 0.0:
+        allowed = "false is allowed: bodies move freely or buckle, so that a static load moves them without limit"
+        raise InputError("scene", "observe.frequency_response", True, allowed)
+    names, tips = system.output_names, tip_names(scene)
+    which = [k for k, name in enumerate(names) if name in tips]
+    f = np.geomspace(0.1 * np.nanmin(natural), 1.2 * np.nanmax(natural), RESPONSE_FREQUENCIES)
+    omega = 2.0 * np.pi * np.append(0.0, f)
+    answers = np.array([assembly.frequency_responses(rows.at_time(k), omega, c[k])[:, which] for k in range(len(c))])
+    static = answers[:, 0].real
+    furthest = np.abs(static).max(axis=0).argmax(axis=0)  # for each load: direction in which it moves the tip most
+    inputs = np.arange(len(system.input_names))
+    gain, damped = np.abs(answers[:, 1:])[:, :, furthest, inputs], bool(assembly.D.count_nonzero())
+    outputs = tuple(names[which[k]] for k in furthest)
+    units = tuple(_UNITS.get(unit, f"m/({unit})") for unit in system.input_units)
+    return FrequencyResponse(at.along, f, gain, static[:, furthest, inputs], damped, outputs, system.input_names, units)
 
 
 #: For a boom: number of frequencies that are compared, of positions, and of positions for large models.

@@ -194,7 +194,8 @@ ANSWERED_STEPS = 20_000
 def carried_loads(system: System, run: SystemTrajectory) -> dict[str, sp.csr_matrix]:
     """Forces in a run on the K carriers of each body and loads on its i inputs: sparse (S, K + i) in N, by body.
 
-    The forces are those of the contacts at S steps of the run, at most `ANSWERED_STEPS`, evenly spaced.
+    The forces are those of the contacts (`carrier_forces`) at S steps of the run, at most `ANSWERED_STEPS`, evenly
+    spaced.
     """
     forces, steps = {}, np.linspace(0, len(run.t) - 1, min(len(run.t), ANSWERED_STEPS)).astype(int)
     for name, body in system.reduced.items():

@@ -217,7 +217,7 @@ class SpaceEnergy:
 
 
 def energy_in_space(scene: Scene, system: System, excitation: Excitation, run: SystemTrajectory) -> SpaceEnergy:
-    r"""Energy of a scene with a frame, and work of its drives, each less its value for the same boom if rigid.
+    r"""Energy of a boom in a moving frame and work on it, each without what a rigid boom of the same mass would have.
 
     The work of a step is that of the mean forces over the step, which is of second order in the step.
 

@@ -167,8 +167,8 @@ FREE = frozenset({
 def with_models_of(scene: Scene, models: System | ReducedModel | Mapping[str, ReducedModel]) -> Scene:
     """Scene in which bodies with the structural model ``auto`` get the structural model of the reduced `models`.
 
-    The structural model was chosen by measurements when these models were reduced.  `models` are a system, a model of a
-    single body, or a model of each section by name.
+    With the model, its ``walls`` are taken over.  Both were chosen by measurements when these models were reduced.
+    `models` are a system, a model of a single body, or a model of each section by name.
     """
     parts = []
     for number, (name, part) in enumerate(scene.bodies.items()):

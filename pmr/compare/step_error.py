@@ -207,7 +207,7 @@ def step_error(
     begin, kinds = time.perf_counter(), [kind for kind in kinds if kind not in ("beam", "tip")]
     stepped = SteppedSystem(system, excitation, run, complete)
     runs = Runs(stepped, "velocity" in kinds)
-    samples = [runs.next()]
+    samples = [runs.simulate_next()]
     if not runs.can_afford_next:
         raise SimulationError("a run with half the step is too long to be made only to estimate this error")
     initial = runs.sample_initial_run(samples[0])
@@ -222,7 +222,7 @@ def step_error(
         and all(series.is_settled for series in of_kinds.values())
     ):
         try:
-            samples.append(runs.next())
+            samples.append(runs.simulate_next())
         except SimulationError:
             if len(samples) == 1:
                 raise

@@ -235,9 +235,11 @@ class Runs:
             self.taken += self._work
         return self._stepped.sample(self._stepped.record(grid, self._rates), grid, self._stride, self._rates)
 
-    def next(self) -> Sample:
-        """Sample of the next run, which has half the step of the last run, at the times of comparison.
+    def simulate_next(self) -> Sample:
+        """Simulate the next run, and return its sample at the times of comparison.
 
+        The first run has the given step, each further run half the step of the one before.  If a run fails, the next
+        one has the same step again.
         Raises InputError or SimulationError as for `pmr.simulation.SystemSimulator`.
         """
         self.halved += 1

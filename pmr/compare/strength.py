@@ -229,9 +229,10 @@ def utilisation_part(scene: Scene, stresses: Mapping[str, Summary]) -> SummaryPa
 
 
 def _utilisations(part: Body, peak: Summary, regions: Summary) -> Iterator[dict[str, Any]]:
-    """Yield rows of ``utilisation``: of the whole body, then of each region with a material of its own.
+    """Yield rows of ``utilisation``: of the body's own material, then of each region with a material of its own.
 
-    `peak` is the largest stress of the body, `regions` have the largest stress of each region by name.
+    Materials without a yield stress have no row.  `peak` is the largest stress of the body, `regions` have the largest
+    stress of each region by name.
     """
     materials = {name: region.material for name, region in part.body.regions.items() if region.material is not None}
     if peak.get("region") in materials:  # else the largest stress is in the body's own material

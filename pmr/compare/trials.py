@@ -43,8 +43,8 @@ from pmr.system.truncation import extend, truncate
 
 Sizes = tuple[int, ...]  # modes of each body
 
-#: Errors of a run that leave its model or step out of question.  A run is refused, for example, if its model keeps all
-#: modes, so that no residual flexibility is left in its rows, and rho_inf is 1.
+#: Errors of a run after which its model or step is not considered.  A run is refused, for example, if rho_inf is 1 and
+#: its model keeps all modes, so that no residual flexibility is left in its rows.
 FAILURES = (SimulationError, InputError)
 #: Number of enrichment modes that every model keeps for its estimate; at most a quarter of all modes.
 ENRICHMENT = 4

@@ -389,10 +389,10 @@ class RingingReference:
 
 
 def ringing_warnings(not_judged: Mapping[str, RingingReference], rigid: Sequence[str]) -> list[str]:
-    """List one warning that names all quantities whose errors are in `not_judged`; empty if that is.
+    """List one warning that names all quantities in `not_judged`; the list is empty if there are none.
 
-    `not_judged` is by the names of quantities in summary.json.  If the full model has `rigid` contacts, the warning
-    names them as the cause.
+    `not_judged` is by the names of quantities in summary.json.  `rigid` are the names of the full model's rigid
+    contacts, which the warning names as the cause if there are any.
     """
     if not not_judged:
         return []

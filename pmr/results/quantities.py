@@ -651,9 +651,10 @@ class ReductionErrors(NamedTuple):
 def reduction_error(summary: Summary) -> ReductionErrors:
     """Return the errors of the reduction in the summary of a run, for those kinds of `COMPARED` that it has.
 
-    If the full model was simulated, they are differences to the full model, else estimates; errors of frequencies and
-    of reactions of rigid supports are always estimates.  Forces that jump at kinks of extensions are compared between
-    the kinks only, and pad forces with impacts are left out.  Without an error of displacements there are no errors.
+    If displacements were compared with the full model, they are differences to it, else estimates; errors of
+    frequencies and of reactions of rigid supports are always estimates.  Forces that jump at kinks of extensions are
+    compared between the kinks only, and pad forces with impacts are left out.  Without an error of displacements there
+    are no errors.
     """
     errors, estimate = summary.get("errors", {}).get("reduced_vs_full", {}), summary.get("estimate") or {}
     source, how = (errors, "compared with the full model") if "beam" in errors else (estimate, "estimated")

@@ -27,6 +27,7 @@ from pmr.compare.frequencies import (
 )
 from pmr.report import sections
 from pmr.report.numbers import SPACE
+from pmr.scene import Scene
 from pmr.simulation import Excitation
 from pmr.system.assembly import Assembly
 from pmr.system.from_scene import system_of
@@ -171,6 +172,31 @@ def test_only_who_asks_for_it_gets_it() -> None:
 def test_what_has_no_linear_response_is_refused(other: str) -> None:
     with pytest.raises(InputError, match="observe.frequency_response"):
         scenes.load(BOOM, ["observe.frequency_response=true", other])
+
+
+@pytest.mark.slow
+def test_what_moves_freely_has_no_static_response() -> None:
+    """A gain at low frequencies would be that of the round-off of a frequency of 0."""
+    scene = Scene.model_validate(
+        {
+            "title": "pinned beam",
+            "free_motions": "allowed",
+            "body": {
+                "model": "beam3d",
+                "box": {"length": 6.0, "width": 0.2, "height": 0.3, "wall": 0.006},
+                "material": {"young": 2.1e11, "density": 7850.0, "poisson": 0.3},
+            },
+            "mesh": {"elements": 4},
+            "supports": [{"on": "tail", "kind": "pinned"}],
+            "loads": [{"name": "F", "on": "tip", "direction": "z", "signal": {"kind": "constant", "amount": 1.0}}],
+            "observe": {"frequency_response": True},
+            "reduction": {"coordinates": 6, "estimate": False},
+            "time": {"end": 0.1, "step": 0.01},
+            "compare": {"against": []},
+        }
+    )
+    with pytest.raises(InputError, match="frequency_response = True: false is allowed: bodies move freely"):
+        whole.run(scene)
 
 
 @pytest.mark.slow
