@@ -194,7 +194,7 @@ class Excitation:
 def signals_in_order(
     loads: Mapping[str, Load], names: Sequence[str], of: Literal["input", "term", "hoist"] = "input"
 ) -> tuple[Load, ...]:
-    """Return the signals of `loads` in the order of `names`, the names of a system's inputs or terms.
+    """Return the signals of `loads`, a mapping by name, in the order of `names`, those of a system's inputs or terms.
 
     `of` is ``input``, ``term`` or ``hoist``, for the message.  Raises InputError unless `loads` has just these names.
     """

@@ -273,7 +273,8 @@ def _winch_wrench(scene: Scene, response: Response) -> Array:
 def with_ground_forces(scene: Scene, response: Response) -> Response:
     """Return the response with forces on the ground and on outriggers, and with margins against tipping.
 
-    The response is unchanged without a ground, or if force and moment at the pivot are not known.
+    A planar boom has no force along y and no moments about x and z at the pivot: they count as 0.  The response is
+    unchanged without a ground, or if force and moment at the pivot are not known.
     """
     if scene.frame is None or scene.frame.ground is None:
         return response

@@ -132,7 +132,8 @@ def describe_lost_features(signals: Sequence[tuple[str, SignalBase]], stepping: 
 def describe_overshoots(signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
     """Warnings, one line for each table whose curve exceeds the table's values by more than `UNSEEN` of their range.
 
-    `signals` are pairs of a name and a signal, some with tables as parts; the time of the grid `stepping` counts.
+    `signals` are pairs of a name and a signal, which may have tables as parts.  Values after the end of the grid
+    `stepping` do not count.
     """
     return [
         f"{name}: {what}"

@@ -89,7 +89,7 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
         **npz.record_arrays(DeflectionOutputs.from_system(system, at), "bent."),
         "reach": reach,
         "contacts": np.array(CONTACTS.dump_json(system.contacts).decode()),
-        "tip": at.ground_positions(scene, reach),
+        "tip": at.positions_on_base(scene, reach),
         **npz.record_arrays(reduced, "reduced."),
         **{f"turned.{angle}": acceleration_loads(scene, system, at, angle) for angle in arguments.get("turned", ())},
     }

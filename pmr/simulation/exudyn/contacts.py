@@ -79,9 +79,7 @@ class Contacts:
         motion = np.einsum("tmn,tn->tm", rows.C, q) + np.einsum("tmi,ti->tm", rows.H, f)
         if not self.any_pushes:
             return np.asarray(self._solve_flexibility(rows, motion[:, :, None])[:, :, 0])
-        return np.array([self.forces_by_motion(rows.at_time(k), gaps) for k, gaps in enumerate(motion)]).reshape(
-            motion.shape
-        )
+        return np.array([self.forces_by_motion(rows.at_time(k), gaps) for k, gaps in enumerate(motion)])
 
     def forces_by_motion(self, rows: ContactRows, motion: Array) -> Array:
         """Forces (m',) in N of contacts that give way with `rows` at one time, by `motion` = C q + H f (m',) in m.
@@ -185,7 +183,7 @@ LIMIT, CONVERGED = 200, 1e-12
 
 
 @dataclass(frozen=True)
-class Rows:
+class PadRows:
     """Contact rows at one time: rows of the m' contacts that give way, and matrices of all m contacts for friction."""
 
     giving: ContactRows
@@ -235,15 +233,17 @@ class Pads:
         self.grip = Grip()
         self.t = 0.0  # s: end of the last step
 
-    def rows(self, x: Array) -> Rows:
+    def rows(self, x: Array) -> PadRows:
         """Rows of the contacts with their sides at x (1, sides) in m, with the slopes that friction needs."""
         assembly, giving, m = self._equations.assembly, self._contacts.rows(x).at_time(0), len(self.gives)
         if self.law is None:
-            return Rows(giving, np.zeros((m, giving.C.shape[1])), np.zeros((m, m)), np.zeros(0))
+            return PadRows(giving, np.zeros((m, giving.C.shape[1])), np.zeros((m, m)), np.zeros(0))
         s = np.array([(x[0, k] - place.at) / place.rate for k, place in self._joints])
-        return Rows(giving, assembly.row_rates(x[0], np.ones(x.shape[1])), assembly.contact_motions_by_moments(x[0]), s)
+        return PadRows(
+            giving, assembly.row_rates(x[0], np.ones(x.shape[1])), assembly.contact_motions_by_moments(x[0]), s
+        )
 
-    def answers(self, rows: Rows, f: Array) -> Array:
+    def answers(self, rows: PadRows, f: Array) -> Array:
         """Forces F^-1 H f (m',) in N that the loads f (i,) cause in the m' contacts that give way, in bodies at q = 0.
 
         F and H, flexibility of these contacts and their displacements by loads, are those of `rows`.
@@ -251,7 +251,7 @@ class Pads:
         displacements = rows.giving.H @ f
         return np.asarray(np.linalg.solve(rows.giving.F, displacements)) if f.any() else displacements
 
-    def begin(self, rows: Rows, q: Array, f: Array) -> None:
+    def begin(self, rows: PadRows, q: Array, f: Array) -> None:
         """Set the state at t = 0, at rest without friction, with coordinates q (n,) and loads f (i,) in N.
 
         `rows` are the contact rows at t = 0.
@@ -259,7 +259,7 @@ class Pads:
         self.t = 0.0
         self.grip = Grip.at_start(self._equations.system.contacts, rows.s, self._multipliers(rows, q, f, 0.0))
 
-    def end(self, rows: Rows, q: Array, f: Array, t: float) -> PadState:
+    def end(self, rows: PadRows, q: Array, f: Array, t: float) -> PadState:
         """End the step at t s with `rows`, coordinates q (n,) and loads f (i,), and return the state of the contacts.
 
         The next step starts from the friction in this state.  Arguments and errors are those of `state`.
@@ -268,7 +268,7 @@ class Pads:
         self.grip, self.t = ended.grip, t
         return ended
 
-    def state(self, rows: Rows, q: Array, f: Array, t: float) -> PadState:
+    def state(self, rows: PadRows, q: Array, f: Array, t: float) -> PadState:
         """State at the end of the present step at t s, with coordinates q (n,) under loads f (i,) in N.
 
         `rows` are the contact rows at t.  Raises SimulationError if friction does not settle.
@@ -313,7 +313,7 @@ class Pads:
             gap=np.array([step.gap for step in steps]),
         )
 
-    def stiffness(self, rows: Rows, state: PadState) -> Array:
+    def stiffness(self, rows: PadRows, state: PadState) -> Array:
         """Stiffness (n, n) in N/m of closed contacts and of pads in a `state`: the derivative by q of C^T lambda - w.
 
         C are the contact `rows`, lambda the contact forces and w the generalised forces of friction.  The `state` has
@@ -340,7 +340,7 @@ class Pads:
         answers = np.linalg.solve(F[np.ix_(closed, closed)], C[closed])
         return np.asarray((C - M.T @ rows.slopes)[closed].T @ answers)
 
-    def _multipliers(self, rows: Rows, q: Array, f: Array, gap: Array | float) -> Array:
+    def _multipliers(self, rows: PadRows, q: Array, f: Array, gap: Array | float) -> Array:
         """Contact forces (m,) in N at coordinates q (n,) under loads f (i,), with gaps `gap` (m,) in m by friction.
 
         The forces are zero for rigid contacts.  `gap` may be one number for all contacts.  Raises SimulationError as

@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from pmr.files.arrays import Array
-from pmr.simulation.exudyn.contacts import Contacts, Pads, Rows
+from pmr.simulation.exudyn.contacts import Contacts, PadRows, Pads
 from pmr.simulation.exudyn.equations import Equations, Inputs
 from pmr.simulation.exudyn.items import Steps, SystemItems, add_bodies, add_coordinates, with_contacts
 from pmr.simulation.start import InitialState
@@ -108,11 +108,11 @@ def _contact_functions(
     function does nothing if contacts do not rub.  The Jacobian raises an InputError (``steps.check``) if rows and loads
     were not set for its step.
     """
-    stored_rows: tuple[int, Rows] | None = None
+    stored_rows: tuple[int, PadRows] | None = None
     begun = np.concatenate([state.q for state in start.values()])
     reached, loads = 0.0, inputs.values_at(0.0).loads
 
-    def rows(t: float) -> Rows:
+    def rows(t: float) -> PadRows:
         """Rows of the contacts at t s, computed once for each position."""
         nonlocal stored_rows
         place = inputs.values_at(t).number

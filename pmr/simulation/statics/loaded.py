@@ -326,7 +326,7 @@ class Form:
         return np.asarray(-self.pull / np.linalg.norm(self.pull))
 
     def frequency(self, load: float) -> float:
-        """Lowest natural frequency in Hz with `load` in kg as a mass on its directions.
+        """Lowest natural frequency in Hz with `load` in kg, a mass that moves along the load's d directions.
 
         The frequency is 0 if the structure is not `held` or buckles under the load, and infinite if no coordinate has a
         mass.

@@ -72,10 +72,11 @@ class PostureSet:
         tails = np.sum([np.zeros(self.count), *(self.extensions[name] for name in scene.names[1:])], axis=0)
         return np.asarray(tails + scene.sections[-1].length)
 
-    def ground_positions(self, scene: Scene, distances: Array) -> Array:
-        """Positions (P, 3) in m from the pivot, in ground axes X, Y, Z, of an undeformed point of the boom per posture.
+    def positions_on_base(self, scene: Scene, distances: Array) -> Array:
+        """Position (P, 3) in m from the pivot of a point of the undeformed boom in each posture, in axes of the base.
 
-        `distances` (P,) in m is the distance of each posture's point from the tail of the base section.
+        These are X, Y and Z of the ground unless the base is inclined.  `distances` (P,) in m are those of the points
+        from the tail of the base section.
         """
         place = np.array(scene.present_frame.tail_position) + distances[:, None] * np.eye(3)[0]
         return np.einsum("pij,pj->pi", boom_rotation(self.luffing, self.slewing), place)
