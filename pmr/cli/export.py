@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -155,7 +156,7 @@ def flexible(
     chosen.write(body, target)
     for k, (name, point) in enumerate(zip(body.frames.names, body.frames.points, strict=True), start=1):
         out.text(f"{chosen.by} {k}: {name}, at {', '.join(f'{round(x, 9) + 0.0:.4g}' for x in point)} m")
-    out.text(f"{len(body.omega)} modes, {', '.join(f'{w / 6.283185307179586:.4g}' for w in body.omega)} Hz")
+    out.text(f"{len(body.omega)} modes, {', '.join(f'{w / math.tau:.4g}' for w in body.omega)} Hz")
     out.text(str(target))
 
 

@@ -6,7 +6,7 @@ The functions that describe return lines as a mapping from name to description.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 LISTED = 8
 #: Number of lowest frequencies that are listed.
 FREQUENCIES = 4
-_TABLES = ("versions", "scene")  # of a model's provenance
 
 
 def describe_file(file: Path) -> dict[str, str]:
@@ -47,11 +46,9 @@ def describe_system(system: System) -> dict[str, str]:
     """Return lines, by name, about a system of several bodies: its bodies, paths, inputs, outputs and frequencies."""
     from pmr.scene.keys import path_unit
 
-    scene = system.provenance.get("scene")
-    title = scene.get("title", "unknown") if isinstance(scene, dict) else "unknown"
     rows = {
         "system": f"{len(system.bodies)} bodies, {sum(body.size for body in system.reduced.values())} coordinates",
-        "scene": f"{title} ({system.provenance.get('scene_hash', 'no hash')})",
+        "scene": _describe_origin(system.provenance),
     }
     for name, body in system.reduced.items():
         rows[f"body {name}"] = f"{body.size} coordinates; outputs: {_describe_outputs(body)}"
@@ -137,7 +134,8 @@ def describe_model(model: ReducedModel) -> dict[str, str]:
     import numpy as np
 
     low, high = model.domain
-    made_with, scene = ({} if not isinstance(table := model.provenance.get(key), dict) else table for key in _TABLES)
+    versions = model.provenance.get("versions")
+    made_with = versions if isinstance(versions, dict) else {}
     holds = np.isnan(model.row_clearance)
     rows = [
         name if holds_both_ways else f"{name} (only pushes)"
@@ -146,7 +144,7 @@ def describe_model(model: ReducedModel) -> dict[str, str]:
     of = "" if model.section is None else f" of section {model.section.name}, without what joins it to the others"
     return {
         "reduced model": f"{model.size} coordinates{of}",
-        "scene": f"{scene.get('title', 'unknown')} ({model.provenance.get('scene_hash', 'no hash')})",
+        "scene": _describe_origin(model.provenance),
         "basis": str(model.provenance.get("basis", "unknown")),
         **_describe_inputs(model.input_names, model.input_units),
         "outputs": _describe_outputs(model),
@@ -157,6 +155,13 @@ def describe_model(model: ReducedModel) -> dict[str, str]:
             f"{name} {made_with[name]}" for name in ("pmr", "dolfinx", "PETSc", "SLEPc") if name in made_with
         ),
     }
+
+
+def _describe_origin(provenance: Mapping[str, object]) -> str:
+    """Return title and hash of the scene of which a model was made, from the model's provenance."""
+    scene = provenance.get("scene")
+    title = scene.get("title", "unknown") if isinstance(scene, dict) else "unknown"
+    return f"{title} ({provenance.get('scene_hash', 'no hash')})"
 
 
 def _describe_inputs(names: Sequence[str], units: Sequence[str]) -> dict[str, str]:

@@ -30,7 +30,7 @@ from pmr.scene.keys import (
     Usual,
     key_error,
 )
-from pmr.scene.structures import ALLOWED_INERTIA, PrincipalMoments, is_inertia
+from pmr.scene.structures import BodyMoments
 
 Corner = tuple[Place, Place]
 #: Usual up to 0.3 rad or 17 degrees.
@@ -56,16 +56,9 @@ class MachineMass(SceneTable):
         description="Position of its centre from the pivot: X where the boom points unslewed, Y to its left, Z up"
     )
     slews: Switch = Field(default=False, description="Whether it turns with the boom, as a counterweight does")
-    inertia: PrincipalMoments = Field(
+    inertia: BodyMoments = Field(
         default=(0.0, 0.0, 0.0), description="About its centre of mass, about X, Y and Z, which slew with it"
     )
-
-    @model_validator(mode="after")
-    def _check_inertia(self) -> Self:
-        """Refuse impossible moments of inertia."""
-        if not is_inertia(self.inertia):
-            raise key_error("inertia", list(self.inertia), ALLOWED_INERTIA)
-        return self
 
 
 class Outrigger(SceneTable):

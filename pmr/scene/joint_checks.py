@@ -360,17 +360,12 @@ def _check_pads(scene: Scene, number: int) -> None:
         box, name = scene.sections[number].body.box, scene.names[number]
         first, last = (0.0, length) if box is None else box.parallel_range
         slack = BEYOND_ENDS * length
-        if (first, last) != (0.0, length) and (start < first - slack or end > last + slack):
-            allowed = (
-                f"these pads reach from {start:.6g} to {end:.6g} m along {name}; pads are allowed where its faces are "
-                f"parallel to the axis, from {first:.6g} to {last:.6g} m, and not where the box tapers"
-            )
-            raise scene_error(f"sections[{seat.joint}].joint.{seat.key}.at", seat.ring.at, allowed)
-        if start < -BEYOND_ENDS * length or end > (1.0 + BEYOND_ENDS) * length:
-            allowed = (
-                f"these pads reach from {start:.6g} to {end:.6g} m along {scene.names[number]}; the whole pad has to "
-                f"be on it, from 0 to {length:.6g} m"
-            )
+        if start < first - slack or end > last + slack:
+            where = f"the whole pad has to be on it, from 0 to {length:.6g} m"
+            if (first, last) != (0.0, length):
+                where = f"pads are allowed where its faces are parallel to the axis, from {first:.6g} to {last:.6g} m, "
+                where += "and not where the box tapers"
+            allowed = f"these pads reach from {start:.6g} to {end:.6g} m along {name}; {where}"
             raise scene_error(f"sections[{seat.joint}].joint.{seat.key}.at", seat.ring.at, allowed)
 
 

@@ -118,15 +118,14 @@ class Member:
     @cached_property
     def moving_pads(self) -> dict[str, MovingPads]:
         """Rings of joints on faces of the section, by name (`ring_name`), with the ranges of their positions."""
-        faced, rings = dict[str, list[Seat]](), dict[str, MovingPads]()
-        for seat in self._seats:
-            if seat.ring.faces is not None:
-                faced.setdefault(ring_name(self.scene, seat.ring), []).append(seat)
-        for name, alike in faced.items():
-            ring, positions, half = body_ring(alike[0].ring, name), _common_range(alike), alike[0].ring.length / 2.0
-            everywhere = _common_range([seat for of_name in faced.values() for seat in of_name])
-            on_section = Interval(max(everywhere.low, half), min(everywhere.high, self.part.length - half))
-            rings[name] = MovingPads(alike[0].joint, ring, positions, positions.union(on_section))
+        on_faces, by_name = [seat for seat in self._seats if seat.ring.faces is not None], dict[str, list[Seat]]()
+        for seat in on_faces:
+            by_name.setdefault(ring_name(self.scene, seat.ring), []).append(seat)
+        rings = dict[str, MovingPads]()
+        for name, alike in by_name.items():
+            ring, positions = body_ring(alike[0].ring, name), _common_range(alike)
+            travel = positions.union(self._range_on_section(on_faces, ring.length))
+            rings[name] = MovingPads(alike[0].joint, ring, positions, travel)
         return rings
 
     @property
@@ -177,9 +176,13 @@ class Member:
     @cached_property
     def _reach(self) -> Interval:
         """Range in m of the positions of all rings of joints, as far as the longest ring is wholly on the section."""
-        half = max((pads.ring.length for pads in self.moving_pads.values()), default=0.0) / 2.0
-        everywhere = _common_range(self._seats)
-        return Interval(max(everywhere.low, half), min(everywhere.high, self.part.length - half))
+        longest = max((pads.ring.length for pads in self.moving_pads.values()), default=0.0)
+        return self._range_on_section(self._seats, longest)
+
+    def _range_on_section(self, all_seats: Sequence[Seat], length: float) -> Interval:
+        """Return the range in m of the seats' positions, as far as a ring of the `length` in m is on the section."""
+        low, high = _common_range(all_seats)
+        return Interval(max(low, length / 2.0), min(high, self.part.length - length / 2.0))
 
     @property
     def ring_ranges(self) -> dict[str, Interval]:

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, model_validator
+from pydantic_core import PydanticCustomError
 
 from pmr.scene.keys import (
     Area,
@@ -46,6 +47,17 @@ ALLOWED_INERTIA = "three moments are allowed of which none is larger than the su
 def is_inertia(moments: tuple[float, float, float]) -> bool:
     """Whether a body can have these principal moments of inertia: none exceeds the sum of the other two."""
     return max(moments) <= (1.0 + ROUND_OFF) * (sum(moments) - max(moments))
+
+
+def _check_inertia(moments: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Return the principal moments of inertia if a body can have them; raise an error that shows them otherwise."""
+    if not is_inertia(moments):
+        raise PydanticCustomError("inertia", ALLOWED_INERTIA)
+    return moments
+
+
+#: Moments of inertia that a body can have.
+BodyMoments = Annotated[PrincipalMoments, AfterValidator(_check_inertia)]
 
 
 def unit_vector(direction: Vector) -> Vector:

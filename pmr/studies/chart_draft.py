@@ -210,8 +210,8 @@ def check_chart(file: Path, scene: Scene, up_to: float) -> None:
     if scene.frame is None or scene.frame.luffing is None or scene.frame.luffing == "free":
         allowed = "a load chart needs luffing angles; a scene is allowed whose [frame] has luffing over time"
         raise InputError("command line", "SCENE", str(file), allowed)
-    if not up_to > 0.0:
-        raise InputError("command line", "--up-to", up_to, "a load above 0 kg is allowed")
+    if not 0.0 < up_to < math.inf:
+        raise InputError("command line", "--up-to", up_to, "a finite load above 0 kg is allowed")
 
 
 def _allowed_luffing_forces(scene: Scene) -> dict[str, float]:

@@ -183,7 +183,12 @@ def test_walls_of_templates_give_on_cells_about_as_wide_as_their_pads(kind: str)
 
 @pytest.mark.parametrize(
     ("scene", "up_to", "says"),
-    [("boom_beam", "1000", "SCENE = "), ("crane", "0", "--up-to = 0"), ("crane", "-5", "--up-to = -5")],
+    [
+        ("boom_beam", "1000", "SCENE = "),
+        ("crane", "0", "--up-to = 0"),
+        ("crane", "-5", "--up-to = -5"),
+        ("crane", "inf", "--up-to = inf"),
+    ],
 )
 def test_what_has_no_chart_is_refused_in_one_line(
     scene: str, up_to: str, says: str, tmp_path: Path, run_command
