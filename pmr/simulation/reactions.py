@@ -56,7 +56,7 @@ from pmr.scene.rotation import boom_rotation, motion_of
 from pmr.scene.signals import Constant
 from pmr.simulation.frame import base_accelerations
 from pmr.system.body import FullBody, SlidingBody, Trajectory, kinds_of, names_of, units_of
-from pmr.system.contacts import Contact, qualified_name
+from pmr.system.contacts import STRAIGHT, Contact, qualified_name
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import SystemTrajectory, outputs_by_carriers
 from pmr.system.supports import SupportForces
@@ -298,10 +298,6 @@ def outputs_of(system: BodySystem[Any]) -> list[Output]:
         for name, body in system.bodies.items()
         for label, kind, unit in zip(names_of(body), kinds_of(body), units_of(body), strict=True)
     ]
-
-
-#: Kind of contacts that keep overlapping sections parallel: they bear moments, not forces of pads.
-STRAIGHT = "straight"
 
 
 def output_contacts(system: BodySystem[Any]) -> list[int]:

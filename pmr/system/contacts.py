@@ -52,6 +52,7 @@ from numpy.typing import ArrayLike
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array, Indices, Mask
+from pmr.results.response import FORCES
 from pmr.scene.cylinder import SHEAR_STIFFNESS
 from pmr.scene.joints import FrictionLaw, RingFriction
 from pmr.scene.keys import ALONE as ALONE
@@ -59,6 +60,11 @@ from pmr.scene.keys import SLIDER as SLIDER
 from pmr.scene.keys import cylinder_name, quantity_of
 from pmr.scene.keys import input_name as input_name
 from pmr.scene.keys import qualified_name as qualified_name
+
+#: Kind of contacts that keep overlapping sections parallel: they bear moments, not forces of pads.
+STRAIGHT = "straight"
+#: All kinds of contacts.
+KINDS = (*FORCES, STRAIGHT)
 
 
 @dataclass(frozen=True)
@@ -98,7 +104,7 @@ class Contact(FrictionLaw):
     # m: displacement at which a contact that only pushes closes; None for a contact that holds both ways
     clearance: float | None = None
     _: KW_ONLY
-    kind: str = "pad"  # or ``cylinder``, ``support``, ``straight`` (`pmr.results.response`)
+    kind: str = "pad"  # one of `KINDS`
     arm: float = 0.0  # m: distance of friction from the axis, to the face that the contact presses on
     shear_stiffness: float = SHEAR_STIFFNESS  # N/m: stiffness along the path while the contact sticks
     # for a rope: growth a' in 1/N of its compliance with a path coordinate, and the name of this path
@@ -117,6 +123,8 @@ class Contact(FrictionLaw):
         allowed = {
             "direction": (self.direction in (1.0, -1.0), "1 or -1 is allowed"),
             "compliance": (0.0 <= self.compliance < np.inf, "0 or more, in m/N, is allowed"),
+            "kind": (self.kind in KINDS, f"{', '.join(KINDS)} are allowed"),
+            "bears": (bool(np.isfinite([share for _, share in self.bears]).all()), "finite shares are allowed"),
             "arm": (bool(np.isfinite(self.arm)), "a finite number, in m, is allowed"),
             "lengthening": (
                 np.isfinite(self.lengthening) and (not self.lengthening or self.path is not None),

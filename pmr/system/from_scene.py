@@ -35,7 +35,7 @@ from pmr.scene.mechanism import Drive, rope_shares
 from pmr.scene.members import AROUND, POINT, TAIL, WITHIN, body_ring, member_at, members, ring_name
 from pmr.system.body import SlidingBody
 from pmr.system.carriers import CarrierFlexibility, CarrierRows
-from pmr.system.contacts import Contact, Place, pad_at_mouth, pad_at_tail
+from pmr.system.contacts import STRAIGHT, Contact, Place, pad_at_mouth, pad_at_tail
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Row, dense_entries
 from pmr.system.system import Body, System, ground_contacts
@@ -136,7 +136,7 @@ def _joint_contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> It
         within = Place(inner, "", length - min(ring.at for ring in joint.mouth), inner, -1.0)
         around = Place(outer, "", min(ring.at for ring in joint.tail), inner)
         for place, names in ((within, WITHIN), (around, AROUND)):
-            yield from (Contact(f"{place.body} {name}", replace(place, row=name), kind="straight") for name in names)
+            yield from (Contact(f"{place.body} {name}", replace(place, row=name), kind=STRAIGHT) for name in names)
     if TAIL in bodies[inner].row_names:
         at = _first_break(bodies[inner], TAIL)
         held = Place(outer, TAIL, _first_break(bodies[outer], TAIL)) if TAIL in bodies[outer].row_names else None

@@ -176,6 +176,8 @@ PLACE = Place("1", "w", 0.15)
         ({"friction": np.nan}, "contacts.pad.friction"),
         ({"friction": 0.2, "static_friction": 0.1}, "contacts.pad.static_friction = 0.1: 0.2 or more is allowed"),
         ({"stribeck_speed": 0.0}, "contacts.pad.stribeck_speed = 0.0: more than 0 m/s is allowed"),
+        ({"kind": "suport"}, "contacts.pad.kind = 'suport': pad, cylinder, support, straight are allowed"),
+        ({"bears": (("rope", np.nan),)}, "contacts.pad.bears = .*: finite shares are allowed"),
         ({"arm": np.nan}, "contacts.pad.arm = nan: a finite number, in m, is allowed"),
         ({"shear_stiffness": np.inf}, "contacts.pad.shear_stiffness = inf: more than 0 N/m is allowed"),
     ],
