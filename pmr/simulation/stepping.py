@@ -150,7 +150,7 @@ def is_aliased(signal: SignalBase, stepping: TimeStepping) -> bool:
 
 
 def _describe_losses(signal: SignalBase, stepping: TimeStepping) -> list[str]:
-    """Lines of `_describe_loss` on the signals from which a signal follows or, if they have none, on the signal."""
+    """Lines of `_describe_loss` on the signals from which a signal follows; if there are none, on the signal itself."""
     of_causes = [line for cause in signal.signals for line in _describe_losses(cause, stepping)]
     return of_causes or list(_describe_loss(signal, stepping))
 

@@ -8,7 +8,7 @@ from chart_beside_run import chart, run
 from turning_cylinder import EXTENSION, LUG, Rigid, boom
 
 import pmr
-from pmr import InputError
+from pmr import InputError, SimulationError
 from pmr.fullmodel.moving import direction_polynomial
 from pmr.scene.cylinder import LuffingCylinder
 from pmr.scene.mechanism import CYLINDER
@@ -52,6 +52,14 @@ def test_all_simulators_agree_while_it_turns() -> None:
     steps = [float(stepper.step({"s1": 4.0}, frame=motion(t))[0]) for t in response.t[1:].tolist()]
     tip = response.of("tip", body="s1", direction="z")[1:, 0]
     assert np.abs(np.array(steps) - tip).max() < 1e-9 * size
+
+
+def test_a_step_that_fails_is_told_with_the_angle_in_rad() -> None:
+    """By an Exudyn that may not iterate."""
+    simulation = {"simulators": ["exudyn"], "newton": {"maxIterations": 1, "relativeTolerance": 0.0}}
+    scene = boom(10.0, "beam2d", 2e7, simulation=simulation, start="rest")
+    with pytest.raises(SimulationError, match=r"Exudyn failed at t = 0\.01 s, s1 at 4 m, luffing at 0\.1745\d* rad: "):
+        pmr.run(scene)
 
 
 def test_its_direction_is_followed_all_around() -> None:

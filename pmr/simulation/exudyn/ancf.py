@@ -174,8 +174,8 @@ def simulate(
     sensors.append([add_force_sensor(mbs, items.oJoint)])
 
     def place(t: float) -> str:
-        """Text with the slider's position at t s."""
-        return f"slider at {s[round(t / stepping.step)]:g} m"
+        """Text with the slider's position at t s, to append to a message."""
+        return f", slider at {s[round(t / stepping.step)]:g} m"
 
     seconds = solve(mbs, _settings(cable, stepping), place, progress)
     stored_values = [[read_sensor(mbs, sensor, stepping, place) for sensor in group] for group in sensors]

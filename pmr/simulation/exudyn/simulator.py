@@ -35,6 +35,7 @@ from pmr.simulation.exudyn.solver import override_newton, read_sensor, solve, so
 from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.modal import LARGEST
 from pmr.simulation.native import systems
+from pmr.simulation.native.form import path_text
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress, energy_round_off, energy_surplus, refuse_growth
 from pmr.system.body import SlidingBody
@@ -225,9 +226,9 @@ class SystemRun:
         return self._trajectory(motion, balanced, seconds)
 
     def _describe(self, t: float) -> str:
-        """Text with the coordinates of the paths at t s."""
-        at = ((name, float(path.value(t))) for name, path in self._excitation.paths.items())
-        return ", ".join(f"{name} at {s:g} m" for name, s in at)
+        """Text with the coordinates of the paths at t s, to append to a message."""
+        paths = self._excitation.paths
+        return path_text(tuple(paths), np.array([path.value(t) for path in paths.values()]))
 
     def _motion(self) -> Motion:
         """Motion that the sensors stored, with zeros in place of the forces of contacts without multipliers."""

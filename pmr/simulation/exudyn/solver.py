@@ -91,7 +91,8 @@ def solve(
     mbs : exudyn.MainSystem
     chosen : exudyn.SimulationSettings
     place : callable
-        Function of a time in s that returns a text with the path coordinates, for messages.
+        Function of a time in s that returns a text with the path coordinates to append to a message, such as ``, boom
+        at 1.5 m``.
     progress : callable, optional
         Called about a hundred times, with the share of all steps that is done.
     times : (N,) array, s, optional
@@ -183,7 +184,7 @@ def _warnings_logged() -> Iterator[None]:
 
 def _describe_failed_step(t: float, place: Callable[[float], str]) -> str:
     """Text about the step to t s, which failed, with the path coordinates: the text that `place` returns for t."""
-    return f"Exudyn failed at t = {t:g} s, {place(t)}"
+    return f"Exudyn failed at t = {t:g} s{place(t)}"
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from pmr.fullmodel.model import FullSystem
 from pmr.scene.choice import REFERENCE, refuse_unsupported
 from pmr.simulation.contact_step import StepParts
 from pmr.simulation.excitation import Excitation, side_positions
+from pmr.simulation.native.form import path_text
 from pmr.simulation.petsc.integrate import ContactState, DividedSteps, Stepped
 from pmr.simulation.petsc.recorder import History, Recorder, WallTimes
 from pmr.simulation.petsc.rows import BlockFactor, contact_frequency
@@ -166,10 +167,8 @@ class _Run:
         try:
             return steps.step(step, state, due, self._recorder)
         except SimulationError as error:
-            travelled = zip(self._excitation.paths, self._at.s[step], strict=True)
-            at = ", ".join(f"{name} at {s:g} m" for name, s in travelled)
-            where = ", ".join(filter(None, (f"step {step}", f"t = {self._at.t[step]:g} s", at)))
-            raise SimulationError(f"stopped at {where}: {error}") from None
+            at = path_text(tuple(self._excitation.paths), self._at.s[step])
+            raise SimulationError(f"stopped at step {step}, t = {self._at.t[step]:g} s{at}: {error}") from None
 
 
 def sample_excitation(system: FullSystem, excitation: Excitation) -> SampledExcitation:

@@ -138,7 +138,7 @@ class StoredData:
 
 def test_only_complete_and_finite_results_count() -> None:
     def place(t: float) -> str:
-        return f"slider at {PATH.value(t):g} m"
+        return f", slider at {PATH.value(t):g} m"
 
     values = np.ones((STEPPING.steps + 1, 2))
     np.testing.assert_array_equal(read_sensor(StoredData(values), 0, STEPPING, place), values)
