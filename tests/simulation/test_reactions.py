@@ -94,7 +94,7 @@ def test_a_saved_model_tells_them_too(outcome: Outcome, tmp_path: Path) -> None:
     found, first = (reaction_extremes(one, excitation.s[:, 0]) for one in (again, outcome.result.responses["reduced"]))
     assert [(of.support, of.unit) for of in found] == [(of.support, of.unit) for of in first]
     for of, one in found.items():
-        assert one.most == pytest.approx(first[of].most, rel=1e-9, abs=1e-9)
+        assert one.highest.value == pytest.approx(first[of].highest.value, rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.slow
