@@ -48,7 +48,7 @@ def describe_system(system: System) -> dict[str, str]:
 
     rows = {
         "system": f"{len(system.bodies)} bodies, {sum(body.size for body in system.reduced.values())} coordinates",
-        "scene": _describe_origin(system.provenance),
+        "scene": _scene_words(system.provenance),
     }
     for name, body in system.reduced.items():
         rows[f"body {name}"] = f"{body.size} coordinates; outputs: {_describe_outputs(body)}"
@@ -144,7 +144,7 @@ def describe_model(model: ReducedModel) -> dict[str, str]:
     of = "" if model.section is None else f" of section {model.section.name}, without what joins it to the others"
     return {
         "reduced model": f"{model.size} coordinates{of}",
-        "scene": _describe_origin(model.provenance),
+        "scene": _scene_words(model.provenance),
         "basis": str(model.provenance.get("basis", "unknown")),
         **_describe_inputs(model.input_names, model.input_units),
         "outputs": _describe_outputs(model),
@@ -157,7 +157,7 @@ def describe_model(model: ReducedModel) -> dict[str, str]:
     }
 
 
-def _describe_origin(provenance: Mapping[str, object]) -> str:
+def _scene_words(provenance: Mapping[str, object]) -> str:
     """Return title and hash of the scene of which a model was made, from the model's provenance."""
     scene = provenance.get("scene")
     title = scene.get("title", "unknown") if isinstance(scene, dict) else "unknown"

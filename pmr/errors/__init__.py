@@ -274,7 +274,10 @@ def overview(head: str, **names: Sequence[str]) -> str:
 
 
 def two_digits(value: float) -> str:
-    """Return `value` as text with two significant digits: a decimal number from 1e-4 to 1e6, else with an exponent."""
+    """Return `value` as text with two significant digits: a decimal number from 1e-4 to 1e6, else with an exponent.
+
+    Zeros at its end are left out, as in ``5`` and ``0.1``.
+    """
     return f"{float(f'{value:.2g}'):g}"
 
 

@@ -146,9 +146,9 @@ def _entry_points(group: str) -> list[metadata.EntryPoint]:
 
 @cache
 def _entry_points_on(path: tuple[str, ...]) -> list[metadata.EntryPoint]:
-    """Return the entry points of all groups in the distributions in the folders `path`.
+    """Return the entry points of all groups in the distributions in the folders `path`, which is `sys.path`.
 
-    The entry points are read once in a process.
+    They are read once for each such path.
     """
     points = metadata.entry_points()
     return [point for group in GROUPS for point in points.select(group=group)]

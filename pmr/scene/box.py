@@ -193,7 +193,10 @@ class Box(BoxProfile):
 
     @property
     def breaks(self) -> list[float]:
-        """Positions along x in m, ascending, where a doubler or taper begins or ends, and both ends of the box."""
+        """Positions along x in m, ascending, where a doubler or taper begins or ends, and both ends of the box.
+
+        Positions that are equal to round-off are one.
+        """
         low, high = self.untapered_range
         breaks = [0.0]
         for at in sorted([low, high, *(at for doubler in self.doublers for at in (doubler.start, doubler.end))]):

@@ -571,7 +571,7 @@ class Gravity(ShorthandTable):
 
     @property
     def signal(self) -> SignalBase:
-        """Acceleration of the weight in m/s^2 over time: constant if `rise` is 0, else rising until that time."""
+        """Acceleration of the weight in m/s^2 over time: constant if `rise` is 0, else rising from 0 until `rise`."""
         if self.rise == 0.0:
             return Constant(amount=self.acceleration)
         return SmoothRamp(times=(0.0, self.rise), values=(0.0, self.acceleration))

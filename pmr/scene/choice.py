@@ -188,7 +188,7 @@ def rope_pulls(member: Member) -> tuple[RopePull, ...]:
 def is_pinned_beam(member: Member) -> bool:
     """Whether a body is a planar beam that only a rigid pin at x = 0 and one sliding point without an offset hold.
 
-    A body with pads or point masses does not count.
+    The beam is given by its stiffnesses (`body.profile`), without pads and point masses.
     """
     held = [
         (member.part.position_of(support.on), support.stiffness, set(support.held_directions) & {"x", "z", "ry"})
@@ -239,7 +239,10 @@ def inertia_fields(member: Member) -> tuple[str, ...]:
 
 
 def _has_rotary_inertia(member: Member) -> bool:
-    """Whether a beam has rotary inertia itself, or a mass on it has moments of inertia or is off the beam's axis."""
+    """Whether a mass on a beam has moments of inertia or is off the axis, or the beam has rotary inertia itself.
+
+    A beam in space has rotary inertia together with its shear deformation.
+    """
     is_off_axis = [mass.at is not None and mass.at[1:] != (0.0, 0.0) for mass in member.part.masses]
     attached = any(any(mass.inertia) for mass in member.part.masses)
     return attached or any(is_off_axis) or (member.part.body.shear and not is_planar(member))
@@ -346,7 +349,7 @@ def lateral_load_reasons(member: Member) -> list[str]:
 
 
 def has_unlike_side_walls(member: Member) -> bool:
-    """Return whether the walls of a box at left and right differ in thickness."""
+    """Return whether the walls of a box at left and right differ in thickness; False without a box."""
     box = member.part.body.box
     profiles = () if box is None else [profile for part in box.stretches for profile in (part.first, part.last)]
     return any(profile.thickness(face) != profile.thickness(other) for profile in profiles for face, other in SIDES)

@@ -366,13 +366,16 @@ class Frame(BoomAngles):
     def rotation(self, t: ArrayLike) -> Array:
         """Return the rotations (T, 3, 3) from axes of the boom to axes of the base at times t (T,) in s.
 
-        T is 1 for a single number t.
+        T is 1 for a single number t.  A free luffing angle has its value at t = 0 at all times.
         """
         luffing, slewing = (np.atleast_1d(angle.value(np.asarray(t))) for angle in self.angles)
         return boom_rotation(luffing, slewing)
 
     def base_rotation(self, t: Array) -> Array:
-        """Return the rotation (T, 3, 3) from axes of the base to axes of the ground at times t (T,) in s."""
+        """Return the rotation (T, 3, 3) from axes of the base to axes of the ground at times t (T,) in s.
+
+        It is the identity if nothing turns the base.
+        """
         rocking = self.base_angles or (Constant(amount=0.0),) * 3
         return FrameRotation.from_rocking([motion_of(angle, t) for angle in rocking]).rotation
 

@@ -114,7 +114,7 @@ class Ground(SceneTable):
 
     @property
     def corner_numbers(self) -> list[int]:
-        """Numbers of the outriggers at the corners of the support polygon, anticlockwise."""
+        """Numbers of the outriggers at the corners of the support polygon, anticlockwise, from 0 in their order."""
         names = [outrigger.name for outrigger in self.outriggers]
         return [names.index(corner.name) for corner in self.corners]
 
@@ -125,7 +125,7 @@ class Ground(SceneTable):
 
 
 def convex_hull(points: Sequence[Corner]) -> list[Corner]:
-    """Return the corners of the convex hull of points X, Y, anticlockwise; points on its edges are no corners."""
+    """Return the corners of the convex hull of points X, Y, anticlockwise from the leftmost; edges have no others."""
 
     def half(ordered: Sequence[Corner]) -> list[Corner]:
         """Return the corners on the right of the way through the `ordered` points, without the last point."""

@@ -371,7 +371,7 @@ def _strength_effects(scene: Scene, at_rest: bool) -> list[str]:
 
 
 def _wall_effects(scene: Scene) -> list[str]:
-    """Return the hint that beam models leave out the bending of walls under pads.
+    """Return one clause, on the compliance of walls under pads that a beam with rigid walls leaves out.
 
     The list is empty if no pad presses on a beam whose walls could be modelled as compliant.
     """

@@ -265,7 +265,7 @@ class OneBody(SceneTable):
 
     @property
     def files(self) -> dict[str, Path]:
-        """Files from which the model is made, by table: ``mesh``, ``mesh.groups`` and ``reduction``."""
+        """Files that the scene names for the model, by table: ``mesh``, ``mesh.groups`` and ``reduction``."""
         groups = None if self.mesh.groups is None else self.mesh.groups.file
         named = {"mesh": self.mesh.file, "mesh.groups": groups, "reduction": self.reduction.file}
         return {section: file for section, file in named.items() if file is not None}

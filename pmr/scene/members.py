@@ -198,7 +198,7 @@ class Member:
     def overlap_ends(self) -> dict[tuple[str, str], float]:
         """Positions in m of the fixed ends of rigid overlaps, by the names of two rows that keep the section straight.
 
-        A key is `WITHIN` or `AROUND`.
+        A key is `WITHIN` or `AROUND`.  The result is empty without a rigid overlap.
         """
         ends, scene, number = dict[tuple[str, str], float](), self.scene, self.number
         if number and (joint := scene.joint(number)).rigid_overlap:
@@ -286,7 +286,7 @@ def ring_name(scene: Scene, ring: JointPads) -> str:
     """Return the name, such as ``pads 1``, that a ring has in the models of the two sections in contact.
 
     Rings with equal faces, positions and size share one name, unless walls give way: each ring then has a name of its
-    own.
+    own.  Rings without faces are called `POINT`.
     """
     if ring.faces is None:
         return POINT

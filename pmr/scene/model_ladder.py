@@ -123,7 +123,10 @@ def comparable_scene(scene: Scene) -> Scene:
 
 
 def _choose_models(scene: Scene, model: str, walls: str) -> Scene:
-    """Return the scene with this model and these walls for those bodies whose model is left to measurements."""
+    """Return the scene with this model and these walls for those bodies whose model is left to measurements.
+
+    A box with ``auto`` whose model is not left to them gets the name of that model.
+    """
     parts = []
     for member in members(scene):
         part = member.part
@@ -152,7 +155,7 @@ def _scene_with_models(scene: Scene, models: list[str]) -> Scene:
     """Return the scene with one model for each body, positions that all models have, and an accurate reduction.
 
     The scene is simulated once, by ``march``; stresses, accuracy and budget are left out of it, and of probes all but
-    displacements.
+    displacements.  Walls give way only where the scene says so and the model allows it.
     """
     parts = []
     for part, model in zip(scene.sections, models, strict=True):

@@ -160,7 +160,11 @@ def rounded_sides(edges: Sequence[Edge], nothing: float) -> tuple[Side, ...]:
 
 
 def sharp_corners(edges: Sequence[Edge]) -> tuple[Corner, ...]:
-    """Return the outer corners of a profile with the given `edges` in their order, as if all corners were sharp."""
+    """Return the outer corners of a profile with the given `edges` in their order, as if all corners were sharp.
+
+    A corner between two faces that are not slanted has a name such as ``top left``, any other one such as ``left - top
+    left``: its faces in counter-clockwise order.
+    """
     corners = list[Corner]()
     for k, edge in enumerate(edges):
         before = edges[k - 1]

@@ -81,7 +81,7 @@ class Observe(SceneTable):
 
     @property
     def stations(self) -> tuple[float, ...] | None:
-        """Observed positions along the axis in m; None for a beam's nodes."""
+        """Observed positions along the axis in m, from `start` to `end`; None if the scene does not set these."""
         if self.start is None or self.end is None:
             return None
         return tuple(float(x) for x in np.linspace(self.start, self.end, self.count))

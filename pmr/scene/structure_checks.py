@@ -222,7 +222,10 @@ def _check_body(member: Member) -> None:
 
 
 def check_wheel(joint: Joint | None, prefix: str) -> None:
-    """Refuse a mover whose joint is None or no wheel; `prefix` stands before the keys of the mover."""
+    """Refuse a mover whose joint is None or no wheel; `prefix` stands before the keys of the mover.
+
+    A wheel is a single ring without faces at the tail itself, and has no pads at a mouth.
+    """
     if joint is None or joint.mouth or len(joint.tail) > 1 or joint.tail[0].at or joint.tail[0].faces:
         allowed = "a joint with one ring in `tail`, at = 0 and without faces, is needed: the wheel"
         raise scene_error(f"{prefix}body.mover", None, allowed)

@@ -239,7 +239,7 @@ class MoverBody(SceneTable):
 
     @property
     def rayleigh(self) -> Damping:
-        """The damper as stiffness-proportional damping, D = (d / k) K."""
+        """The damper as stiffness-proportional damping, D = (d / k) K; none if the stiffness is rigid."""
         return Damping(stiffness=0.0 if self.stiffness == "rigid" else self.damping / self.stiffness)
 
 

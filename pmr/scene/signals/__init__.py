@@ -174,7 +174,7 @@ class Table(_Knots):
 
     @property
     def _is_straight(self) -> bool:
-        """Whether the values are joined by straight lines."""
+        """Whether the values are joined by straight lines, as the scene says or because there are only two."""
         return self.interpolation == "linear" or len(self.times) == 2
 
     def _coefficients(self) -> Array:
