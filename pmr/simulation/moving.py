@@ -181,9 +181,13 @@ def path_ranges(system: System) -> dict[str, tuple[float, float]]:
 
 
 def _signal_entries(scene: Any) -> list[Any]:
-    """Entries of joints, sliders and loads of a stored scene, in one list; the scene has one body or sections."""
+    """Entries of a stored scene that have signals, None for those that it lacks; the scene has one body or sections.
+
+    They are frame and hoist, and joint, slider and loads of each section.
+    """
     parts = [part for part in scene.get("sections", [scene]) if isinstance(part, dict)]
-    return [part.get(key) for part in parts for key in ("joint", "slider", "loads")]
+    of_parts = (part.get(key) for part in parts for key in ("joint", "slider", "loads"))
+    return [scene.get("frame"), scene.get("hoist"), *of_parts]
 
 
 def _names_a_file(data: object) -> bool:

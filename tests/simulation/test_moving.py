@@ -1,5 +1,7 @@
 """What drives a frame from outside, beside the signals of the scene that a run follows."""
 
+from copy import deepcopy
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,7 +13,7 @@ from simulation.test_frame import MOVED, THREE, TURNING
 from pmr import InputError
 from pmr import scene as scenes
 from pmr.simulation import Excitation
-from pmr.simulation.moving import MovingFrame
+from pmr.simulation.moving import MovingFrame, read_scene
 
 
 def system_of(scene: Any) -> Any:
@@ -52,6 +54,22 @@ def test_it_starts_with_all_of_the_weight() -> None:
 def test_without_a_frame_or_a_scene_there_is_none() -> None:
     assert MovingFrame.from_system(system_of(scenes.load_any(THREE))) is None
     assert MovingFrame.from_system(SimpleNamespace(provenance={})) is None  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("entry", ["frame", "loads"])
+def test_a_scene_in_a_model_reads_no_file(entry: str, tmp_path: Path) -> None:
+    """As whoever opens a model of others would read a file of their own."""
+    (tmp_path / "private.csv").write_text("0.0, 0.1\n1.0, 0.2\n")
+    system = system_of(scenes.load_any(THREE, TURNING))
+    table = {"kind": "table", "file": str(tmp_path / "private.csv")}
+    stored = deepcopy(system.provenance["scene"])
+    if entry == "frame":
+        stored["frame"]["slewing"] = table
+    else:
+        stored["sections"][-1]["loads"][0]["signal"] = table
+    system.provenance = {"scene": stored}
+    with pytest.raises(InputError, match="a signal in a saved model contains its numbers; it reads no file"):
+        read_scene(system, "model")
 
 
 def test_a_term_that_the_scene_does_not_drive_is_refused() -> None:
