@@ -130,7 +130,7 @@ class Bodies:
         """Return the lowest natural frequencies along the paths of the reduced system, and perhaps of the full system.
 
         The full system's frequencies are computed for a single body, and for a boom if the scene is compared with
-        ``full``.
+        ``full``.  Those of the reduced system are there on rank 0 alone.
         """
         with_full = ALONE in self.built or "full" in self.scene.compare.against
         size = self.full.system.size if with_full else 0
@@ -393,6 +393,7 @@ def _loaded_rings(body: AssembledBody, states: BodyStates, q: Array) -> list[Loa
     rings = dict[bytes, list[tuple[Pad, Array, Array]]]()
 
     def add(pad: Pad, x: Array, force: Array) -> None:
+        """Add a pad at x (S,) in m along the body, with its forces (S,) in N, to the ring of pads that are there."""
         size = np.array([pad.length, pad.width])
         rings.setdefault(np.concatenate([x, size]).round(6).tobytes(), []).append((pad, x, force))
 

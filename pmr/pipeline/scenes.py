@@ -175,6 +175,7 @@ def _outcome(
     choice, responses, by_frequency = bodies.choice, motions.responses, response_on_way(scene, system, excitation)
     stages = {name: clock.seconds[name] for name in STAGES if name in clock.seconds}
     searched = [] if choice is None else [SummaryPart(accuracy_summary(choice), accuracy_warnings(choice))]
+    masses = {name: body.model.masses for name, body in built.items()}  # None of a body that is given by matrices
     structures = {id(body): body.structure for body in built.values()}.values()  # equal sections have one
     first = [
         origin_part(bodies.written_scene, fenicsx_versions()),
@@ -186,7 +187,7 @@ def _outcome(
         SummaryPart(warnings=memory_warnings(scene, size, outputs)),
         *(SummaryPart(warnings=build_warnings(structure)) for structure in structures),
         SummaryPart(warnings=free_motions),
-        axial_part(scene, system, excitation, _body_masses(built)),
+        axial_part(scene, system, excitation, {name: of.body for name, of in masses.items() if of is not None}),
         SummaryPart(warnings=other_runs.mesh_warnings(scene)),
         SummaryPart(probe_summary({name: body.structure.outputs for name, body in built.items()})),
         SummaryPart(summary_of_walls({name: body.structure.pads.walls for name, body in built.items()})),
@@ -248,8 +249,8 @@ def _measure(
 
     The model's error is measured if the scene asks for it, or if `budget` lacks it and `cache` is not None; the mesh's
     error if there is a cache and the scene has no tolerance or budget.  Where the model's error is known, the stress in
-    walls at pads stands beside it.  The cache keeps what takes longest.  `helps` are done when another process has
-    stored the local stress, and the richer model there.
+    walls at pads stands beside it.  The cache keeps what takes longest.  `helps` are what `start_stresses` and
+    `start_richer` returned: futures of other processes, which are waited for, or None.
     """
     comm, clock, scene = next(iter(bodies.built.values())).model.comm, bodies.clock, bodies.written_scene
     is_wanted, of_mesh, of_model = scene.compare.richer not in ("auto", "none"), dict[str, Any](), dict[str, Any]()
@@ -306,11 +307,6 @@ def _play(bodies: Bodies, motions: Motions, walls: Summary) -> Summary:
     if motions.reduced is not None and varied is not None:
         part = varied.summary(scene, motions.reduced.first.response, walls, other_walls)
     return {"play": comm.bcast(part)}
-
-
-def _body_masses(built: Mapping[str, AssembledBody]) -> dict[str, float]:
-    """Masses of the bodies `built` in kg by name, without attached masses; bodies given by matrices are left out."""
-    return {name: body.model.masses.body for name, body in built.items() if body.model.masses is not None}
 
 
 class FullSizes(NamedTuple):

@@ -275,6 +275,7 @@ def _reduce_section(scene: Scene, member: Member, model: FullModel, cache: Cache
     enrichment = enrichment_of(scene, choice, model)
 
     def make() -> ReducedBody:
+        """Reduce the section, with its residual flexibility."""
         body = FreeBody(model, choice.solver)
         snapshots = free_modes(model, choice.coordinates, choice.solver, enrichment, body, stressed)
         basis, motions = modal_basis(snapshots), support_motions(body)

@@ -149,6 +149,7 @@ class _BeamPieces:
         assert nodes is not None
 
         def between_nodes(place: str | float) -> bool:
+            """Whether a place, by name or in m from the tail, is on no node of the whole beam."""
             return bool(np.abs(nodes - beam.station(place)).min() > ON_NODE * nodes[-1])
 
         pads, masses = structure.pads, tuple(attached for attached in structure.masses if between_nodes(attached.on))

@@ -152,10 +152,7 @@ class DutyTable:
         ]
 
     def load_text(self, load: float, digits: str = ".0f") -> str:
-        """Return a load in kg as text in the format `digits`.
-
-        A load at which the search ended is ``>`` and the largest load that was tried.
-        """
+        """Return a load in kg as text in the format `digits`; ``>`` and `up_to` for a load of `up_to` or more."""
         return f">{self.up_to:{digits}}" if load >= self.up_to else f"{load:{digits}}"
 
     @classmethod

@@ -253,11 +253,13 @@ def run_case(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: run a scene with its first simulator; the results are a row of the table, with arrays and warnings.
 
     References and frequencies of a single body's full model come from `needs`; if that is empty, the run computes them.
-    Record: ``errors.<model>_vs_<reference>.<output>``
-    (e_NRMS), ``coordinates.full`` and ``.reduced``, ``max_displacement`` and ``max_error`` (m),
-    ``cylinders.<name>.{min,max}`` and ``ropes.<name>.{min,max}`` (N), and the columns of `motion_figures` and
-    `body_figures`.  For a boom, ``largest_force`` is the largest force of its pads.  For a single body also
-    ``basis.kappa`` and ``frequency_error.<i>``, the largest relative error of the i-th frequency over the path.
+
+    Record: ``errors.<model>_vs_<reference>.<output>`` (e_NRMS), ``coordinates.full`` and ``.reduced``,
+    ``max_displacement`` and ``max_error`` (m), ``cylinders.<name>.{min,max}`` and ``ropes.<name>.{min,max}`` (N), and
+    the columns of `motion_figures` and `body_figures`.  For a boom, ``largest_force`` is the largest force of its pads.
+    For a single body also ``basis.kappa`` and ``frequency_error.<i>``, the largest relative error of the i-th frequency
+    over the path.
+
     Arrays: ``t`` (T,) in s and ``tip`` (T,) in m by the reduced model, ``frequencies.<model>`` (S, f) in Hz at the
     positions ``reach`` (S,) in m, and for a single body ``singular_values``.  A position is the path coordinate of a
     body alone, or the reach of a boom.
