@@ -266,6 +266,7 @@ class Limit(SceneTable):
     note: str = Field(default="", description="Text that the report shows behind the limit, as on its accuracy")
     which: tuple[str, ...] = Field(
         default=("*",),
+        min_length=1,
         description="Names of probes, pads, supports, sections or their regions, with * for any text; by default all",
     )
     area: Annotated[tuple[Positive, Positive], Usual(1e-3, 5.0, unit="m")] | None = Field(
@@ -444,7 +445,7 @@ class Limit(SceneTable):
 
         If `names` is empty, the error says that the scene has nothing to limit.
         """
-        no_such = f"there is no {self.of}{' of this name' if self.which else ''}"
+        no_such = f"there is no {self.of}{'' if self.which == ('*',) else ' of this name'}"
         allowed = f"names among {', '.join(names)} are allowed" if names else no_such
         return InputError("study", f"limits.{self.name}.which", ", ".join(self.which), allowed)
 

@@ -425,7 +425,7 @@ def test_ropes_bear_by_statics_what_follows() -> None:
 def test_the_model_that_lacks_what_is_limited_is_named(level: PostureMatrices) -> None:
     chart = Chart([Limit(name="ropes", of="rope", most=1.0)], [[1.0] * len(level.loads.names)], 1e3, G)
     models = SimpleNamespace(comparisons={"model": ComparedModel(level, "coarse shell", 1.0)})
-    with pytest.raises(InputError, match="there is no rope of this name in the coarse shell that the scene is comp"):
+    with pytest.raises(InputError, match="there is no rope in the coarse shell that the scene is compared with"):
         chart.comparison_errors(models, "model", 0, np.ones((1, 2)))
 
 

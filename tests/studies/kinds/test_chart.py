@@ -445,6 +445,7 @@ def test_a_limit_of_the_users_own_is_what_its_function_says(
         ("luffing = { least = 0.0, most = 70.0", "luffing = { least = 80.0, most = 70.0", "at least 80"),
         ('name = "pads"', 'name = "pads"\nwhich = ["*bottom*"]', "names among middle tail above, middle tail below"),
         ('name = "pads"', 'name = "pads"\nwhich = ["fly *", "nose"]', "limits.pads.which = 'fly *, nose': names among"),
+        ('name = "pads"', 'name = "pads"\nwhich = []', "limits[0].which = []: a list of at least 1 is allowed"),
         ('name = "cylinder"', 'name = "cylinder"\nwhich = ["ram"]', "names among base pin x"),
         ('of = "pad"', 'of = "cylinder"\nwhich = ["ram"]', "names among cylinder of middle, cylinder of fly are"),
         ('of = "pad"', 'of = "stress"', "there is no stress"),
