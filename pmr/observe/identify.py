@@ -134,16 +134,12 @@ def identify(
         values = dict(zip(names, (first * shares).tolist(), strict=True))
         return np.asarray(frequencies(values, places)[:, : m + d] / targets - 1.0)
 
-    at_start = relative(np.ones(len(names)))
+    ones = np.ones(len(names))
+    at_start = relative(ones)
     if not np.all(np.isfinite(at_start[np.isfinite(targets)])):
         raise InputError("identify", "frequencies", m, "the model has fewer: more coordinates, or fewer columns")
     fit = scipy.optimize.least_squares(
-        lambda shares: (relative(shares) / deviation)[used],
-        np.ones(len(names)),
-        bounds=SHARES,
-        diff_step=1e-3,
-        xtol=1e-10,
-        ftol=1e-10,
+        lambda shares: (relative(shares) / deviation)[used], ones, bounds=SHARES, diff_step=1e-3, xtol=1e-10, ftol=1e-10
     )
     after = relative(fit.x)
     spread = max(1.0, 2.0 * fit.cost / max(1, used.sum() - len(names)))
@@ -181,16 +177,8 @@ class NumberTable(NamedTuple):
 
 
 #: Units in which tables are read: those of quantities, of times, rates, masses and displacements of probes.
-_UNITS = {
-    *(quantity.unit for quantity in QUANTITIES.values() if quantity.unit),
-    "s",
-    "Hz",
-    "rad/s",
-    "m/s^2",
-    "m^3",
-    "kg",
-    "mm",
-}
+_UNITS = {quantity.unit for quantity in QUANTITIES.values() if quantity.unit}
+_UNITS |= {"s", "Hz", "rad/s", "m/s^2", "m^3", "kg", "mm"}
 UNITS = tuple(sorted(_UNITS | {unit_text(unit) for unit in _UNITS if unit_text(unit)}))
 
 

@@ -129,26 +129,6 @@ class Estimates:
     excluded: NDArray[np.bool_]  # (T, p): whether a sensor was found at fault and is not used
     drift: NDArray[np.bool_]  # (T,): whether the payload's estimate drifts; False without a payload
 
-    @property
-    def mean(self) -> Array:
-        """Means (T, q) of the outputs."""
-        return self.means[:, : len(self.outputs)]
-
-    @property
-    def deviation(self) -> Array:
-        """Standard deviations (T, q) of the outputs."""
-        return self.deviations[:, : len(self.outputs)]
-
-    @property
-    def unknown_mean(self) -> Array:
-        """Means (T, u) of the unknowns."""
-        return self.means[:, len(self.outputs) :]
-
-    @property
-    def unknown_deviation(self) -> Array:
-        """Standard deviations (T, u) of the unknowns."""
-        return self.deviations[:, len(self.outputs) :]
-
     def of(self, name: str) -> Estimate:
         """Estimate of the output or unknown called `name` at all steps; raises InputError for another name."""
         names = (*self.outputs, *self.unknowns)

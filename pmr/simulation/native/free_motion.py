@@ -123,22 +123,19 @@ def with_extension_data(frame: MovingFrame, scene: Scene, system: System, form: 
     (number, extension), *_ = scene.free_extensions.items()
     contacts, rubbing = form.modal.contact_names, Friction.from_contacts(system.contacts)
     joints = () if rubbing is None else rubbing.joints
-    numbers, ratios, paths = list[int](), list[float](), form.modal.paths
-    for k, ratio in moved_sections(scene, number).items():
-        name = scene.names[k]
+    numbers, paths = list[int](), form.modal.paths
+    followers = {scene.names[k]: ratio for k, ratio in moved_sections(scene, number).items()}
+    for name in followers:
         joint = joints.index(name) if name in joints else -1
         numbers += [frame.drivers.index(name), paths.index(name), contacts.index(cylinder_name(name)), joint]
-        ratios += ratio
     drive = next((k for k, name in enumerate(frame.drivers) if name.startswith(EXTENSION_DRIVE)), -1)
     cylinder = kernel_cylinder(extension, np.zeros(0))["cylinder"]
     arrays = {
-        "extension_integers": np.array([drive, cylinder["kind"], len(ratios) // 2, *numbers]),
-        "extension_numbers": np.array([*extension.reach, *cylinder_numbers(cylinder), *ratios]),
+        "extension_integers": np.array([drive, cylinder["kind"], len(followers), *numbers]),
+        "extension_numbers": np.array([*extension.reach, *cylinder_numbers(cylinder), *sum(followers.values(), ())]),
     }
-    name = scene.names[number]
     columns = cylinder_columns(extension.oil) | {ACCELERATION: "m/s^2"}
-    outputs = {column_name(name, of): unit for of, unit in columns.items()}
-    followers = {scene.names[k]: ratio for k, ratio in moved_sections(scene, number).items()}
+    outputs = {column_name(scene.names[number], of): unit for of, unit in columns.items()}
     return replace(frame, computed=ComputedData(arrays, outputs, followers))
 
 

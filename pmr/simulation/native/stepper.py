@@ -350,11 +350,6 @@ class Stepper:
         """
         return self._step * contact_frequency_within(self._system, self._ranges)
 
-    def check_finite(self) -> None:
-        """Raise SimulationError if the state is not finite because the motion has grown without bound."""
-        if not np.all(np.isfinite(self._state.z)):
-            raise SimulationError(f"stopped at {self._step_text(0)}: not finite")
-
     def _start(self, initial: Mapping[str, InitialState] | None, static: bool) -> None:
         """Set the state to t = 0: to `initial`, or, if that is None, to equilibrium (`static` is true) or to rest.
 

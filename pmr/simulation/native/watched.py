@@ -208,12 +208,10 @@ def _supplies(scene: Scene) -> Iterator[Limit]:
     for cylinder, names, oil in _oils(scene):
         if oil.valve is None:
             continue
+        advice = "while the valve feeds this side the supply is too weak; at other times the model has no relief valve"
         for side in ("bore", "rod"):
             supply = with_unit(oil.supply, "Pa")
             event = f"the oil on the {side} side of the {cylinder} has more than the supply's {supply}"
-            advice = (
-                "while the valve feeds this side the supply is too weak; at other times the model has no relief valve"
-            )
             shares = {f"{names} pressure {side}": 1.0}
             yield Limit("supply", event, advice, shares, high=highest_pressure(oil), unit="Pa")
 
@@ -234,13 +232,11 @@ def _ground(scene: Scene) -> Iterator[Limit]:
 def _displacements(scene: Scene, system: System) -> Iterator[Limit]:
     """Yield the limits of displacements in m."""
     largest = SMALL * (length := greatest_length(system, scene))
-    advice = "the theory of small motions does not hold"
+    advice, watch = "the theory of small motions does not hold", Watch(once=True, seldom=True)
     for name, unit in zip(system.output_names, system.output_units, strict=True):
         if unit == "m":
             event = f"{name} is more than {SMALL:g} times the greatest length of the boom, {length:.3g} m"
-            yield Limit(
-                "motion", event, advice, {name: 1.0}, -largest, largest, "m", watch=Watch(once=True, seldom=True)
-            )
+            yield Limit("motion", event, advice, {name: 1.0}, -largest, largest, "m", watch=watch)
 
 
 @dataclass(frozen=True)

@@ -58,8 +58,9 @@ class Case:
 
     def expected(self) -> Array:
         """Estimates, standard deviations, innovations and alarms (T, .) in the order of the FMU's variables."""
-        of = self.estimates
-        parts = (of.mean, of.deviation, of.unknown_mean, of.unknown_deviation, of.innovations, of.alarms)
+        of, q = self.estimates, len(self.estimates.outputs)
+        pairs = [(of.means[:, part], of.deviations[:, part]) for part in (slice(q), slice(q, None))]
+        parts = (*pairs[0], *pairs[1], of.innovations, of.alarms)
         return np.hstack([part.astype(float) for part in parts])
 
 
