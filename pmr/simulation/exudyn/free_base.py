@@ -154,12 +154,21 @@ class ExtendingBoom:
 
 @dataclass(frozen=True)
 class OnBody:
-    """Pivot and axes of a boom on a rigid body of the mbs, which then carries the boom."""
+    """Pivot and axes of a boom on a rigid body of the mbs, which then carries the boom.
+
+    Raises InputError if the axes are no rotation.
+    """
 
     body: exu.ObjectIndex  # number of an ObjectRigidBody, such as CreateRigidBody returns
     scene: Scene  # scene of the system, with pivot, sections and weight
     place: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: position of the pivot from the body's reference point
     axes: Array = field(default_factory=lambda: np.eye(3))  # (3, 3): columns are the boom's x, y, z in the body's axes
+
+    def __post_init__(self) -> None:
+        A = np.asarray(self.axes, float)
+        if A.shape != (3, 3) or not np.allclose(A.T @ A, np.eye(3), atol=1e-9) or np.linalg.det(A) < 0.0:
+            allowed = "a matrix (3, 3) of three orthogonal unit vectors in columns, right-handed, is allowed"
+            raise InputError("Exudyn", "OnBody.axes", None, allowed)
 
 
 @dataclass(frozen=True)

@@ -69,8 +69,11 @@ def add_hook(mbs: exu.MainSystem, items: SystemItems, loads: tuple[str, str, str
     Raises
     ------
     InputError
-        If the boom stands on the ground or has friction, or if the model has no such inputs at one point.
+        If the boom stands on the ground or has friction, the model has no such inputs at one point, or the mass is
+        negative or not finite.
     """
+    if not 0.0 <= mass < np.inf:
+        raise InputError("Exudyn", "mass", mass, "0 kg or more is allowed for a hook")
     base = items.parts.base
     if base is None:
         raise InputError("Exudyn", "on", None, "a boom on a rigid body is allowed to carry a hook")

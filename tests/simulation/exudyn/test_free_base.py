@@ -281,6 +281,9 @@ def test_what_is_refused() -> None:
     turret.on = replace(turret.on, body=turret.mbs.AddObject(ObjectGround()))
     with pytest.raises(InputError, match="rigid body"):
         turret.add()
+    for axes in (np.diag([1.0, 1.0, -1.0]), 2.0 * np.eye(3), np.full((3, 3), np.nan), np.eye(2)):
+        with pytest.raises(InputError, match=r"OnBody.axes: a matrix \(3, 3\) of three orthogonal unit vectors"):
+            replace(turret.on, axes=axes)
 
 
 def test_free_in_space_a_machine_of_march_moves_as_it_but_for_the_step() -> None:

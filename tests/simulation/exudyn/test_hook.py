@@ -135,5 +135,7 @@ def test_what_is_refused() -> None:
     ):
         with pytest.raises(InputError, match=says):
             add_hook(turret.mbs, turret.items, loads, HOOK)
+    with pytest.raises(InputError, match="mass = -1.0: 0 kg or more"):
+        add_hook(turret.mbs, turret.items, LOADS, -1.0)
     with pytest.raises(InputError, match="on a rigid body"):
         add_hook(turret.mbs, replace(turret.items, parts=replace(turret.items.parts, base=None)), LOADS, HOOK)
