@@ -125,7 +125,10 @@ class Ground(SceneTable):
 
 
 def convex_hull(points: Sequence[Corner]) -> list[Corner]:
-    """Return the corners of the convex hull of points X, Y, anticlockwise from the leftmost; edges have no others."""
+    """Return the corners of the convex hull of points X, Y, anticlockwise from the leftmost.
+
+    Points on the edges of the hull are no corners, and equal points are one.
+    """
 
     def half(ordered: Sequence[Corner]) -> list[Corner]:
         """Return the corners on the right of the way through the `ordered` points, without the last point."""

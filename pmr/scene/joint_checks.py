@@ -15,6 +15,7 @@ from pmr.scene.joints import BoomSection, JointPads, ScaledSignal
 from pmr.scene.mechanism import Drive, longest_rope, rope_length, rope_shares
 from pmr.scene.members import EXTENSION, Seat, member_at, members, ring_name, seats
 from pmr.scene.profile import gaps
+from pmr.scene.rotation import wind_direction
 from pmr.scene.scene import Scene
 from pmr.scene.structure_checks import (
     check_loads,
@@ -262,7 +263,11 @@ def _is_loaded_at_start(scene: Scene, beyond: Sequence[BoomSection], axis: str, 
         if abs(along[number]) > SLACK:
             return True
     for load in (load for part in beyond for load in part.loads if load.signal.value(0.0)):
-        if load.axes == "ground" and load.direction in ("x", "y", "z"):
+        if load.acts == "wind" and frame is not None:
+            slewed = float(frame.angles.slewing.value(0.0)) if load.slews else 0.0
+            if abs(wind_direction(turned[None], load.azimuth / frame.radian + slewed)[0, number]) > SLACK:
+                return True
+        elif load.axes == "ground" and load.direction in ("x", "y", "z"):
             if abs(turned["xyz".index(load.direction), number]) > SLACK:
                 return True
         elif load.direction in (axis, turn):

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pmr.files.arrays import Array
 from pmr.scene.signals import SignalBase
@@ -101,6 +102,15 @@ class FrameRotation:
 def motion_of(angle: SignalBase, t: Array) -> AngleMotion:
     """Value, rate and second rate (T,) of an angle at the times t (T,) in s."""
     return angle.value(t), angle.rate(t), angle.second_rate(t)
+
+
+def wind_direction(rotation: Array, azimuth: ArrayLike) -> Array:
+    """Return the unit vectors (T, 3) in which wind blows, in axes that `rotation` (T, 3, 3) turns into the ground's.
+
+    `azimuth` (T,), or one number, is the angle in rad from X of the ground to the left.
+    """
+    angle = np.asarray(azimuth)[..., None]
+    return np.asarray(rotation[:, 0] * np.cos(angle) + rotation[:, 1] * np.sin(angle))
 
 
 def skew(vectors: Array) -> Array:

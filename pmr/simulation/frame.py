@@ -32,7 +32,7 @@ from pmr.scene.choice import input_directions, rope_pulls
 from pmr.scene.joints import ScaledSignal
 from pmr.scene.keys import Direction, input_name
 from pmr.scene.members import Member
-from pmr.scene.rotation import FrameRotation
+from pmr.scene.rotation import FrameRotation, wind_direction
 from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.signals.base import Strand
 from pmr.simulation.frame_motion import (
@@ -384,8 +384,7 @@ def _amplitudes(wind: WindOnSection, t: bytes) -> Array:
     times, section, load = np.frombuffer(t), wind.section, wind.load
     luffing, slewing, *rocking = wind.angles
     turning = FrameRotation.from_signals(luffing, slewing, times, rocking)
-    azimuth = wind.azimuth + (slewing.value(times)[:, None] if load.slews else 0.0)
-    blown = turning.rotation[:, 0] * np.cos(azimuth) + turning.rotation[:, 1] * np.sin(azimuth)
+    blown = wind_direction(turning.rotation, wind.azimuth + (slewing.value(times) if load.slews else 0.0))
     up, extensions = turning.up, [path.value(times) for path in section.paths]
     pivot = wind.above + wind.rise.value(times)
     tail = pivot + up @ np.array(section.pivot) + up[:, 0] * np.sum([np.zeros(len(times)), *extensions], axis=0)
