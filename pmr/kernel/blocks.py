@@ -114,7 +114,7 @@ class Arrangement:
     friction: Friction | None
 
     @property
-    def gives(self) -> Array:
+    def flexibility_bounds(self) -> Array:
         """Upper bound (m + n,) in m/N of each row's own flexibility, the diagonal entry of F, over the whole path."""
         most = np.abs(np.diagonal(self.F))
         for block in self.blocks:
@@ -130,7 +130,7 @@ def arrange(system: System) -> Arrangement:
     """
     rows, m = _arrange_exactly(system), len(system.contacts)
     rigid = np.zeros(len(rows.F), bool)
-    rigid[:m] = is_round_off(np.diag(rows.gives[:m]), system.largest_flexibility)
+    rigid[:m] = is_round_off(np.diag(rows.flexibility_bounds[:m]), system.largest_flexibility)
     clear_rows(rows.F, rigid)
     return replace(rows, blocks=tuple(_without_rigid_flexibility(block, rigid) for block in rows.blocks))
 
@@ -259,7 +259,7 @@ def _rubbing_sides(system: System, friction: Friction | None) -> list[Side]:
 def _modal_row(system: System, side: Side) -> Row:
     """Row of a side of a contact as a function of the coordinate x in m along its body.
 
-    For a side on which a moment acts the derivative C' of the row with respect to x is returned.
+    A side with a row number of m or more is one on which a moment acts; its row is the derivative with respect to x.
     """
     row = system.row(side.place)
     return row if side.contact < len(system.contacts) else row.slope

@@ -49,8 +49,8 @@ def system_data(
     """Arrays of a system for the kernel, from the modal forms of its bodies by name.
 
     `frame` is the system's moving frame, None for a system without one.  `reduced` is the system in modes in which
-    contacts of a ring are combined; None to convert `system` here.  Only in the second case are the reactions of rigid
-    supports computed, as further outputs.  Raises InputError if the frame has no motion for one of the system's paths.
+    contacts of a ring are combined; if it is None, `system` is converted here, and the reactions of rigid supports are
+    further outputs.  Raises InputError if the frame has no motion for one of the system's paths.
     """
     supports = [
         SupportForces.from_body(body, system.on_one_path, reduced is None and isinstance(body, ReducedModel))
@@ -114,16 +114,13 @@ class Outputs:
     def split(self, array: Array) -> list[Array]:
         """Split an `array` (k, all outputs) into two: the columns of outputs proper, and the columns of reactions.
 
-        Each gets columns of zeros behind: up to a whole register, and one more register.
+        Columns of zeros behind fill each up to whole registers, and one register more.
         """
         parts = (array[:, numbers] for numbers in (self.outputs, self.reactions))
         return [np.pad(_fill_rows(columns, columns.shape[1]), ((0, 0), (0, LANES))) for columns in parts]
 
-    def before(self, part: Part) -> list[int]:
-        """Numbers at which the outputs of the body in `part` begin: among all outputs proper, and among all reactions.
-
-        The second number is that of the body's first reaction.
-        """
+    def first_numbers(self, part: Part) -> list[int]:
+        """Numbers of the first output and of the first reaction of the body in `part`, among all of each kind."""
         return [int(np.searchsorted(numbers, part.outputs.start)) for numbers in (self.outputs, self.reactions)]
 
 
@@ -284,7 +281,7 @@ def _block_arrays(rows: Arrangement, split: Outputs) -> Arrays:
     carriers = [_touched_carriers(block.on_carriers) for block in rows.blocks]
     for block, on in zip(rows.blocks, carriers, strict=True):
         q, part, C, X = len(block.numbers), block.part, block.rows.c, block.outputs.c
-        count, (first_output, first_reaction) = split.counts[part.number], split.before(part)
+        count, (first_output, first_reaction) = split.counts[part.number], split.first_numbers(part)
         tables = {
             "C": C,
             "G": _pad_powers(block.between.c, 2 * len(C) - 1),

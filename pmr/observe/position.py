@@ -162,7 +162,7 @@ class SlidingNoise(NamedTuple):
     rest: float = 1e-6  # power at rest
     trust: float = 0.0  # 0: the power tells nothing of the speed
 
-    def likelihood(self, power: Array, speeds: Array) -> Array:
+    def log_likelihoods(self, power: Array, speeds: Array) -> Array:
         """Logarithms (T, D) of the likelihoods of D speeds (D,) in m/s, at T steps with the vibration's power (T,)."""
         expected = self.rest + self.moving * np.abs(speeds) ** 3
         return np.asarray(-0.5 * self.trust * np.log((power[:, None] + self.rest) / expected) ** 2)
@@ -333,7 +333,7 @@ class PositionObserver:
         power = np.ascontiguousarray(np.broadcast_to(power, y.shape))
         settings, models = self.settings, self.models
         in_motion, least = power / (power + settings.active), settings.share * power
-        likelihoods = settings.noise.likelihood(power, self.speeds)
+        likelihoods = settings.noise.log_likelihoods(power, self.speeds)
         record = advance_bank(self.bank(), y, in_motion, least, likelihoods, later)
         likely = np.argmax(record.probability, axis=1)
         outputs = np.einsum("ton,tn->to", models.rows[likely], record.states)

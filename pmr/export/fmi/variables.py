@@ -167,7 +167,7 @@ class Drivers:
         Such a model has no friction either.
         """
         rows = self.data.rows
-        return self.has_derivatives and rows.friction is None and bool(np.all(rows.gives > 0.0))
+        return self.has_derivatives and rows.friction is None and bool(np.all(rows.flexibility_bounds > 0.0))
 
     def kinds(self) -> list[int]:
         """Kind of each driver (N,), as source/unit.h numbers them.

@@ -130,7 +130,7 @@ class Drivers:
             by_name = {
                 name: tuple(of) for name, of in zip(names, room.T.tolist(), strict=True) if name not in self._free
             }
-            self.take_path({name: of for name, of in by_name.items() if name in self._limits})
+            self.take_paths({name: of for name, of in by_name.items() if name in self._limits})
             self.take_loads({name: of for name, of in by_name.items() if name in self._limits_of_loads})
             self.take_frame({name: of for name, of in by_name.items() if name in self._limits_of_frame})
 
@@ -139,7 +139,7 @@ class Drivers:
         """Coordinates of the paths in m, by name."""
         return {path: self._values[k] for path, k in self._path_numbers.items() if isinstance(path, str)}
 
-    def take_path(self, s: Values) -> None:
+    def take_paths(self, s: Values) -> None:
         """Take path coordinates; one that is up to `BEYOND_ENDS` of its range beyond an end is set to this end.
 
         A warning is logged, once for each path, if it jumps in a step.  Raises InputError if a coordinate is farther
@@ -252,7 +252,7 @@ class Drivers:
                 self._warn_of_jump(name, abs(value - self._values[k]), "rad")
         self._write(readings)
 
-    def lead_rates(self, rates: Array) -> None:
+    def write_rates(self, rates: Array) -> None:
         """Write the rates of the n drivers at the beginning and the end of a step into `rates` (2, n).
 
         If the rate of a driver is given at both ends, both are taken as they are; otherwise both are the mean rate of

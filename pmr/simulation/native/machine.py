@@ -99,7 +99,7 @@ class MachineSimulation:
         self.cylinder = np.zeros((steps, len(CYLINDER_COLUMNS)))  # by `CYLINDER_COLUMNS`
 
     def _record_pointers(self, first: int) -> Any:
-        """Pointers to the rows of the recorded arrays from row `first` on."""
+        """Structure ``pmr_machine_record`` for the kernel, whose pointers lead to row `first` of recorded arrays."""
         names = ("motion", "held", "springs", "momenta", "inertia", "cylinder")
         return structure("pmr_machine_record", {name: getattr(self, name)[first:] for name in names})
 

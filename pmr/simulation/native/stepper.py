@@ -164,7 +164,7 @@ class Stepper:
         self.motion_names = () if moving is None else moving.drivers
         self._free = (*self._moved, *([LUFFING] if self._computed and not self._moved else ()))
         self._drivers = Drivers(bound.motions, bound.rows, driven, self._ranges, step, not undivided, self._free)
-        self._drivers.take_path(s)
+        self._drivers.take_paths(s)
         self._check_followers()
         if scene is not None and moving is None:
             self._drivers.take_loads(scene.first_loads)
@@ -244,9 +244,9 @@ class Stepper:
             else:
                 if self._moved:
                     self._refuse_moved(s)
-                drivers.take_path(s)
+                drivers.take_paths(s)
             if self._in_parts:
-                drivers.lead_rates(self._bound.rates)
+                drivers.write_rates(self._bound.rates)
             failed = self._advance()
         if failed:
             self._raise_failure(failed, self._step_text(1))
@@ -310,7 +310,7 @@ class Stepper:
 
     @property
     def states(self) -> dict[str, InitialState]:
-        """Coordinates of each body and their rates, by the body's name, fit to be passed as `initial`."""
+        """Coordinates of each body and their rates, by the body's name; `initial` takes them to continue from here."""
         return self._form.initial_states(self._state.z, self._state.v)
 
     @property
@@ -343,7 +343,7 @@ class Stepper:
 
     @property
     def contact(self) -> float:
-        """Time step times the highest frequency of contacts that only push, at any position; 0 if none only pushes.
+        """Time step times the highest frequency of contacts that only push, at any position; 0 without such contacts.
 
         With `parts` = 1, impacts lose force and energy if the result is above `contact_step.RESOLVED`
         (docs/pads_theory.md).
@@ -410,7 +410,7 @@ class Stepper:
         return part_counts(omega, TimeStepping(self._step, self._step, parts=parts)), omega
 
     def _refuse_moved(self, s: Values) -> None:
-        """Raise InputError if path coordinates `s` contain a free extension or one that follows a free extension."""
+        """Raise InputError if path coordinates `s` are no mapping, or contain a free extension or one that follows."""
         if not isinstance(s, Mapping):
             raise InputError("stepper", "s", None, "a mapping without the free extension is allowed after the start")
         for path in self._moved:

@@ -165,11 +165,11 @@ class March:
     def observe(self, every: int, take: Callable[[int, Steps], None], progress: Progress | None = None) -> float:
         """Take steps, and return the solver's time in s; records of each `every`-th step are passed to `take`.
 
-        The last step that is taken is the last one that is recorded.  `take` is called with the number of the first of
-        some consecutive records, and with these records; their first one is also the last one of the call before, or
-        the start.  The energy is not checked.  `progress`, if it is not None, is called with the share of steps that
-        are done.  Raises SimulationError if a step fails or a state is not finite, and the errors of `take` and
-        `progress`.
+        `every` is at most the number of steps, and the last step that is recorded is the last one that is taken.
+        `take` is called with the number of the first of some consecutive records, and with these records; their first
+        one is also the last one of the call before, or the start.  The energy is not checked.  `progress`, if it is not
+        None, is called with the share of steps that are done.  Raises SimulationError if a step fails or a state is not
+        finite, and the errors of `take` and `progress`.
         """
         count = (len(self.t) - 1) // every
         most = max(1, min(BLOCK // every, RECORDED // (2 * self.form.kernel.modes), count))
@@ -374,7 +374,8 @@ def observe(
 ) -> Observation:
     """Simulate `form` from the excitation's start; record outputs and contact forces of each `every`-th step alone.
 
-    `outputs` are ascending numbers among the outputs of all bodies, one body after the other; None records all.  A long
+    `outputs` are ascending numbers among the outputs of all bodies, one body after the other; None records all.
+    `every` is at most the number of steps.  A long
     simulation of a large body needs little memory, because no coordinates are stored.  The energy balance of `simulate`
     is not checked: rigid rows that move may grow unnoticed with rho_inf near 1 (docs/time_integration.md).  Errors as
     `pmr.simulation.SystemSimulator`.

@@ -134,9 +134,9 @@ def test_motions_are_taken_in_whatever_form_they_are_given() -> None:
         motions, rows = np.zeros((3, 4)), np.zeros(4, np.int32)
         names = ("middle", "fly"), {"gravity": 2, "tip force": 3}, None
         drivers = Drivers(motions, rows, names, {"middle": (0.0, 3.0), "fly": (0.0, 3.0)}, STEP, in_parts=True)
-        drivers.take_path([1.0, 2.0])
+        drivers.take_paths([1.0, 2.0])
         drivers.take_loads({"tip force": motion})
-        drivers.take_path({1: 2.5})
+        drivers.take_paths({1: 2.5})
         count = np.size(motion)
         expected = np.array([3.0, 2.0, 1.0]) * (np.arange(3) < count)
         np.testing.assert_array_equal(motions, np.transpose([[1.0, 0.0, 0.0], [2.5, 0.0, 0.0], [0.0] * 3, expected]))
