@@ -56,13 +56,13 @@ def limits_part(scene: Scene, system: System, response: Response) -> SummaryPart
     is missing if all limits hold.
     """
     limits = run_limits(scene, system.contacts, max(NO_FORCE, response.force_floor))
-    exceeded = exceeded_limits(limits, histories(scene, response))
+    exceeded = exceeded_limits(limits, history_by_name(scene, response))
     rows: list[dict[str, Any]] = [{"what": of.limit.event, "t": float(response.t[of.first])} for of in exceeded]
     lines = exceeded_warnings(exceeded, lambda k: f"at {response.t[k]:g} s")
     return SummaryPart({"exceeded": rows} if rows else {}, grave=list(lines))
 
 
-def histories(scene: Scene, response: Response) -> History:
+def history_by_name(scene: Scene, response: Response) -> History:
     """Return a function from the name of a force, of another output or of the luffing angle to its history (T,).
 
     It returns None for any other name.  The force of a rigid pad that does not move is the reaction of a support.
@@ -121,8 +121,9 @@ def pad_extremes(scene: Scene, response: Response) -> dict[str, Extremes]:
     along = scene.path_positions(response.t)
     names = [name for ring in _pad_rings(scene) for name, _, _ in ring.named_pads]
     if len(scene.sections) > 1:
-        names = [output.name.removeprefix(force_name("")) for output in response.outputs if output.kind == "pad"]
-    forces = {name: force for name in names if (force := _pad_force(response, name)) is not None}
+        names = [output.name.removeprefix(FORCE_OF) for output in response.outputs if output.kind == "pad"]
+    history = history_by_name(scene, response)
+    forces = {name: force for name in names if (force := history(force_name(name))) is not None}
     return {name: Extremes.from_history(force, response.t, along) for name, force in forces.items()}
 
 
@@ -155,7 +156,7 @@ def _friction_figures(scene: Scene, system: System, response: Response, body: st
 
     with the joint's total friction f, the extension s, the cylinder's force :math:`\Lambda` and stiffness k, and the
     stiffnesses :math:`\kappa` with which the joint's pads stick, as if all pads stuck in the same way
-    (`pmr.system.contacts`).  `body` is the name of the section.
+    (`pmr.system.contacts`).  `body` is the name of the section, whose pads must have friction.
     """
     friction = Friction.from_contacts(system.contacts)
     assert friction is not None  # the response has friction
@@ -210,16 +211,6 @@ def missing_reaction_warnings(scene: Scene) -> list[str]:
     return [of_bodies] * bool(bodies_without_axial) + [of_supports] * bool(supports_of_all_points)
 
 
-def _pad_force(response: Response, name: str) -> Array | None:
-    """Force (T,) in N of the pad `name`; None if the response has no such pad.
-
-    The force of a rigid pad that does not move is the reaction of a support.
-    """
-    if force_name(name) in response.force_names:
-        return response.force(force_name(name))
-    return response.other(reaction_name(name)) if reaction_name(name) in response.other_names else None
-
-
 def unknown_force_warnings(scene: Scene, response: Response) -> list[str]:
     """List a warning that names those rigid pads at rest on a single body whose forces the model does not contain.
 
@@ -227,7 +218,8 @@ def unknown_force_warnings(scene: Scene, response: Response) -> list[str]:
     sections, or if the response has no contact forces at all.
     """
     staying = [ring for ring in _pad_rings(scene) if ring.stiffness == "rigid" and not ring.moving]
-    names = [name for ring in staying for name, _, _ in ring.named_pads if _pad_force(response, name) is None]
+    history = history_by_name(scene, response)
+    names = [name for ring in staying for name, _, _ in ring.named_pads if history(force_name(name)) is None]
     if not names or not response.force_names:
         return []
     pads = f"the pads {', '.join(names)} are" if len(names) > 1 else f"the pad {names[0]} is"
@@ -235,13 +227,13 @@ def unknown_force_warnings(scene: Scene, response: Response) -> list[str]:
 
 
 def cylinder_impulses(boom: Scene, system: System) -> dict[str, list[dict[str, float]]]:
-    r"""Impulses of each cylinder at each kink of any extension, by cylinder: ``t`` in s, ``impulse`` in N s.
+    r"""Impulses of each cylinder at each kink of any extension, by cylinder, in order of time: ``t`` and ``impulse``.
 
     .. math:: I_i = \sum_{k \ge i} m_k\, \Delta \dot X_k, \qquad \Delta \dot X_k = \sum_{j \le k} \Delta \dot s_j
 
     with the jump :math:`\Delta \dot s_j` in the speed of the extension of section j, the mass :math:`m_k` of section k,
-    and the jump :math:`\Delta \dot X_k` in the speed of section k.  The cylinder i pushes section i and all sections
-    beyond, which lean on section i.
+    and the jump :math:`\Delta \dot X_k` in the speed of section k.  The time ``t`` is in s, the ``impulse`` in N s.
+    The cylinder i pushes section i and all sections beyond, which lean on section i.
     """
     jumps = [path.kinks(boom.time.end) for path in boom.paths.values()]
     masses = [_accelerated_mass(system.bodies[name]) for name in boom.names[1:]]

@@ -195,7 +195,7 @@ def carried_loads(system: System, run: SystemTrajectory) -> dict[str, sp.csr_mat
     """Forces in a run on the K carriers of each body and loads on its i inputs: sparse (S, K + i) in N, by body.
 
     The forces are those of the contacts (`carrier_forces`) at S steps of the run, at most `ANSWERED_STEPS`, evenly
-    spaced.
+    spaced.  All bodies must have carriers.
     """
     forces, steps = {}, np.linspace(0, len(run.t) - 1, min(len(run.t), ANSWERED_STEPS)).astype(int)
     for name, body in system.reduced.items():

@@ -48,7 +48,8 @@ def frame_part(scene: Scene, system: System, excitation: Excitation, frequencies
     presses.  Without second order, ``buckling`` is left out if contacts do not hold the bodies.
 
     Warnings name second order that is left out although it matters, models that can't show buckling across the plane,
-    and times past the buckling load.
+    and times past the buckling load.  Raises an InputError if contacts do not hold the bodies in a run with second
+    order.
     """
     if scene.frame is None:
         return SummaryPart()
@@ -292,9 +293,9 @@ class _EnergyBalance:
         self.energy, self.drives, self.others = run.energy.copy(), np.zeros(len(run.t) - 1), np.diff(run.work)
 
     def add_fields(self, name: str, body: SlidingBody, system: System) -> None:
-        """Set the moments of the body `name`, in place, and subtract the work of its inertia loads from `others`.
+        """Set the moments of the body called `name` from its motion, and subtract the work of its inertia loads.
 
-        Inertia loads are forces in the frame only; in space they do no work.
+        The work is subtracted from `others`: inertia loads are forces in the frame only, and in space they do no work.
         """
         moments, motion = self.moments[name], self._run.bodies[name]
         for column, of_input in enumerate(body.input_names):

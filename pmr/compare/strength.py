@@ -207,7 +207,8 @@ def utilisation_part(scene: Scene, stresses: Mapping[str, Summary]) -> SummaryPa
     """Entry ``utilisation`` of summary.json, by model, for bodies whose material has a yield stress.
 
     ``value`` is the largest stress over the yield stress of its material; ``stress`` and ``yield`` in Pa, ``t`` in s,
-    ``position`` in m in the axes of the ``section``.  A warning says if the yield stress is exceeded.
+    ``position`` in m in the axes of the ``section``, which is the name of the body.  A warning says if the yield stress
+    is exceeded.  The part is empty if no stress can be compared with a yield stress.
 
     Parameters
     ----------

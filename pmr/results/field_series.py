@@ -54,7 +54,7 @@ class Grid:
     regions: Mapping[str, Indices] = field(default_factory=dict)
 
     def region_names(self, cell: int) -> str:
-        """Return the names of the regions that contain the cell number `cell`, joined by commas.
+        """Return the names of the regions that contain the cell number `cell`, in alphabetical order, joined by commas.
 
         The text is empty if no region contains this cell.
         """

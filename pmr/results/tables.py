@@ -152,7 +152,10 @@ def support_forces(scene: Scene, response: Response, directions: int = 1) -> dic
 
 
 def lug_forces(scene: Scene, response: Response) -> dict[str, Array]:
-    """Return the larger force (T,) in N of the two lugs of each pin over time, by the name of the pin's support."""
+    """Return the larger force (T,) in N of the two lugs of each pin over time, by the name of the pin's support.
+
+    Components that are round-off are set to zero.  The result is empty if no pin has lugs.
+    """
     columns, pins = Columns.from_scene(scene, response), supports_with_lugs(scene)
     if not columns.lugs:
         return {}

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from pmr.compare.forces import histories, missing_reaction_warnings, unknown_force_warnings
+from pmr.compare.forces import history_by_name, missing_reaction_warnings, unknown_force_warnings
 from pmr.compare.trust import large_motion_warnings
 from pmr.files.arrays import Array, Summary
 from pmr.results import Energy, Response
@@ -91,7 +91,7 @@ def warnings_of_row(
     if not equilibria:
         return ()
     response = _response_at_equilibria(equilibria, models.reduced)
-    exceeded = exceeded_limits([*pulled_pads(scene, contacts), *pushed_ropes(scene)], histories(scene, response))
+    exceeded = exceeded_limits([*pulled_pads(scene, contacts), *pushed_ropes(scene)], history_by_name(scene, response))
     return (
         *exceeded_warnings(exceeded, response.when),
         *large_motion_warnings(float(reach.max()), [response]),

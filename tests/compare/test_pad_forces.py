@@ -11,7 +11,7 @@ import pytest
 from pmr import Response, RunResult, reduce, run, simulate
 from pmr import scene as scenes
 from pmr.compare.errors import errors_between, with_common_forces
-from pmr.compare.forces import histories, pad_extremes, unknown_force_warnings
+from pmr.compare.forces import history_by_name, pad_extremes, unknown_force_warnings
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.structure import structural_model
 from pmr.report.columns import forces_of
@@ -157,7 +157,7 @@ def boom(*overrides: str) -> Scene:
 
 def pull_warnings(scene: Scene, response: Response) -> list[str]:
     """Warnings of a run about pads of a single body that pull."""
-    exceeded = exceeded_limits(pulled_pads(scene, ()), histories(scene, response))
+    exceeded = exceeded_limits(pulled_pads(scene, ()), history_by_name(scene, response))
     return list(exceeded_warnings(exceeded, lambda k: f"at {response.t[k]:g} s"))
 
 

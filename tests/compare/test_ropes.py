@@ -230,10 +230,10 @@ def test_a_section_swings_on_a_winchs_rope_as_its_equation_says(simulator: str) 
     (said,) = ropes.ropes_part(scene, found).figures["ropes"]
     ends = [5.0 - scene.paths["fly"].value(t) for t in (0.0, scene.time.end)]
     assert (said["name"], said["follows"], said["length"]) == ("fly", None, pytest.approx(max(ends)))
-    (pushed,) = exceeded_limits(pushed_ropes(scene), ropes.histories(scene, found))
+    (pushed,) = exceeded_limits(pushed_ropes(scene), ropes.history_by_name(scene, found))
     assert pushed.limit.event == "the rope of fly would have to push" and pushed.value == pytest.approx(-force.max())
     pulls = replace(found, slider_force=found.slider_force + force.max(), force_peaks=None)
-    assert force.max() > 0.0 and not exceeded_limits(pushed_ropes(scene), ropes.histories(scene, pulls))
+    assert force.max() > 0.0 and not exceeded_limits(pushed_ropes(scene), ropes.history_by_name(scene, pulls))
     assert said["stiffness"] == pytest.approx(2e6 / max(ends)) and said["force"]["min"] == pytest.approx(-force.max())
 
 
@@ -323,4 +323,4 @@ def test_a_rope_that_bears_round_off_does_not_push(simulated) -> None:
         forces = response.slider_force.copy()
         forces[:, drives] = size
         changed = replace(response, slider_force=forces, force_peaks=None)
-        assert len(exceeded_limits(pushed_ropes(scene), ropes.histories(scene, changed))) == said
+        assert len(exceeded_limits(pushed_ropes(scene), ropes.history_by_name(scene, changed))) == said
