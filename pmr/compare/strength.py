@@ -9,7 +9,7 @@ import numpy as np
 
 from pmr.compare.responses import march_once
 from pmr.compare.simulated import excitation_of_scene
-from pmr.errors import SimulationError
+from pmr.errors import InputError, SimulationError
 from pmr.files.arrays import Array, Summary
 from pmr.results import Response
 from pmr.results.fatigue import Damage, RepeatedCycles, SNLine
@@ -42,7 +42,8 @@ def dynamic_factors_part(scene: Scene, system: System | SystemForm, response: Re
     time ``t`` in s, and its value ``rest`` of the boom at rest.  Forces are in N.  The kind ``resultant`` is the force
     of a support, all its directions together, with the name that it has in ``supports``.  The boom at rest has the
     posture and the loads of this time, and its full weight.  A kind is left out if one of both values is within the
-    round-off.  Forces at the pivot and on the ground are left out, as supports and outriggers share them.
+    round-off, or if nothing holds the boom at rest under these loads.  Forces at the pivot and on the ground are left
+    out, as supports and outriggers share them.
 
     The entry is missing for scenes without a frame, with a hoist or with ``frame.base``, and for those that compute the
     motion of their machine, luffing angle or extension.
@@ -88,10 +89,11 @@ def _histories_of_kind(scene: Scene, response: Response, kind: str) -> dict[str,
 
 
 def _response_at_rest(posture: Scene, form: SystemForm) -> Response | None:
-    """Response of a system to a scene at rest, `posture`; None if nothing holds the boom in its posture."""
+    """Response of a system to a scene at rest, `posture`; None if nothing holds the boom, as where loads lift it."""
+    excitation = excitation_of_scene(posture, form.system)
     try:
-        return march_once(posture, form, excitation_of_scene(posture, form.system))
-    except SimulationError:
+        return march_once(posture, form, excitation)
+    except (SimulationError, InputError):
         return None
 
 
