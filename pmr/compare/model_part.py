@@ -213,12 +213,14 @@ def _probe_errors(motion: Motion, richer: Motion) -> dict[str, float]:
 
 
 def frequency_error(f: Array, reference: Array) -> float | None:
-    """Largest :math:`|f / f_r - 1|` of frequencies f (..., n) in Hz against f_r; None if all are of rigid motions.
+    """Largest :math:`|f / f_r - 1|` of frequencies f (..., n) in Hz against f_r; None if none can be compared.
 
-    f_r is `reference`, of the shape of f; NaN entries are left out.
+    f_r is `reference`, of the shape of f.  Left out are NaN entries of either, and those that belong to rigid motions
+    in the reference.
     """
     vibrates = reference > RIGID * np.nanmax(reference, initial=0.0)
-    return float(np.nanmax(np.abs(f[vibrates] / reference[vibrates] - 1.0))) if vibrates.any() else None
+    apart = np.abs(f[vibrates] / reference[vibrates] - 1.0)
+    return None if np.isnan(apart).all() else float(np.nanmax(apart))
 
 
 def largest_model_error(part: Summary) -> float:

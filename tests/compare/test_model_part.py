@@ -13,6 +13,7 @@ from pmr.compare.model_part import (
     STRESS,
     Motion,
     evenly_spaced_steps,
+    frequency_error,
     largest_model_error,
     model_budget,
 )
@@ -149,3 +150,11 @@ def test_a_rotation_of_round_off_is_off_by_nothing() -> None:
     assert model_budget(scenes[0], coarse, fine, "finer mesh")["probes"] == {"tip ry": 0.0}
     exact = replace(coarse, round_off={}), replace(fine, round_off={})
     assert model_budget(scenes[0], *exact, "finer mesh")["probes"]["tip ry"] > 0.1
+
+
+def test_frequencies_that_one_model_lacks_have_no_error() -> None:
+    """A model of rigid motions alone beside one that vibrates; entries that both have count."""
+    lacking = np.array([[0.0, np.nan], [0.0, np.nan]])
+    reference = np.array([[0.0, 5.0], [1e-9, 6.0]])
+    assert frequency_error(lacking, reference) is None and frequency_error(reference, 0.0 * reference) is None
+    assert frequency_error(np.array([[0.0, np.nan], [0.0, 6.6]]), reference) == pytest.approx(0.1)
