@@ -170,8 +170,8 @@ def _unknown_motions(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     The coordinates cannot tell the motions if a rigid motion moves no coordinate, or moves them only as other rigid
     motions do.
     """
-    R = rigid_motions((body.points - body.points.mean(axis=0))[body.node], body.direction)
-    R /= np.maximum(np.linalg.norm(R, axis=0), 1e-9 * np.linalg.norm(R))
+    sizes = np.linalg.norm(body.motions, axis=0)
+    R = body.motions / np.maximum(sizes, 1e-9 * np.linalg.norm(sizes))
     independent = list[int]()
     for k in range(6):
         if np.linalg.matrix_rank(R[:, [*independent, k]], tol=np.sqrt(1e-9)) > len(independent):
@@ -186,10 +186,7 @@ def _unknown_motions(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
 
 def _separate_parts(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     """Yield a reason about ``K`` if stiffness connects some nodes neither with the other nodes nor with the ground."""
-    links = sp.coo_matrix(
-        (np.ones(len(body.node)), (body.node, np.arange(len(body.node)))), (len(body.points), body.K.shape[0])
-    )
-    count, part = connected_components(links @ abs(body.K) @ links.T, directed=False)
+    count, part = connected_components(body.coupling, directed=False)
     nodes = np.unique(body.node)
     sizes = np.bincount(part[nodes], minlength=count)
     held = np.bincount(part[nodes], body.grounded_nodes[nodes], minlength=count)
@@ -208,7 +205,7 @@ def _missing_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     """Yield a reason about ``M`` if M equals K, or if the body as a whole has no mass along some axis."""
     if M.nnz == body.K.nnz > len(body.node) and abs(M - body.K).count_nonzero() == 0:
         yield Reason("M", "a mass is allowed: this is the same matrix as the stiffness")
-    T = rigid_motions(body.points[body.node], body.direction)[:, :3]
+    T = body.motions[:, :3]
     mass, size = np.diag(T.T @ (M @ T)), np.diag(T.T @ (abs(M) @ T))
     if np.any(mass <= 1e-6 * size):
         along = DIRECTIONS[int(np.argmin(mass / size))]

@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from pmr.files.arrays import Array, Mask
-from pmr.files.rigid import Resistance, rigid_motions
+from pmr.files.rigid import Resistance
 
 #: Relative difference up to which two numbers count as equal; for positions it is a share of the body's length.
 ALIKE = 1e-2
@@ -85,7 +85,7 @@ def check_density(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     Of a tetrahedron of which k corners have coordinates, these carry at least (k/4)^2 of the mass, as the mean square
     of a displacement is at least the square of its mean.  If the density is too small, masses are probably in t.
     """
-    T = rigid_motions(body.points[body.node], body.direction)[:, :3]
+    T = body.motions[:, :3]
     mass, distance = float(np.diag(T.T @ (M @ T)).max()), cKDTree(body.points[body.node]).query(body.points)[0]
     nodes = np.flatnonzero(distance <= 1.2 * body.edges.max())
     if not mass < LIGHTEST_SOLID * np.ptp(body.points[nodes], axis=0).prod():
@@ -96,9 +96,7 @@ def check_density(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
         return
     x = cells.points[cells.simplices]
     volumes = np.abs(np.linalg.det(x[:, 1:] - x[:, :1])) / 6.0
-    shape = len(body.points), len(body.node)
-    joined = sp.coo_matrix((np.ones(len(body.node)), (body.node, np.arange(len(body.node)))), shape)
-    coupled = (joined @ abs(body.K) @ joined.T).tocsr()[nodes][:, nodes]
+    coupled = body.coupling[nodes][:, nodes]
     moves = np.isin(nodes, body.node)[cells.simplices]
     edges = [
         np.where(

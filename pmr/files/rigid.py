@@ -124,6 +124,13 @@ class Resistance:
         return sp.csr_matrix((values, self.K.indices, self.K.indptr), shape=self.K.shape)
 
     @cached_property
+    def coupling(self) -> sp.csr_matrix:
+        """Matrix (N, N) with an entry that is not zero for each pair of nodes, or node, on which K has an entry."""
+        rows = np.arange(len(self.node))
+        of_nodes = sp.csr_matrix((np.ones(len(rows)), (self.node, rows)), (len(self.points), len(rows)))
+        return sp.csr_matrix(of_nodes @ abs(self.K) @ of_nodes.T)
+
+    @cached_property
     def _translations(self) -> RoundedSums:
         """F (n, 3) with entries within rounding set to zero, and the rounding (n,) of each row."""
         T = self.motions[:, :3]

@@ -35,7 +35,7 @@ TAPERED = " tapered"
 
 
 class Ends(NamedTuple):
-    """Start and end (2,) in m of a line across the section."""
+    """Start and end (2,) in m of a line across the section, or (N, 2) of N lines."""
 
     start: Array
     end: Array
@@ -136,11 +136,17 @@ def _side_shares(p: Array, sides: Sequence[Side], k: int, depth: float) -> Array
         radius, angle = np.hypot(*start), np.arctan2(arm[:, 1], arm[:, 0]) - np.arctan2(start[1], start[0])
         angle = (angle + np.pi) % (2.0 * np.pi) - np.pi
         return np.array([angle / side.angle, (radius - np.hypot(*arm.T)) / scale])
-    (a, b), (c, d) = shifted_ends(sides, k, lambda _: 0.0), shifted_ends(sides, k, lambda _: -scale)
+    a, b = shifted_ends(sides, k, lambda _: 0.0)
     along = (b - a) / np.linalg.norm(b - a)
     eta = (p - a) @ [-along[1], along[0]] / scale
-    start, end = (np.outer(1.0 - eta, outer) + np.outer(eta, inner) for outer, inner in ((a, c), (b, d)))
+    start, end = _ends_at_depth(eta, sides, k, scale)
     return np.array([(p - start) @ along / np.maximum((end - start) @ along, SLACK * side.length), eta])
+
+
+def _ends_at_depth(eta: Array, sides: Sequence[Side], k: int, depth: float) -> Ends:
+    """Ends (N, 2) m of lines along the flat side k of `sides`, at the shares eta (N,) of the `depth` in m inwards."""
+    (a, b), (c, d) = shifted_ends(sides, k, lambda _: 0.0), shifted_ends(sides, k, lambda _: -depth)
+    return Ends(np.outer(1.0 - eta, a) + np.outer(eta, c), np.outer(1.0 - eta, b) + np.outer(eta, d))
 
 
 def _side_points(xi: Array, eta: Array, sides: Sequence[Side], k: int, depth: float) -> Array:
@@ -150,8 +156,7 @@ def _side_points(xi: Array, eta: Array, sides: Sequence[Side], k: int, depth: fl
         start = np.subtract(side.start, side.centre)
         angle, r = np.arctan2(start[1], start[0]) + xi * side.angle, np.hypot(*start) - eta * depth
         return np.asarray(side.centre + r[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1))
-    (a, b), (c, d) = shifted_ends(sides, k, lambda _: 0.0), shifted_ends(sides, k, lambda _: -depth)
-    start, end = (np.outer(1.0 - eta, outer) + np.outer(eta, inner) for outer, inner in ((a, c), (b, d)))
+    start, end = _ends_at_depth(eta, sides, k, depth)
     return np.asarray((1.0 - xi)[:, None] * start + xi[:, None] * end)
 
 
@@ -185,25 +190,22 @@ class BoxBoom:
 
     def __post_init__(self) -> None:
         thinnest, around = THINNEST * self.layer, sum(side.length for side in self.sides)
+        tail_fits = self.tail_layer == 0.0 or thinnest <= self.tail_layer <= self.layer
+        gaps = np.concatenate([np.diff([0.0, *self.frames, self.length]), np.diff(self.stations)])
+        apart = "ascending places between tail and tip, at least a ten-thousandth of a cell from each other and "
         allowed = {
-            "size": 0.0 < self.size <= self.length,
-            "size_along": 0.0 <= self.size_along <= self.length,
-            "tail_layer": self.tail_layer == 0.0 or thinnest <= self.tail_layer <= self.layer,
-            "frames": bool(np.all(np.diff([0.0, *self.frames, self.length]) >= thinnest))
-            and bool(np.all(np.diff(self.stations) >= thinnest)),
-            "frame_depth": not self.frames or THINNEST * self.size <= self.frame_depth,
+            "size": (0.0 < self.size <= self.length, "more than 0 and up to the length"),
+            "size_along": (0.0 <= self.size_along <= self.length, "0, or up to the length"),
+            "tail_layer": (tail_fits, "0, or from a ten-thousandth up to all of the other layers"),
+            "frames": (bool(np.all(gaps >= thinnest)), f"{apart}from where a doubler ends,"),
+            "frame_depth": (
+                not self.frames or THINNEST * self.size <= self.frame_depth,
+                "more than a ten-thousandth of a cell",
+            ),
         }
-        words = {
-            "size": "more than 0 and up to the length",
-            "frames": "ascending places between tail and tip, at least a ten-thousandth of a cell from each other and "
-            "from where a doubler ends,",
-            "size_along": "0, or up to the length",
-            "tail_layer": "0, or from a ten-thousandth up to all of the other layers",
-            "frame_depth": "more than a ten-thousandth of a cell",
-        }
-        for key, fits in allowed.items():
+        for key, (fits, words) in allowed.items():
             if not fits:
-                raise InputError(DIMENSIONS, key, getattr(self, key), words[key] + " is allowed")
+                raise InputError(DIMENSIONS, key, getattr(self, key), f"{words} is allowed")
         rectangles = max(around / self.size, 8.0) * self.length / self.layer
         if not rectangles <= MOST_RECTANGLES:  # a float, which may be infinite
             allowed_sizes = (

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
@@ -35,11 +34,6 @@ class Matrices(TracedModel):
     """
 
     body_matrices: GivenMatrices
-
-    @classmethod
-    def load(cls, file: Path) -> Matrices:
-        """Read the model from a file; raises the errors of `GivenMatrices.load`."""
-        return cls(GivenMatrices.load(file))
 
     @property
     def size(self) -> int:
@@ -216,6 +210,9 @@ def _divide(start: float, end: float, spacing: float) -> Array:
 
 
 def from_member(member: Member) -> Matrices:
-    """Structural model of the matrices in the file that a scene names; every rank reads the file by itself."""
+    """Structural model of the matrices in the file that a scene names; every rank reads the file by itself.
+
+    Raises the errors of `GivenMatrices.load`.
+    """
     assert member.part.mesh.file is not None  # the scene's check
-    return Matrices.load(member.part.mesh.file)
+    return Matrices(GivenMatrices.load(member.part.mesh.file))

@@ -343,11 +343,10 @@ def inset_sides(sides: tuple[Side, ...], depth: float) -> tuple[Side, ...]:
 
 def enclosed_figure(sides: tuple[Side, ...]) -> FigureMoments:
     """Area and moments of the figure inside the mid-line of a profile with these `sides`."""
-    area, first, second = 0.0, np.zeros(2), np.zeros((2, 2))
+    total = FigureMoments()
     for side in sides:
         p = points_along(side, POINTS)
         weights = WEIGHTS * side.length * np.sum(p * normals(side, POINTS), axis=1)
-        area += float(weights.sum()) / 2.0
-        first += weights @ p / 3.0
-        second += np.einsum("q,qi,qj->ij", weights, p, p) / 4.0
-    return FigureMoments(area, first, second)
+        second = np.einsum("q,qi,qj->ij", weights, p, p) / 4.0
+        total = total.plus(FigureMoments(float(weights.sum()) / 2.0, weights @ p / 3.0, second))
+    return total
