@@ -118,6 +118,7 @@ static int count_levels(const double *settings, double step)
     return levels;
 }
 
+/* Set length and levels of a step, s, and rho_inf; the kernel takes them up in `adjust`. */
 static void set_settings(Unit *unit, double step, double rho_inf)
 {
     const double *settings = unit->limits;
@@ -126,6 +127,7 @@ static void set_settings(Unit *unit, double step, double rho_inf)
     unit->settings.levels = count_levels(settings, step);
 }
 
+/* Open the kernel's state, with room for all parts that a step may have; 1 with the reason in `why`. */
 static int open_state(Unit *unit, char *why, size_t room)
 {
     const double *settings = unit->limits, *start = unit->first;
@@ -145,6 +147,7 @@ static int open_state(Unit *unit, char *why, size_t room)
     return 0;
 }
 
+/* Number the variables and allocate what a unit needs beside the kernel's state; 1 if there is no memory. */
 static int open_memory(Unit *unit)
 {
     const int n = unit->drivers, r = unit->modes;
@@ -259,6 +262,7 @@ void pick_modes(const Unit *unit, const double *from, double *to)
     for (k = 0; k < unit->modes; k++) to[k] = from[unit->where[k]];
 }
 
+/* Take the kernel's modes and their rates over into the variables. */
 static void read_states(Unit *unit)
 {
     pick_modes(unit, unit->view.z, unit->variables + unit->at.states);
@@ -323,6 +327,7 @@ static int check_paths(Unit *unit, const double *drivers)
     return 0;
 }
 
+/* Give the kernel another length of a step, s, or rho_inf, if it has not got them already. */
 static int adjust(Unit *unit, double step, double rho_inf)
 {
     char why[PMR_MESSAGE];
@@ -346,6 +351,7 @@ static void check_outputs(Unit *unit)
 
 /* ---- start ---- */
 
+/* Start the kernel as the parameters say, and read states and outputs; may be called again until `unit_start`. */
 static int begin(Unit *unit)
 {
     static const int kinds[] = {PMR_AT_REST, PMR_IN_EQUILIBRIUM, PMR_GIVEN};
@@ -496,6 +502,7 @@ size_t unit_bytes(const Unit *unit)
            pmr_state_bytes(unit->state);
 }
 
+/* The model's token, filled up with zeros. */
 static void name_model(const Unit *unit, char token[48])
 {
     memset(token, 0, 48);

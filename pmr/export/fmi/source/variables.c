@@ -11,18 +11,13 @@
 #define SMALL 1e-5
 #define LARGE 1e6
 
+/* `refuse`, with the variable's name before the reason. */
 static int refuse_reference(Unit *unit, const char *why, unsigned reference)
 {
     char name[80];
     name_of(unit, reference, name, sizeof name);
     snprintf(unit->message, sizeof unit->message, "%s: %s", name, why);
     return 1;
-}
-
-static void put_states(Unit *unit, const double *z, const double *v)
-{
-    fill_modes(unit, z, unit->view.z);
-    fill_modes(unit, v, unit->view.v);
 }
 
 /* Outputs and forces, or with `further` the further outputs: of a step as it found them, else by the inputs and states
@@ -49,6 +44,7 @@ int find_outputs(Unit *unit, int further)
     return 0;
 }
 
+/* Derivatives of the states by the inputs and states that are set, as variables. */
 static int find_derivatives(Unit *unit)
 {
     double *u = unit->variables, *to = u + unit->at.derivatives;
@@ -76,6 +72,7 @@ static int find_rates(Unit *unit, const double *driven, int hold, double *rates)
     return failed ? unit_failed(unit, failed) : 0;
 }
 
+/* Rates of all outputs and further ones by the inputs and states that are set, as variables. */
 static int find_all_rates(Unit *unit)
 {
     if (unit->known_rates) return 0;
@@ -172,6 +169,7 @@ int set_variables(Unit *unit, const unsigned *references, size_t count, const do
     return 0;
 }
 
+/* Refuse a `count` of states other than 2 r. */
 static int check_count(Unit *unit, size_t count)
 {
     return count == 2 * (size_t)unit->modes ? 0 : refuse(unit, "another number of states is asked for than there is");
@@ -188,7 +186,8 @@ int set_states(Unit *unit, const double *states, size_t count)
 {
     if (check_count(unit, count)) return 1;
     memcpy(unit->variables + unit->at.states, states, count * sizeof(double));
-    put_states(unit, states, states + unit->modes);
+    fill_modes(unit, states, unit->view.z);
+    fill_modes(unit, states + unit->modes, unit->view.v);
     unit_changed(unit);
     return 0;
 }
