@@ -189,7 +189,8 @@ class _LowestModes:
 def _lowest_modes(body: FreeBody, count: int) -> _LowestModes:
     """The `count` lowest modes that loads and rows can excite, or all if there are fewer; collective.
 
-    Rigid-body modes come first and are counted among them.
+    Rigid-body modes come first and are counted among them; all of these are returned, even if they are more than
+    `count`.
     """
     model, Z = body.model, body.Z
     held = replace(model, rows=Rows(fixed_rows(model), model.size))
@@ -200,8 +201,9 @@ def _lowest_modes(body: FreeBody, count: int) -> _LowestModes:
         elastic = _elastic_modes(held, body, pairs)
         work = _with_coupled_modes(model, _relative_work(model, np.hstack([Z, elastic.phi])), [Z, elastic.phi])
         reached = _reached_motions(work[:, : Z.shape[1]])
-        chosen = np.flatnonzero(np.any(np.abs(work[:, Z.shape[1] :]) > UNREACHED, axis=0))[: count - reached.shape[1]]
-        if len(chosen) + reached.shape[1] == count or pairs == free:
+        wanted = max(count - reached.shape[1], 0)
+        chosen = np.flatnonzero(np.any(np.abs(work[:, Z.shape[1] :]) > UNREACHED, axis=0))[:wanted]
+        if len(chosen) == wanted or pairs == free:
             break
         pairs = 2 * pairs
     bodies = finish_modes(held, s, np.zeros(reached.shape[1]), Z @ reached, cut=False)
