@@ -91,7 +91,7 @@ def identify(
 ) -> Identification:
     """Fit parameters of a model to measured frequencies, and to damping ratios if some were measured.
 
-    The fit keeps each parameter between the `SHARES` of its value at the start.
+    The fit keeps each parameter between 0.05 and 20 times its value at the start (`SHARES`).
 
     Parameters
     ----------

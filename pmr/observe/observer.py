@@ -142,7 +142,7 @@ class Estimates:
         """Fraction of the true values that lie within the band of the output or unknown `name`.
 
         The band is as wide as a normal distribution needs to hold the fraction `share`.  `truth` (T,) are the true
-        values; times at which it is NaN are left out.  The result is NaN if it is NaN at all times.
+        values; times at which it is NaN are left out.  The result is NaN if there are no other times.
         """
         (mean, deviation), comparable = self.of(name), np.isfinite(truth)
         width = float(scipy.stats.norm.ppf(0.5 + 0.5 * share))
@@ -197,8 +197,9 @@ class Observer:
     Raises
     ------
     InputError
-        For a sensor or load that the model lacks, for standard deviations that are not allowed, and for a payload whose
-        load is no force or whose acceleration is none, or is that of another place than the load's.
+        For a sensor or load that the model lacks, for standard deviations that are not allowed, for two unknowns of one
+        name or one with the name of an output, and for a payload whose load is no force or whose acceleration is none,
+        or is that of another place than the load's.
     """
 
     model: LinearMotion
@@ -223,6 +224,7 @@ class Observer:
                 allowed = "finite numbers are allowed: noise above 0, bias and gain of 0 or more"
                 raise InputError("observe", f"sensors.{sensor.output}", None, allowed)
         names = {"sensors": [each.output for each in self.sensors], "loads": [load.input for load in self.loads]}
+        names["unknowns"] = [*self.unknowns, *self.model.outputs]
         for key, listed in names.items():
             if repeated := next((name for name in listed if listed.count(name) > 1), None):
                 raise InputError("observe", f"{key}.{repeated}", None, "each name is allowed once")
@@ -261,20 +263,23 @@ class Observer:
     @property
     def unknowns(self) -> tuple[str, ...]:
         """Names (u,) of the unknowns: of loads, payload, parameters, and of bias and gain of sensors, in this order."""
-        return tuple(name for name in self.units if name not in self.model.outputs)
+        return tuple(name for name, _ in self._unknown_units())
 
     @property
     def units(self) -> dict[str, str]:
         """Unit of each unknown, then of each output, by name; parameters and gains have the unit 1."""
+        return dict([*self._unknown_units(), *zip(self.model.outputs, self.model.units, strict=True)])
+
+    def _unknown_units(self) -> list[tuple[str, str]]:
+        """Name and unit of each unknown, in the order of `unknowns`."""
         of_outputs = dict(zip(self.model.outputs, self.model.units, strict=True))
-        return {
-            **{load.input: self.model.input_unit(load.input) for load in self.loads},
-            **({} if self.payload is None else {"payload": "kg"}),
-            **{parameter.name: "1" for parameter in self.parameters},
-            **{f"bias of {each.output}": of_outputs[each.output] for each in self.sensors if each.bias},
-            **{f"gain of {each.output}": "1" for each in self.sensors if each.gain},
-            **of_outputs,
-        }
+        return [
+            *((load.input, self.model.input_unit(load.input)) for load in self.loads),
+            *([] if self.payload is None else [("payload", "kg")]),
+            *((parameter.name, "1") for parameter in self.parameters),
+            *((f"bias of {each.output}", of_outputs[each.output]) for each in self.sensors if each.bias),
+            *((f"gain of {each.output}", "1") for each in self.sensors if each.gain),
+        ]
 
     def total_errors(self) -> Array:
         """Errors (q,) of the outputs as fractions: roots of the sums of squares of the budget's parts.

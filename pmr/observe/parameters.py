@@ -64,6 +64,8 @@ class ParameterObserver:
             if not same or [s.output for s in each.sensors] != [s.output for s in first.sensors]:
                 allowed = "the same steps, outputs, sensors and unknowns are allowed"
                 raise InputError("observe", "observers", None, allowed)
+        if repeated := next((name for name in self.names if name in first.units), None):
+            raise InputError("observe", "names", repeated, "a name that no unknown and no output has is allowed")
         if len(self.observers) != len(terms) or np.linalg.matrix_rank(terms) < terms.shape[1]:
             allowed = f"{terms.shape[1]} models or more are needed, for a polynomial of second degree"
             raise InputError("observe", "values", len(self.values), allowed)

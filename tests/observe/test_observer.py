@@ -316,6 +316,8 @@ def test_what_the_model_lacks_is_refused() -> None:
         {"sensors": [sensor], "payload": Payload("push", OUTPUTS[1], 1.0)},
         {"sensors": [sensor], "payload": Payload("push", OUTPUTS[0], 0.0)},
         {"sensors": [sensor], "parameters": [Parameter("E", np.zeros((2, 2)))]},
+        {"sensors": [sensor], "parameters": 2 * [Parameter("E", np.zeros((5, 3)))]},  # biases had values of others then
+        {"sensors": [sensor], "parameters": [Parameter(OUTPUTS[1], np.zeros((5, 3)))]},
         {"sensors": [sensor], "error_time": 0.0},
         {"sensors": [sensor], "error_time": np.inf},
         {"sensors": [sensor], "disturbance": np.nan},

@@ -97,6 +97,7 @@ def test_models_that_do_not_fit_together_are_refused() -> None:
         ({"temper": -1.0}, "temper = -1.0: 0 to 1 is allowed"),
         ({"temper": np.nan}, "temper = nan: 0 to 1 is allowed"),
         ({"names": ["a", "a"]}, "names = ('a', 'a'): a name of its own is needed for each parameter"),
+        ({"names": ["tip"]}, "names = 'tip': a name that no unknown and no output has is allowed"),
         ({"observers": []}, "observers: an observer is needed for each model"),
     ],
 )
