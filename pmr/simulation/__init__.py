@@ -39,8 +39,8 @@ class SystemSimulator(Protocol):
             The time grid; a signal for each path of the system, by name and within the range of its rows; a signal for
             each input and for each term.
         initial : mapping of str to InitialState, optional
-            Initial state of each body, by its name; bodies that are missing start at rest, undeformed.
-            `native.systems.static_start` returns states in equilibrium.
+            Initial state of each body, by its name; bodies that are missing start at rest, undeformed.  By default all
+            start as ``excitation.start`` says: at rest or in equilibrium.
         progress : callable, optional
             Called with the share of the time span that is done, 0 to 1.
 

@@ -158,7 +158,8 @@ def simulate_system(
     second order.  A contact that only pushes opens as in Exudyn's generalized-alpha: the effect of its force on the
     next step is not removed.  So the motion agrees with the compiled one in the limit of small steps.
     """
-    return SystemRun(system, excitation, initial or {}, formulation).trajectory(progress)
+    start = systems.start_of(system, excitation) if initial is None else initial
+    return SystemRun(system, excitation, start, formulation).trajectory(progress)
 
 
 def step_parts(system: System, excitation: Excitation, initial: Mapping[str, InitialState]) -> StepParts:

@@ -31,7 +31,14 @@ from pmr.simulation.native.form import path_text
 from pmr.simulation.petsc.integrate import ContactState, DividedSteps, Stepped
 from pmr.simulation.petsc.recorder import History, Recorder, WallTimes
 from pmr.simulation.petsc.rows import BlockFactor, contact_frequency
-from pmr.simulation.petsc.start import SampledExcitation, State, stacked_start, starting_state, starts_moving
+from pmr.simulation.petsc.start import (
+    SampledExcitation,
+    State,
+    stacked_start,
+    starting_state,
+    starts_moving,
+    static_start,
+)
 from pmr.simulation.start import Grip, InitialState, needs_of
 from pmr.simulation.stepping import Progress, refuse_growth
 from pmr.system.contacts import Friction, friction_joints
@@ -61,7 +68,7 @@ def observe(
         Times at which whole states are recorded, at the nearest steps: each step once, in ascending order.
     initial : mapping of str to InitialState, optional
         Initial state of each body, with all its n coordinates, on every rank; bodies that are missing start at rest,
-        undeformed.  `pmr.simulation.petsc.start.static_start` returns states in equilibrium.
+        undeformed.  By default all start as ``excitation.start`` says: at rest or in equilibrium.
     progress : callable, optional
         As for `pmr.simulation.SystemSimulator`.
     checkpoint : Checkpoint, optional
@@ -79,8 +86,9 @@ def observe(
         If a step fails; with step, time, path coordinates and, where rows depend on each other, their names.  Also if
         the motion grows without bound.
     """
-    run = _Run(system, excitation, states, initial or {})
-    return run.history(progress, checkpoint)
+    if initial is None:
+        initial = {} if excitation.start == "rest" else static_start(system, excitation)
+    return _Run(system, excitation, states, initial).history(progress, checkpoint)
 
 
 class _Run:

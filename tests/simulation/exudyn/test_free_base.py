@@ -89,7 +89,7 @@ def test_moved_it_is_the_boom_in_a_frame() -> None:
             found = field(scene.names.index(one.carried_section) if one.carried_section else one.number, one.component)
             found = -found / np.array([o.value[one.number] for o in out]) if one.kind == "cylinder" else found
         terms[one.name] = table(found)
-    again = simulate_system(turret.system, replace(turret.excitation, loads=loads, terms=terms))
+    again = simulate_system(turret.system, replace(turret.excitation, loads=loads, terms=terms), {})
     q = np.hstack([one.q for one in again.bodies.values()])
     np.testing.assert_allclose(turret.q, q, rtol=0.0, atol=1e-8 * np.abs(q).max())
 

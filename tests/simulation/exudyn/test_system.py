@@ -51,6 +51,16 @@ def test_reduced_sections_with_residual_flexibility(count: int) -> None:
     assert_same(simulate_system(system, given, start), systems.simulate(system, given, start), 1e-10)
 
 
+def test_without_initial_states_it_starts_as_the_excitation_says() -> None:
+    system = reduced(Nested(2, elements=12), 3)
+    given = replace(driven(system), start="equilibrium")
+    found, expected = (
+        simulate_system(system, given),
+        simulate_system(system, given, systems.static_start(system, given)),
+    )
+    assert_same(found, expected, 1e-14)
+
+
 def test_rigid_contacts_and_one_that_gives_way() -> None:
     """Full sections, so that nothing but a pad's stiffness gives way; a support holds two coordinates of the first."""
     system = full(Nested(2, elements=6, compliance=0.0))

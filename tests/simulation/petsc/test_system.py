@@ -54,6 +54,14 @@ def simulated(system: System, excitation: Excitation, comm: MPI.Comm = MPI.COMM_
     return observe(spread, excitation, (), static_start(spread, excitation))
 
 
+def test_without_initial_states_it_starts_as_the_excitation_says() -> None:
+    system = full(Nested(2, elements=4))
+    given = driven(system, end=0.01)
+    found, expected = observe(of(system), replace(given, start="equilibrium")), simulated(system, given)
+    for name, y in expected.y.items():
+        assert_close(found.y[name], y, 1e-14)
+
+
 @pytest.mark.slow
 @pytest.mark.numerical
 @pytest.mark.mpi
