@@ -198,7 +198,7 @@ class NamedMesh:
             raise InputError(self.source, "", None, f"no group named {', '.join(missing)}; found: {names_there}")
 
 
-def read_mesh(file: Path, kinds: Sequence[str], groups: Sequence[str] = (), nodes: Path | None = None) -> NamedMesh:
+def read_mesh(file: Path, kinds: Sequence[str], nodes: Path | None = None) -> NamedMesh:
     """Read a mesh from any file that meshio reads, or from a deck of Abaqus or CalculiX.
 
     Groups are gmsh's physical groups or a deck's sets and surfaces.  A set of nodes stands for the cells that have all
@@ -209,8 +209,6 @@ def read_mesh(file: Path, kinds: Sequence[str], groups: Sequence[str] = (), node
     ----------
     kinds : sequence of str
         Kinds of cells that the model allows, by dolfinx' names, such as ``("triangle",)``.
-    groups : sequence of str
-        Groups that the mesh must have.
     nodes : Path, optional
         CSV file with further groups of nodes (`MeshFile.with_groups`).
 
@@ -218,7 +216,7 @@ def read_mesh(file: Path, kinds: Sequence[str], groups: Sequence[str] = (), node
     ------
     InputError
         If cells are of another kind, of mixed kinds or of higher order, inverted, degenerate or unconnected, or if a
-        group is missing; the message says what the file has.
+        group has no cells or cells of several dimensions; the message says what the file has.
     """
     read = read_mesh_file(file)
     read = read if nodes is None or not len(read.points) else read.with_groups(nodes)  # without points it is refused
@@ -226,9 +224,7 @@ def read_mesh(file: Path, kinds: Sequence[str], groups: Sequence[str] = (), node
         read = read.in_triangles()
     blocks = [(*CELLS_OF_KIND[block.kind][:2], block.corners[:, CELLS_OF_KIND[block.kind][2]]) for block in read.blocks]
     lines = [block.lines for block in read.blocks]
-    named = named_mesh(read.points, blocks, read.groups, kinds, str(file), read.point_groups, lines)
-    named.require(groups)
-    return named
+    return named_mesh(read.points, blocks, read.groups, kinds, str(file), read.point_groups, lines)
 
 
 def named_mesh(

@@ -100,17 +100,15 @@ def power_contributions(table: PPoly) -> Array:
     return np.asarray(table.c * size.reshape(*size.shape, *[1] * (table.c.ndim - 2)))
 
 
-def multiply_tables(A: PPoly, B: PPoly, W: Array | None = None) -> PPoly:
-    """Table A(s) W B(s)^T, values (m, n), of tables A with values (m, r) and B with values (n, q) on the same breaks.
+def multiply_tables(A: PPoly, B: PPoly, W: Array) -> PPoly:
+    """Table A(s) W B(s)^T, values (m, n), of tables A with values (m, r) and B with values (n, q), and W (r, q).
 
-    W is a matrix (r, q), the diagonal (r,) of a diagonal matrix, or None for the identity.  With a diagonal or the
-    identity, q has to be r.
+    Both tables have the same breaks.
     """
     result = np.zeros((len(A.c) + len(B.c) - 1, A.c.shape[1], A.c.shape[2], B.c.shape[2]))
     for p, Ap in enumerate(A.c):
-        weighted = Ap if W is None else Ap * W if W.ndim == 1 else Ap @ W
         for q, Bq in enumerate(B.c):
-            result[p + q] += weighted @ Bq.swapaxes(1, 2)
+            result[p + q] += Ap @ W @ Bq.swapaxes(1, 2)
     return PPoly(result, A.x)
 
 

@@ -24,7 +24,7 @@ def boom(**dimensions) -> BoxBoom:
 
 def shell(tmp_path: Path, **dimensions) -> NamedMesh:
     write_shell(boom(**(SMALL | dimensions)), tmp_path / "m.msh")
-    return read_mesh(tmp_path / "m.msh", ("triangle",), ("tail", "tip", "bottom", "top", "left", "right"))
+    return read_mesh(tmp_path / "m.msh", ("triangle",))
 
 
 def content(points: np.ndarray) -> np.ndarray:
@@ -76,7 +76,7 @@ def test_layers_double_from_the_tail(tmp_path: Path) -> None:
 @pytest.mark.parametrize("radius", [0.0, 0.04])
 def test_a_solid_has_the_volume_of_its_wall(tmp_path: Path, hexahedra: bool, radius: float) -> None:
     write_solid(boom(**SMALL, radius=radius), tmp_path / "m.msh", hexahedra)
-    mesh = read_mesh(tmp_path / "m.msh", ("hexahedron", "tetrahedron"), ("tail", "tip", "bottom", "top", "left"))
+    mesh = read_mesh(tmp_path / "m.msh", ("hexahedron", "tetrahedron"))
     p = mesh.points[mesh.cells]
     if hexahedra:
         tets = [p[:, [0, 1, 3, 7]], p[:, [0, 3, 2, 7]], p[:, [0, 2, 6, 7]], p[:, [0, 6, 4, 7]], p[:, [0, 4, 5, 7]],
@@ -107,7 +107,7 @@ def test_a_chamfered_boom_has_all_of_its_faces(tmp_path: Path, kind: str) -> Non
     profile = BoxProfile(width=0.3, height=0.4, wall=walls, chamfer=(0.09, 0.12))
     drawn, file = BoxBoom(profile.sides, length=0.6, size=0.1), tmp_path / "m.msh"
     write_shell(drawn, file) if kind == "shell" else write_solid(drawn, file, kind == "hexahedra")
-    mesh = read_mesh(file, ("triangle", "hexahedron", "tetrahedron"), (*profile.faces, "tail", "tip"))
+    mesh = read_mesh(file, ("triangle", "hexahedron", "tetrahedron"))
     for name, side in profile.faces.items():
         group = mesh.groups[name]
         corners = mesh.points[group.entities].reshape(-1, 3)

@@ -40,7 +40,7 @@ def test_a_deck_is_read_as_cells_and_groups(tmp_path: Path) -> None:
     ]
     groups = {name: [part.tolist() for part in parts] for name, parts in read.groups.items()}
     assert groups == {"Low": [[0], [], []], "tail": [[], [], [0]], "Both": [[0], [0], []]}
-    mesh = read_mesh(tmp_path / "plate.inp", ("triangle",), ("tail", "Both"))
+    mesh = read_mesh(tmp_path / "plate.inp", ("triangle",))
     assert len(mesh.cells) == 2 and len(mesh.regions["Low"]) == 1
 
 
@@ -163,7 +163,7 @@ def plate(tmp_path: Path, points=SQUARE, triangles=None, extra=(), groups=None) 
 
 
 def test_a_mesh_is_read_with_its_groups(tmp_path: Path) -> None:
-    mesh = read_mesh(plate(tmp_path), ("triangle",), ("tail", "tip"))
+    mesh = read_mesh(plate(tmp_path), ("triangle",))
     assert mesh.cell == "triangle" and len(mesh.cells) == 4
     assert np.all(np.diff(mesh.points[:, 0]) >= 0.0)  # numbered along the longest extent
     assert {name: group.dim for name, group in mesh.groups.items()} == {"tail": 1, "tip": 1, "near": 2}
@@ -209,7 +209,7 @@ def test_hexahedra_come_in_the_order_of_a_tensor_product(tmp_path: Path) -> None
 )  # fmt: skip
 def test_what_is_unfit_is_refused_with_what_was_found(tmp_path: Path, change, says: str) -> None:
     with pytest.raises(InputError, match=says):
-        read_mesh(plate(tmp_path, **change), ("triangle",), ("tail", "tip"))
+        read_mesh(plate(tmp_path, **change), ("triangle",)).require(("tail", "tip"))
 
 
 @pytest.mark.parametrize(
