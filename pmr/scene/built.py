@@ -343,6 +343,15 @@ class PadPlaces(SceneTable):
         return next((gap for name, gap in self.clearance.items() if name == face), 0.0)
 
     @property
+    def clearance_fault(self) -> str:
+        """What is allowed instead of a clearance of pads that hold both ways, or on a face without pads; else empty."""
+        if self.clearance and not self.unilateral:
+            return "0 is allowed, as only pads with unilateral = true have a clearance"
+        faces, named = self.faces or {}, self.clearance if isinstance(self.clearance, dict) else {}
+        strange = [face for face in named if face not in faces]
+        return f"a clearance of faces that have pads is allowed: {strange[0]} has none" if strange else ""
+
+    @property
     def has_clearance(self) -> bool:
         """Whether the clearance is not 0 on one of the faces."""
         return any(self.clearance.values()) if isinstance(self.clearance, dict) else self.clearance > 0.0

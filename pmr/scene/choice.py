@@ -32,7 +32,7 @@ FROM_AN_END = 0.05
 #: Largest distance in m of a pad from the mirror image of another one at y = 0.
 SYMMETRIC = 1e-9
 #: Pairs of faces that mirror each other at y = 0.
-SIDES: tuple[tuple[Face, Face], ...] = (("left", "right"), ("bottom left", "bottom right"), ("top left", "top right"))
+MIRRORS: tuple[tuple[Face, Face], ...] = (("left", "right"), ("bottom left", "bottom right"), ("top left", "top right"))
 
 
 @dataclass(frozen=True)
@@ -352,7 +352,7 @@ def has_unlike_side_walls(member: Member) -> bool:
     """Return whether the walls of a box at left and right differ in thickness; False without a box."""
     box = member.part.body.box
     profiles = () if box is None else [profile for part in box.stretches for profile in (part.first, part.last)]
-    return any(profile.thickness(face) != profile.thickness(other) for profile in profiles for face, other in SIDES)
+    return any(profile.thickness(face) != profile.thickness(other) for profile in profiles for face, other in MIRRORS)
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ HoseVolume = Annotated[float, Quantity("m^3", 0.0, 1e6), Usual(0.0, 1.0)]
 Gauge = Annotated[float, Quantity("Pa", 0.0, 1e12), Usual(1e4, 1e8)]
 Gain = Annotated[float, Quantity("m^3/s/Pa^0.5", 1e-15, 1e6), Usual(1e-10, 1e-5)]
 Leakage = Annotated[float, Quantity("m^3/s/Pa", 0.0, 1e6), Usual(0.0, 1e-9)]
-Friction = Annotated[float, Quantity("N s/m", 0.0, 1e15), Usual(1.0, 1e9)]
+ViscousFriction = Annotated[float, Quantity("N s/m", 0.0, 1e15), Usual(1.0, 1e9)]
 StopDamping = Annotated[float, Quantity("s/m", 0.0, 1e6), Usual(0.0, 100.0)]
 Part = Annotated[float, Field(ge=0.0, lt=1.0), Quantity("1", 0.0, 1.0)]
 PilotRatio = Annotated[float, Quantity("1", 0.0, 100.0)]
@@ -141,7 +141,7 @@ class DrivenCylinder(SceneTable):
     )
     spring: Stiffness | None = Field(default=None, description="Stiffness between length and cylinder")
     oil: Oil | None = Field(default=None, description="Oil that drives the cylinder")
-    damping: Friction = Field(default=0.0, description="Viscous friction along the cylinder")
+    damping: ViscousFriction = Field(default=0.0, description="Viscous friction along the cylinder")
     stop_stiffness: Stiffness = Field(default=1e9, description="Stiffness of the stops at both ends of the stroke")
     stop_damping: StopDamping = Field(
         default=0.0, description="Share by which a stop pushes more, per m/s with which it is pressed in"

@@ -30,6 +30,7 @@ from pmr.scene.keys import (
     Stiffness,
     Switch,
     Usual,
+    key_error,
 )
 from pmr.scene.signals import Constant, Signal, SignalBase
 from pmr.scene.signals.base import Array, Floats, Interval, Strand
@@ -89,16 +90,12 @@ class JointPads(RingFriction, PadPlaces):
 
         An allowed pressure of pads without a size is refused, too.
         """
-        if self.clearance and not self.unilateral:
-            raise ValueError("a clearance goes with unilateral = true")
+        if self.clearance_fault:
+            raise key_error("clearance", self.clearance, self.clearance_fault)
         if self.allowed_pressure is not None and self.faces is None:
             raise ValueError("an allowed pressure goes with faces, on which pads have a length and a width")
         if self.static_friction and not 0.0 < self.friction <= self.static_friction:
             raise ValueError(f"static_friction = {self.static_friction:g} is allowed beside a smaller friction")
-        faces = self.clearance if isinstance(self.clearance, dict) else ()
-        strange = [face for face in faces if face not in (self.faces or ())]
-        if strange:
-            raise ValueError(f"a clearance of faces that have pads is allowed: {strange[0]} has none")
         return self
 
 

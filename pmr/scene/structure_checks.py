@@ -44,12 +44,7 @@ def check_structure(member: Member) -> None:
     check_names("loads", (load.name for load in axis_loads(member)))
     check_names("supports", (support.row_name(d) for support in member.part.supports for d in support.held_directions))
     for i, ring in enumerate(member.pads):
-        if ring.clearance and not ring.unilateral:
-            allowed = "0 is allowed, as only pads with unilateral = true have a clearance"
-            raise scene_error(f"pads[{i}].clearance", ring.clearance, allowed)
-        for face, clearance in ring.clearance.items() if isinstance(ring.clearance, dict) else ():
-            allowed = f"a clearance on faces that have pads is allowed: {', '.join(ring.faces)}"
-            refuse(face not in ring.faces, f"pads[{i}].clearance.{face}", clearance, allowed)
+        refuse(ring.clearance_fault, f"pads[{i}].clearance", ring.clearance, ring.clearance_fault)
     _check_travel(member)
     _check_pads(member)
     _check_places(member)
