@@ -249,7 +249,7 @@ def variables(
         )
     listed += _output_variables(drivers, names, first + 4 * modes)
     if further is not None:
-        count, forces = len(list(output_kinds(drivers))), len(drivers.system.contacts)
+        count, forces = len(list(described_outputs(drivers))), len(drivers.system.contacts)
         listed += further(names, first + 4 * modes + 2 * count + forces)
     return listed
 
@@ -346,7 +346,7 @@ def _inputs_and_parameters(drivers: Drivers, names: Identifiers, start: Array) -
     yield Variable(fixed[2], first + 2, how, PARAMETER, start=float(start[first + 2]), kind="choice")
 
 
-def output_kinds(drivers: Drivers) -> Iterator[tuple[str, str, bool]]:
+def described_outputs(drivers: Drivers) -> Iterator[tuple[str, str, bool]]:
     """Yield (name, unit, rate) of each output of `drivers` in the kernel's order; `rate` says if the output has a rate.
 
     Motions have rates, forces have none.
@@ -363,7 +363,7 @@ def _output_variables(drivers: Drivers, names: Identifiers, first: int) -> Itera
     Every output has a value reference for a rate, which is not used if it has none.  `names` makes identifiers from
     names.  There are no rates if the system of `drivers` has no derivatives.
     """
-    system, called = drivers.system, list(output_kinds(drivers))
+    system, called = drivers.system, list(described_outputs(drivers))
     count, o = len(called), len(system.output_names)
     outputs = [names(force_name(name) if not moves and k < o else name) for k, (name, _, moves) in enumerate(called)]
     for k, (name, unit, _) in enumerate(called):
