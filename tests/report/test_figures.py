@@ -110,6 +110,15 @@ def test_closed_form_is_shown_where_there_is_one(written) -> None:
     assert "closed form" not in written.texts(BARE, "frequencies")
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_closed_form_above_all_models_is_left_out_without_a_warning(whole: RunResult) -> None:
+    """A run of a body that does not slide ended with NumPy's "All-NaN slice" in the terminal."""
+    models = dict(whole.frequencies.models)
+    models["closed_form"] = np.column_stack([models["closed_form"], 2.0 * models["closed_form"][:, -1]])
+    ax = shapes.frequency_figure(replace(whole, frequencies=replace(whole.frequencies, models=models))).axes[0]
+    assert ax.get_ylim()[0] == pytest.approx(shapes.frequency_figure(whole).axes[0].get_ylim()[0])
+
+
 def test_each_slider_has_its_force_and_each_load_its_unit(written) -> None:
     assert {"slider 1", "slider 2", "Force in N"} <= set(written.texts(BARE, "forces-1"))
     assert {"Force in kN", "F", "G"} <= set(written.texts(BARE, "loads-0"))

@@ -140,8 +140,8 @@ def frequency_figure(result: RunResult) -> Figure:
     for number, end in enumerate(drawn[0][2][int(np.argmax(x))], start=1):
         if np.isfinite(end):
             ax.annotate(str(number), (x.max(), end), (3.0, -2.5), textcoords="offset points", fontsize=7.0, color=INK)
-    bottom = min(float(np.nanmin(line.get_ydata())) for line in ax.lines)
-    octave_axis(ax, bottom, float(top.max()))
+    drawn_values = np.concatenate([line.get_ydata() for line in ax.lines])
+    octave_axis(ax, float(np.nanmin(drawn_values)), float(top.max()))
     return add_legend(figure)
 
 
