@@ -292,10 +292,12 @@ class ReducedModel:
         Raises
         ------
         ValueError
-            If the model has a residual flexibility, which is right only for all coordinates together.
+            If the model has a residual flexibility, which is right only for all coordinates together, or fewer vectors.
         """
         if self.flexibility is not None:
             raise ValueError("a residual flexibility belongs to all coordinates of its model")
+        if not 0 < coordinates <= self.size:
+            raise ValueError(f"1 to {self.size} coordinates are allowed, not {coordinates}")
         r = coordinates
         return replace(
             self,

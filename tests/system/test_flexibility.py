@@ -74,6 +74,9 @@ def test_leading_coordinates_are_those_of_the_smaller_basis() -> None:
     for name in ("M", "K", "B", "outputs"):
         assert getattr(cut, name) == pytest.approx(getattr(small, name), rel=1e-12)
     assert cut.C(1.3) == pytest.approx(small.C(1.3), rel=1e-12) and cut.size == 4
+    for count in (0, -1, 5):
+        with pytest.raises(ValueError, match=f"1 to 4 coordinates are allowed, not {count}"):
+            cut.leading(count)
 
 
 def test_leading_coordinates_of_a_flexible_model_are_refused(model: ReducedModel) -> None:
