@@ -271,7 +271,8 @@ class Pads:
     def state(self, rows: PadRows, q: Array, f: Array, t: float) -> PadState:
         """State at the end of the present step at t s, with coordinates q (n,) under loads f (i,) in N.
 
-        `rows` are the contact rows at t.  Raises SimulationError if friction does not settle.
+        `rows` are the contact rows at t.  The next step still starts from the friction that `end` stored last.  Raises
+        SimulationError if friction does not settle.
         """
         law, grip, gap = self.law, self.grip, np.zeros(len(self.gives))
         if law is None:

@@ -369,7 +369,7 @@ class TabulatedInputs(Inputs):
         """Do nothing, as all values are known."""
 
     def values_at(self, t: float) -> InputValues:
-        """Return index of the side positions, loads, and amplitudes at t s, the end of a part of a step."""
+        """Return index of the side positions, loads, and amplitudes at t s, which has to end a part of a step."""
         return self._values[round(t / self._step)]
 
     def positions(self, t: float) -> Array:

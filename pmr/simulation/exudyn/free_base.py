@@ -165,6 +165,7 @@ class OnBody:
     axes: Array = field(default_factory=lambda: np.eye(3))  # (3, 3): columns are the boom's x, y, z in the body's axes
 
     def __post_init__(self) -> None:
+        """Raise InputError unless the axes are those of a rotation."""
         A = np.asarray(self.axes, float)
         if A.shape != (3, 3) or not np.allclose(A.T @ A, np.eye(3), atol=1e-9) or np.linalg.det(A) < 0.0:
             allowed = "a matrix (3, 3) of three orthogonal unit vectors in columns, right-handed, is allowed"

@@ -122,7 +122,7 @@ class SystemItems:
 def add_pre_step_function(mbs: exu.MainSystem, function: PreStep) -> None:
     """Have ``function(mbs, t)`` called before each step, after the pre-step functions that are already set.
 
-    As in Exudyn, the simulation stops if one of them returns False.
+    All are called in each step.  As in Exudyn, the simulation stops if one of them returns False.
     """
     present = mbs.GetPreStepUserFunction()
     if not present:

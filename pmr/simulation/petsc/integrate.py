@@ -80,11 +80,11 @@ class Prediction:
 
     @classmethod
     def from_shares(cls, factors: SchemeFactors, share: Array, force: Array) -> Prediction:
-        """Contributions (n,) to the prediction of the next state by the last acceleration or by past contact forces.
+        """Contributions to the prediction of the next state by the last acceleration or by past contact forces.
 
-        `force` (n,) is this acceleration or the acceleration by these forces, and `share` (n,) is its part in the
-        variable a of the scheme.  Both enter the predicted coordinates, velocities and a with factors of the scheme,
-        from `factors`.
+        `force` is this acceleration, or these forces, or the acceleration by these forces, and `share` is its part in
+        the variable a of the scheme; both are (n_local,) or (m,), and so is the result.  They enter the predicted
+        coordinates, velocities and a with the scheme's `factors`.
         """
         return cls(
             q=factors.z_from_share * share + factors.z_from_force * force,
@@ -109,7 +109,7 @@ class ContactState:
         self.begin(state)
 
     def begin(self, state: State) -> None:
-        """Set the contacts to the forces that `state` holds."""
+        """Set the contacts to the forces of `state`; those that only push are closed if their force is positive."""
         self._force, self.share = np.where(self.pushes, state.multipliers, 0.0), state.share.copy()
         self._closed = ~self.pushes | (state.multipliers > 0.0)
 
@@ -149,7 +149,10 @@ class ContactState:
         return Prediction.from_shares(factors, share, force)
 
     def end_step(self, multipliers: Array, factors: SchemeFactors) -> None:
-        """Store the contributions of a step's contact forces `multipliers` (m,) to the next step."""
+        """Store the contributions of a step's contact forces `multipliers` (m,) to the next step.
+
+        They are stored for contacts that only push.
+        """
         share = factors.gain * multipliers + Prediction.from_shares(factors, self.share, self._force).a
         self.share = np.where(self.pushes, share, 0.0)
         self._force = np.where(self.pushes, multipliers, 0.0)
@@ -200,7 +203,7 @@ class Constraint:
         self.matrix = np.zeros((0, 0))
 
     def move(self, step: int) -> None:
-        """Set the rows and their matrix to a step of the course."""
+        """Set the rows to a step of the course, and their matrix, which is computed only if a side has moved."""
         self.rows.move(step)
         x = self.rows.course.x[step]
         if not np.array_equal(x, self._at):

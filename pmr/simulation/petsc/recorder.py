@@ -186,7 +186,8 @@ class Recorder:
     def history(self, at: SampledExcitation, seconds: WallTimes) -> History:
         """History of all records, in a run under the excitation `at`; collective.
 
-        `seconds` are the wall times in s.  The violation of velocities is NaN if a contact gives way.
+        `seconds` are the wall times in s.  The violation of velocities is NaN if a contact gives way.  Forces of
+        supports are among those of the contacts, and `supports` has no columns.
         """
         system = self._system
         sums = system.comm.allreduce(self.sums)

@@ -162,7 +162,8 @@ class Terms:
     def has_converged(self, old: Array, new: Array, times: int, rubbed: PadFriction) -> bool:
         """Whether forces no longer change from `old` to `new` (n_local,), after `times` iterations; collective.
 
-        `rubbed` is the friction of the last iteration.  Raises SimulationError if the forces diverge, or have not
+        The change is compared with the largest forces so far, friction of pads at their limits included.  `rubbed` is
+        the friction of the last iteration.  Raises SimulationError if the forces diverge, or have not
         converged after `LIMIT` iterations.
         """
         sums = self._comm.allreduce(np.array([np.sum((new - old) ** 2), np.sum(new**2), rubbed.at_limits]), MPI.SUM)
@@ -261,7 +262,8 @@ def starting_state(
 ) -> State:
     """State at t = 0, under the paths, loads and terms `at`; collective.
 
-    `mass` is a factor of M; None if nothing acts or moves and no contact only pushes.
+    `mass` is a factor of M; None if nothing acts or moves and no contact only pushes: then all forces and accelerations
+    are zero.  Velocities that violate rigid contacts are changed with the least kinetic energy.
 
     Raises
     ------
@@ -314,7 +316,7 @@ def stacked_start(system: FullSystem, initial: Mapping[str, InitialState]) -> In
     Raises
     ------
     InputError
-        If a size is wrong.
+        If `initial` names no body of the system, or a size is wrong.
     """
     states = complete_states({name: model.size for name, model in system.bodies.items()}, initial).values()
     return InitialState(*(np.concatenate([getattr(state, part) for state in states]) for part in ("q", "v")))
@@ -358,7 +360,7 @@ class _HeldMass:
         self._G = self._comm.allreduce(self._mine @ self._answers)
 
     def impulse(self, start: InitialState) -> Array:
-        """This rank's rows (n_local,) of the velocity in `start` minus the consistent velocity.
+        """This rank's rows (n_local,) of the velocity in `start` minus the consistent velocity; zero if both agree.
 
         The consistent velocity taken is the one nearest to that in `start` in kinetic energy.  Raises InputError if the
         position violates a rigid contact, or if rigid contacts depend on each other.
