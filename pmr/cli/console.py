@@ -83,12 +83,13 @@ class Output(Console):
         self.print(shown, soft_wrap=True)
 
     def rows(self, rows: Iterable[tuple[str, str]]) -> None:
-        """Print rows (name, text) in two columns, wrapped at spaces."""
+        """Print rows (name, text) in two columns, wrapped at spaces; a text may have several lines."""
         from rich.table import Table
 
         table = Table.grid(padding=(0, 2))
         for name, text in rows:
-            table.add_row(wrap_at_spaces(name, NAMES), wrap_at_spaces(text, max(self.width - NAMES - 2, NAMES)))
+            lines = (wrap_at_spaces(line, max(self.width - NAMES - 2, NAMES)) for line in text.split("\n"))
+            table.add_row(wrap_at_spaces(name, NAMES), "\n".join(lines))
         self.print(table)
 
 

@@ -230,9 +230,13 @@ def _print_outcome(outcome: Outcome) -> None:
     """
     from pmr.report import errors, first_page, trust
     from pmr.report.subject import scope_words
+    from pmr.report.verdict import verdict
 
     result, summary = outcome.result, outcome.result.summary
     out.print(escape_controls(result.scene.title), style="bold")
+    said = verdict(result)
+    for sentence in (said.text, *said.notes):
+        out.sentences(sentence)
     out.rows(first_page.largest_value_rows(result))
     _print_errors(errors.rows(result))
     each = ", ".join(

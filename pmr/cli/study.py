@@ -104,7 +104,8 @@ def study(
         except Exception as error:  # any error of the report; the tables are stored
             err.text(f"pmr: {console.report_failure_message(error, folder)}")
             raise typer.Exit(1) from None
-    out.text(f"{outcome.done} of {len(chosen.runs)} runs are done; {outcome.computed} tasks were computed in this call")
+    earlier = "" if outcome.computed else ", all of them earlier"
+    out.text(f"{outcome.done} of {len(chosen.runs)} runs are done{earlier}")
     if not only:
         _print_results(chosen, outcome)
     if not outcome.is_complete:

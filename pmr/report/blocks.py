@@ -225,14 +225,26 @@ class Block:
 
 
 @dataclass(frozen=True)
+class Verdict:
+    """Sentences on limits, the first thing on a page; `is_exceeded` says whether a value is above its limit.
+
+    `notes` are sentences in small type below the text, on what has no limit or is not checked.
+    """
+
+    text: str = ""
+    notes: Sequence[str] = ()
+    is_exceeded: bool = False
+
+
+@dataclass(frozen=True)
 class Notices:
     """Notices that stand before the results of a chapter.
 
-    `overloads` are texts on values above what is allowed, `warnings` sentences that a user has to know before sizing a
+    `verdict` is on limits, `warnings` sentences that a user has to know before sizing a
     machine by the results, and `unfinished` names of runs without a result.
     """
 
-    overloads: Sequence[str] = ()
+    verdict: Verdict = Verdict()
     warnings: Sequence[str] = ()
     unfinished: Sequence[str] = ()
 

@@ -36,6 +36,7 @@ from pmr.report.subject import (
     crossing,
     direction_words,
     elevation,
+    even_stress_clause,
     has_free_luffing,
     has_pushing_pads,
     is_alone,
@@ -53,6 +54,8 @@ Rows = Iterator[tuple[str, str]]
 
 #: Clauses on the direction in which a mode moves the tip most.
 TIP_MOVES = {"y": ", the tip moves sideways, along y", "z": ", the tip moves up and down, along z"}
+#: Words for a number that is computed with every pad closed, in runs with pads that only push.
+CLOSED_PADS = "with every pad closed"
 #: Share of the highest natural frequency up to which a frequency is round-off and is printed as 0.
 ROUND_OFF = 1e-9
 
@@ -114,11 +117,6 @@ def _second_order_rows(result: RunResult, is_included: bool) -> Rows:
     motion = result.summary.get("frame")
     if motion is not None and bool(motion["second_order"]) is is_included:
         yield "axes, second order", sentences.frame_sentences(result)
-
-
-def overload_sentences(result: RunResult) -> list[str]:
-    """Sentences on the values that are above what is allowed, the worst first."""
-    return [f"{row.name}: {row.text}" for row in largest_values(result) if row.share is not None and row.share > 1.0]
 
 
 def largest_value_rows(result: RunResult) -> Rows:
@@ -193,10 +191,12 @@ def _largest_values(result: RunResult) -> LargestValues:
     if damages := summary.get("fatigue"):
         worst = damages[0]
         life = "" if worst["life"] is None else f", endured {significant(worst['life'])} times"
-        yield largest_value("damage", f"{significant(worst['damage'])}, {worst['name']}{life}", worst["damage"])
+        yield largest_value(
+            "damage", f"{significant(worst['damage'])} (failure at 1)\n{worst['name']}{life}", worst["damage"]
+        )
     if (buckling := summary.get("buckling", {})).get("factor") is not None:
         when = f"at {format_time(buckling['t'])}{angles_clause(result, buckling['t'])}"
-        text = f"{significant(buckling['factor'])}, {when}{_closed_pads_clause(result)}"
+        text = f"{significant(buckling['factor'])}\n{when}{f', {CLOSED_PADS}' * has_pushing_pads(result)}"
         yield largest_value("buckling", text)
     yield from _deflection_rows(result)
     yield from _further_output_rows(result)
@@ -217,18 +217,18 @@ def _stress_rows(result: RunResult) -> LargestValues:
     summary = result.summary
     largest = summary.get("max_von_mises", {}).get("reduced")
     if largest is None:
-        yield largest_value("stress", "not computed: a table [recovery] asks for it", name="stress")
+        yield largest_value("stress", "not computed (table [recovery] of the scene)", name="stress")
         return
     peak, used = (summary.get(name, {}).get("reduced") for name in ("stress_peak", "utilisation"))
     stress_text, local, of_beams = format_quantity(largest, "Pa"), "", bool(stress_remark(result.scene))
     if of_beams:
         every = result.scene.recovery.every if result.scene.recovery else 0.0
         at_times = f"; computed every {format_input(every, 's')} at points of the mesh" if every else ""
-        local = f" (without the bending of walls under pads{at_times})"
+        local = f"; without the bending of walls under pads{at_times}"
         if (shell := wall_stress(summary)) is not None:
             yield _wall_stress_row(result, shell)
         else:
-            local = ", without the bending of walls under pads, which adds to it; by how much is not known"
+            local = "; without the bending of walls under pads, which adds to it; by how much is not known"
             local += _missing_clause(summary)
         used = used if used and used["value"] > 1.0 else None
     share, highest = "", used["value"] if used else None
@@ -236,12 +236,13 @@ def _stress_rows(result: RunResult) -> LargestValues:
         least = "at least " if of_beams else ""
         share = f"{least}{format_percent(used['value'])} of the yield stress of {format_quantity(used['yield'], 'Pa')}"
     if used and used["stress"] == largest:
-        stress_text, peak, used = f"{stress_text}, {share}", used, None
-    where = "" if peak is None else f", {peak_place_clause(result, peak)}"
+        stress_text, peak, used = f"{stress_text}: {share}", used, None
+    notes = f"{'' if peak is None else peak_place_clause(result, peak)}{local}".removeprefix("; ")
     highest_beside = None if used else highest
-    yield largest_value("stress", f"{stress_text}{local}{where}", highest_beside, stress_name(result.scene))
+    text = "\n".join(filter(None, (stress_text, notes)))
+    yield largest_value("stress", text, highest_beside, stress_name(result.scene))
     if used:
-        yield largest_value("utilisation", f"{share}, {peak_place_clause(result, used)}", highest)
+        yield largest_value("utilisation", f"{share}\n{peak_place_clause(result, used)}", highest)
 
 
 def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
@@ -251,19 +252,18 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
     """
     at = PeakSummary(t=shell["t"], position=shell["position"], section=shell["section"])
     at["region"] = f"{shell['region']} wall" if shell["region"] else "walls"
-    allowed, used, share = shell.get("yield"), "", None
+    allowed, text, share, upper = shell.get("yield"), wall_stress_words(shell), None, None
     if allowed is not None:
         share = shell["value"] / allowed
-        used = f", {format_percent(share)} of the yield stress of {format_quantity(allowed, 'Pa')}"
+        text += f": {format_percent(share)} of the yield stress of {format_quantity(allowed, 'Pa')}"
         if "error" in shell:
             by_pads = trust.pad_force_error(result.summary)
-            most = shell["error"] + shell["value"] * (by_pads or 0.0)
-            used += f", {format_percent((shell['value'] + most) / allowed)} with "
-            used += "the errors of this mesh and of the pad forces" if by_pads is not None else "this error alone"
-    contains = f"{WALL_STRESS_PARTS}{play_clause(result, 'wall_stress')}"
-    by_mesh = ", ± by the mesh of the walls" if "error" in shell else ""
-    text = f"{wall_stress_words(shell)}{by_mesh}{used}; {peak_place_clause(result, at)}; {contains}"
-    return largest_value("wall_stress", f"{text}{_missing_clause(result.summary)}", share)
+            upper = (shell["value"] * (1.0 + (by_pads or 0.0)) + shell["error"]) / allowed
+            text += f", {format_percent(upper)} with "
+            text += "known errors" if by_pads is not None else "the error by the mesh of the walls alone"
+    text += f"\n{peak_place_clause(result, at)}{even_stress_clause(shell)}{play_clause(result, 'wall_stress')}"
+    text += f"; {WALL_STRESS_PARTS}{'; ± is by the mesh of the walls' if 'error' in shell else ''}"
+    return largest_value("wall_stress", f"{text}{_missing_clause(result.summary)}", share)._replace(upper=upper)
 
 
 #: What the stress in walls at pads takes for granted, and what it contains.
@@ -287,22 +287,13 @@ def _missing_clause(summary: Summary) -> str:
     return "".join(f"; not known of {' and '.join(names)}: {reason}" for reason, names in reasons.items())
 
 
-def _closed_pads_clause(result: RunResult) -> str:
-    """Clause after a number that is computed with every pad closed; empty if no pad only pushes."""
-    return ", with every pad closed" if has_pushing_pads(result) else ""
-
-
 def _resting_clause(result: RunResult) -> str:
     """Clause on the lowest natural frequency without the pads that are open at rest; empty if it is not known."""
     resting = result.frequencies.resting
     if resting is None or not np.isfinite(resting).any():
         return ""
-    k = int(np.nanargmin(resting))
-    where = position_text(result, float(result.frequencies.along[k]))
-    return (
-        f"; without the pads that are open at rest it is {significant(float(resting[k]))}{SPACE}Hz"
-        + f", at {where}" * bool(where)
-    )
+    lowest = significant(float(np.nanmin(resting)))
+    return f"; {lowest}{SPACE}Hz without the pads that are open at rest"
 
 
 def _speed_rows(result: RunResult) -> LargestValues:
@@ -337,18 +328,18 @@ def _deflection_rows(result: RunResult) -> LargestValues:
             side = "above" if largest.value > 0.0 else "below"
             size = f"{format_length(abs(largest.value))} {side} the boom's straight axis"
         yield largest_value(
-            "tip", f"{size}, {extreme_clause(result, largest)}{play_clause(result, 'tip', direction)}", name=row
+            "tip", f"{size}\n{extreme_clause(result, largest)}{play_clause(result, 'tip', direction)}", name=row
         )
         if direction == "z" and is_turned and (angles := elevation(result, response.t)) is not None:
             largest = extremes_of(result, values * np.cos(angles)).largest
-            text = f"{_deflection_text('z', largest.value)}, {extreme_clause(result, largest)}"
+            text = f"{_deflection_text('z', largest.value)}\n{extreme_clause(result, largest)}"
             yield largest_value("tip", text, name=f"{called}, vertical part")
     for line in axis_points(result)[:-1] if mover else ():
         deflections = line.displacement[:, :, 2]
         k = int(np.abs(deflections).max(axis=0).argmax())
         largest = extremes_of(result, deflections[:, k]).largest
         where = f"{_deflection_text('z', largest.value)}, {two_decimals(line.x[k])}{SPACE}m from its tail"
-        text = f"{where}, {extreme_clause(result, largest)}"
+        text = f"{where}\n{extreme_clause(result, largest)}"
         yield largest_value("beam", text, name=f"largest deflection of {line.body}")
 
 
@@ -380,28 +371,26 @@ def _frequency_rows(result: RunResult) -> LargestValues:
         return
     k = int(np.nanargmin(frequencies[:, 0]))
     lowest, where = float(frequencies[k, 0]), position_text(result, float(result.frequencies.along[k]))
-    where = f", {'with' if crossing(result) else 'at'} {where}" if where else ""
+    size, notes = "0", [f"{'with' if crossing(result) else 'at'} {where}" if where else ""]
     if lowest > ROUND_OFF * np.nanmax(frequencies):
         masses = [f"{of.name} {format_input(of.mass, 'kg')}" for part in result.scene.sections for of in part.masses]
-        closed = f", with {' and '.join(masses)}" if masses else ""
-        closed += ", without the payload of the hoist" if result.scene.hoist is not None else ""
-        closed += _locked_clause(result)
+        notes += [f"with {' and '.join(masses)}" if masses else ""]
+        notes += ["without the payload of the hoist" if result.scene.hoist is not None else "", _locked_words(result)]
+        notes += [CLOSED_PADS * has_pushing_pads(result)]
         way = result.summary.get("lowest_mode", {}).get("direction", "")
-        where = f"{TIP_MOVES[way]}{where}" if way in TIP_MOVES else where
-        text = f"{significant(lowest)}{SPACE}Hz{where}{closed}{_closed_pads_clause(result)}{_resting_clause(result)}"
-        yield largest_value("frequency", text)
-    else:
-        yield largest_value("frequency", f"0{where}")
+        size = f"{significant(lowest)}{SPACE}Hz{TIP_MOVES.get(way, '')}"
+    text = f"{size}\n{', '.join(filter(None, notes))}{_resting_clause(result) * (size != '0')}"
+    yield largest_value("frequency", text.rstrip("\n"))
 
 
-def _locked_clause(result: RunResult) -> str:
-    """Clause that a computed luffing angle is locked in natural frequencies; empty if the angle is prescribed."""
+def _locked_words(result: RunResult) -> str:
+    """Words that a computed luffing angle is locked in natural frequencies; empty if the angle is prescribed."""
     if not has_free_luffing(result):
         return ""
     cylinder = None if result.scene.frame is None else result.scene.frame.cylinder
     on = {"oil": "on its oil", "length": "on its spring"}
     springs = [on[drive] for drive in (cylinder.drives if cylinder is not None else ()) if drive in on]
     load = " and with the payload of the hoist" if result.scene.hoist is not None else ""
-    return ", the luffing cylinder locked" + "".join(
+    return "the luffing cylinder locked" + "".join(
         f": {spring}{load} the boom swings up and down more slowly" for spring in springs
     )

@@ -138,7 +138,7 @@ def ground_block(result: RunResult, prefix: str) -> Block | None:
     captions = {
         "outrigger": "Forces of the outriggers on the ground; 0 where one lifts off.",
         "margin": "Margins against tipping over the edges of the support polygon: moments that hold the machine down.",
-        "tipping": "Use of the support polygon: 0 where the resultant meets its middle, 1 where the machine tips.",
+        "tipping": "Use of the support polygon: 0 where the resultant meets its middle, 100 % where the machine tips.",
     }
     panels = [Panel(f"ground-{kind}", caption, _of_kind(result, kind)) for kind, caption in captions.items()]
     measured = [

@@ -82,8 +82,8 @@ def _driven_rows(result: RunResult) -> LargestValues:
             yield largest_value("extension_force", text)
         if use := cylinder.get("use"):
             most = Extremes.from_summary(use).highest
-            text = f"{format_percent(most.value)} of the allowed force, {extreme_clause(result, most)}"
-            yield largest_value("luffing_use", f"{text}; allowed: {_allowed_forces_words(result)}", most.value)
+            note = f"{extreme_clause(result, most)}; allowed: {_allowed_forces_words(result)}"
+            yield _use_row(result, "luffing_use", most.value, "the allowed force", note, "support_force")
         pressures = {side: Extremes.from_summary(of) for side in OIL_SIDES if (of := cylinder.get(f"pressure_{side}"))}
         for side in sorted(pressures, key=lambda side: pressures[side].highest.value)[-1:]:
             yield largest_value("driven_pressure", value_at(result, pressures[side].largest, "Pa", OIL_SIDES[side]))
@@ -123,11 +123,10 @@ def _support_use_rows(result: RunResult) -> LargestValues:
         name = max(limited, key=lambda name: extremes[name].size / limited[name][0])
         allowed, spacing = limited[name]
         share = extremes[name].size / allowed
-        text = f"{format_percent(share)} of the allowed {format_quantity(allowed, 'N')}"
-        text += f"{'' if spacing is None else ' of a lug'}, {_bearer_words('support', name)}, "
-        text += extreme_clause(result, extremes[name].largest)
-        text += _moment_clause(result, name) if spacing is None else LUGS.format(format_input(spacing, "m"))
-        yield largest_value("support_use", text, share)
+        of = f"the allowed {format_quantity(allowed, 'N')}{'' if spacing is None else ' of a lug'}"
+        note = f"{_bearer_words('support', name)}, {extreme_clause(result, extremes[name].largest)}"
+        note += _moment_clause(result, name) if spacing is None else LUGS.format(format_input(spacing, "m"))
+        yield _use_row(result, "support_use", share, of, note, "reaction")
 
 
 def _moment_clause(result: RunResult, name: str) -> str:
@@ -141,7 +140,7 @@ def _moment_clause(result: RunResult, name: str) -> str:
         return ""
     return (
         f"; this is the resultant of its forces, without its moments of up to {format_quantity(max(sizes), 'N m')}, "
-        "which the force of a lug contains (lug_spacing of the support)"
+        "which the force of a lug contains (key lug_spacing of the support)"
     )
 
 
@@ -163,6 +162,20 @@ def _luffing_length_row(result: RunResult, length: Summary) -> LargestValue:
     return largest_value("driven_length", text, share, "length of the luffing cylinder")
 
 
+def _use_row(
+    result: RunResult, key: str, share: float, of: str, note: str, of_force: str, least: float = 1.0
+) -> LargestValue:
+    """Row of the quantity `key` on the `share` that is used `of` a limit, and on the share with known errors.
+
+    These are the errors of the force with the key `of_force` from all sources, and the error of the limit, whose
+    smallest value is the share `least` of it.  If those of the force are not known, the row has the `share` alone.
+    """
+    error = trust.summed_errors(result.summary).by_label.get(QUANTITIES[of_force].label)
+    upper = None if error is None else share * (1.0 + error) / least
+    text = f"{format_percent(share)} of {of}" + (f", {format_percent(upper)} with known errors" if upper else "")
+    return largest_value(key, f"{text}\n{note}", share)._replace(upper=upper)
+
+
 def _push_or_pull(force: Extreme) -> str:
     """Verb for the sign of a cylinder's force: ``pushes`` if the force is positive, else ``pulls``."""
     return "pushes" if force.value > 0.0 else "pulls"
@@ -176,8 +189,8 @@ def _pressure_rows(result: RunResult) -> LargestValues:
         yield largest_value("pad_pressure", value_at(result, pressed, "Pa", pad["name"]))
         limited = {of["pressure"] / of["allowed_pressure"]: of for of in pads if "allowed_pressure" in of}
         for share, pad in sorted(limited.items())[-1:]:
-            text = f"{format_percent(share)} of {format_quantity(pad['allowed_pressure'], 'Pa')}, {pad['name']}, "
-            yield largest_value("pad_use", text + extreme_clause(result, Extremes.from_summary(pad).largest), share)
+            note = f"{pad['name']}, {extreme_clause(result, Extremes.from_summary(pad).largest)}"
+            yield _use_row(result, "pad_use", share, format_quantity(pad["allowed_pressure"], "Pa"), note, "pad_force")
 
 
 def _indentation_rows(result: RunResult) -> LargestValues:
@@ -185,7 +198,7 @@ def _indentation_rows(result: RunResult) -> LargestValues:
     if rows := result.summary.get("indentations"):
         row = max(rows, key=lambda row: float(row["value"]))
         when = extreme_clause(result, Extreme(row["value"], row["t"], row["s"]))
-        yield largest_value("indentation", f"{format_length(row['value'])}, {row['name']}, {when}")
+        yield largest_value("indentation", f"{format_length(row['value'])}, {row['name']}\n{when}")
 
 
 def _hoist_rows(result: RunResult) -> LargestValues:
@@ -198,7 +211,7 @@ def _hoist_rows(result: RunResult) -> LargestValues:
     way = max(swings, key=lambda name: abs(swings[name].value))
     largest = swings[way]
     text = f"{format_quantity(abs(largest.value), 'rad')} {way} the boom, the hook "
-    text += f"{SWING_SIDES[way][int(largest.value > 0.0)]} the head, {extreme_clause(result, largest)}"
+    text += f"{SWING_SIDES[way][int(largest.value > 0.0)]} the head\n{extreme_clause(result, largest)}"
     yield largest_value("swing", text)
 
 
@@ -241,8 +254,8 @@ def _dynamic_factor_rows(result: RunResult) -> LargestValues:
         if row["kind"] != hidden
     ]
     if factors:
-        text = "largest value divided by the value at rest (in the same posture, under the same loads): "
-        text += ", ".join(factors)
+        text = f"{', '.join(factors)}\n"
+        text += "largest value divided by the value at rest (in the same posture, under the same loads)"
         yield LargestValue("dynamic factors", text, place="machine")
 
 
@@ -293,13 +306,16 @@ def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestVal
     if shares:
         pad = max(shares, key=lambda name: shares[name][0])
         share, limit = shares[pad]
-        force = format_quantity(limit["force"], "N")
-        bar = f" ± {format_quantity(limit['error'], 'N')} (error by the mesh of the walls)"
-        text = f"{format_percent(share)} of {force}{bar}, {pad}, {extreme_clause(result, forces[pad].largest)}; "
-        text += f"at {force} the walls of {limit['section']} begin to yield at their weakest place if this pad presses "
-        text += f"alone and most in its middle, at {format_quantity(limit['even'], 'N')} (without its error bar) if it "
-        text += "presses evenly; without the bending of the whole section"
-        yield largest_value("pad_force", text, share, "largest use of the pad force at which walls yield")
+        force, bar = (format_quantity(limit[of], "N") for of in ("force", "error"))
+        note = (
+            f"{pad}, {extreme_clause(result, forces[pad].largest)}; at {force} the walls of {limit['section']} begin "
+        )
+        note += "to yield at their weakest place if this pad presses alone and most in its middle, at "
+        note += f"{format_quantity(limit['even'], 'N')} (without its error bar) if it presses evenly; ± is by the mesh "
+        note += "of the walls; without the bending of the whole section"
+        least, name = 1.0 - limit["error"] / limit["force"], "largest use of the pad force at which walls yield"
+        row = _use_row(result, "pad_force", share, f"{force} ± {bar}", note, "pad_force", least)
+        yield row._replace(name=name)
 
 
 def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
@@ -400,7 +416,7 @@ def _ground_rows(result: RunResult) -> LargestValues:
         name = min(extremes, key=lambda name: extremes[name].lowest.value)
         value = quantity.reported_extreme(extremes[name])
         if key == "tipping":
-            text = f"{format_percent(value.value)} (the machine tips at 100{SPACE}%), {extreme_clause(result, value)}"
+            text = f"{format_percent(value.value)} (the machine tips at 100{SPACE}%)\n{extreme_clause(result, value)}"
             yield largest_value(key, text, value.value)
         else:
             where, error = (f"edge from {name}", _margin_error(result)) if key == "tipping_margin" else (name, "")

@@ -207,6 +207,7 @@ def _block(start: Array, end: Array, sides: Indices) -> Block:
 DISPLACED = 0.08  # largest displacement in a picture, as a share of the length of the body
 FRAMES = 1500  # largest number of times of an animation of axes
 EXTENSIONS = 3  # parts of the mouth's range, each with a picture
+ALIKE = 0.08  # share of the mouth's range; pictures of two positions that are less apart look alike
 ALMOST_ALL = 0.98  # share of the cells within the colour scale: a few peaks must not leave all others in one colour
 
 
@@ -327,12 +328,18 @@ class MovingBodies:
 
         In each third, it is the stored time with the largest stress among all times at which the mouth is there.  If
         there are no stresses, it is the time with the largest displacement.  If the mouth does not move, there is one
-        moment.
+        moment.  Of two moments whose mouths are less than the share `ALIKE` of the range apart, one is returned: that
+        with the larger stress or displacement.
         """
         s, weight = self.mouth, self.stresses if self.cell_stresses else self.displacements
         parts = np.clip(((s - s.min()) / max(np.ptp(s), 1e-12) * EXTENSIONS).astype(int), 0, EXTENSIONS - 1)
-        groups = (np.flatnonzero(parts == part) for part in np.unique(parts))
-        return [self._moment(k) for k in sorted(int(inside[np.argmax(weight[inside])]) for inside in groups)]
+        chosen = list[int]()
+        for inside in (np.flatnonzero(parts == part) for part in np.unique(parts)):
+            k = int(inside[np.argmax(weight[inside])])
+            if chosen and abs(s[k] - s[chosen[-1]]) < ALIKE * np.ptp(s):
+                k = max(k, chosen.pop(), key=lambda of: float(weight[of]))
+            chosen.append(k)
+        return [self._moment(k) for k in sorted(chosen)]
 
     def moment_of_peak(self) -> Moment:
         """Return the stored moment nearest to the time of the largest stress in the summary.

@@ -325,9 +325,9 @@ def encode_array(values: Array) -> dict[str, Any]:
 def playback_speeds(duration: float) -> dict[str, Any]:
     """Playback speeds of a motion of `duration` s, as multiples of real time.
 
-    ``first`` is a round speed that plays the motion in about `PLAYING` s; ``choices`` are this speed and four others,
-    from a fifth to four times of it.
+    ``first`` is a round speed that plays the motion in about `PLAYING` s; ``choices`` are this speed, real time and
+    four others, from a fifth to four times of the first, in ascending order.
     """
     first = round_number(max(duration / PLAYING, 1e-6))
-    choices = [first / 5.0, first / 2.0, first, 2.0 * first, 4.0 * first]
-    return {"first": first, "choices": [float(f"{choice:.3g}") for choice in choices]}
+    choices = {float(f"{choice * first:.3g}") for choice in (0.2, 0.5, 1.0, 2.0, 4.0)}
+    return {"first": first, "choices": sorted({*choices, 1.0})}

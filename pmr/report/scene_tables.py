@@ -236,9 +236,12 @@ def size_rows(result: RunResult) -> Rows:
             yield f"largest violation of constraints, {name}", text
     basis = result.summary.get("basis", {})
     if basis.get("carriers"):
-        yield "carriers of pads and sliders along the path", format_input(basis["carriers"])
+        yield (
+            "shape vectors of the forces of pads and sliders, by position along the path",
+            format_input(basis["carriers"]),
+        )
     if basis.get("rows_left_out"):
-        yield "pads and supports that no vector of the basis moves", ", ".join(basis["rows_left_out"])
+        yield "pads and supports at which all shapes of the reduced model are 0", ", ".join(basis["rows_left_out"])
 
 
 def time_rows(seconds: Summary) -> Rows:

@@ -25,6 +25,7 @@ from pmr.report.moving_bodies import MovingBodies
 from pmr.report.numbers import NOTHING, SPACE, format_input, format_time, prose, significant, unit_for, with_sign
 from pmr.report.sentences import Measured, extremes_grid
 from pmr.report.subject import acting_loads, is_alone, moving_part, slider_offsets
+from pmr.report.verdict import run_sentence, verdict
 from pmr.results import Response, RunResult
 from pmr.results.quantities import UNIT_QUANTITIES, stress_remark
 from pmr.results.response import Extremes
@@ -56,7 +57,8 @@ def chapter(result: RunResult, anchor: str, helper: Executor | None = None) -> C
         sketch=system_drawing(result, anchor),
         first=first_page.first_page_tables(result),
         key_numbers=list(sentences.key_numbers(result)),
-        notices=Notices(first_page.overload_sentences(result), result.summary.get("warnings", ())),
+        opening=run_sentence(result),
+        notices=Notices(verdict(result), result.summary.get("warnings", ())),
         blocks=[*filter(None, sections), origin_block(result)],
     )
 
@@ -154,7 +156,7 @@ def motion_block(result: RunResult, prefix: str) -> Block | None:
         text=undrawn_sentence(result),
         player=Player(data, player.drawing_sentence(data)) if data else None,
         pictures=pictures,
-        drawings=[*scale, *space.space_drawings(result, prefix), *histories.tip_drawings(result, prefix)],
+        drawings=[*space.space_drawings(result, prefix), *histories.tip_drawings(result, prefix), *scale],
     )
 
 

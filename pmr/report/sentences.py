@@ -23,7 +23,15 @@ from pmr.report.numbers import (
     significant,
     unit_for,
 )
-from pmr.report.subject import crossing, is_alone, moving_part, reduced_size, scope_words, wall_stress_words
+from pmr.report.subject import (
+    crossing,
+    even_stress_clause,
+    is_alone,
+    moving_part,
+    reduced_size,
+    scope_words,
+    wall_stress_words,
+)
 from pmr.report.subject import reach as reach_of
 from pmr.results import RunResult
 from pmr.results.field_stress import PeakSummary
@@ -37,34 +45,35 @@ MOST_PLACES = 2
 
 
 def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
-    """Yield the key numbers of a run: coordinates, errors, largest stress, worst damage and time of the simulation.
+    """Yield the key numbers of a run: largest stress, worst damage, errors, time of the simulation, and coordinates.
 
     Numbers that are not known are left out.
     """
-    summary, coordinates = result.summary, result.summary.get("coordinates", {})
-    reduced, full = reduced_size(result), coordinates.get("full")
-    fewer = "" if full is None else format_percent(1.0 - reduced / full, 2 if reduced > 0.005 * full else 4)
-    arrow = f"{reduced}" if full is None else f"{format_input(full)}{SPACE}→{SPACE}{reduced}"
-    yield KeyNumber(arrow, "coordinates", f"{fewer} fewer" if fewer else "")
-    totals = trust.summed_errors(summary)
-    if totals.by_label:
-        yield _total_error(totals)
-    else:
-        yield from _error_key_numbers(result)
-    yield from _model_key_number(result)
+    summary = result.summary
     peak = summary.get("max_von_mises", {})
     if "reduced" in peak:
         full = f"full model {format_quantity(peak['full'], 'Pa')}" if "full" in peak else ""
         stress_text, name = format_quantity(peak["reduced"], "Pa"), stress_name(result.scene)
         if (walls := wall_stress(summary)) is not None:
-            note = f"{wall_stress_words(walls)}; of the beams {stress_text}"
+            note = f"{wall_stress_words(walls)}{even_stress_clause(walls)}; of the beams {stress_text}"
             yield KeyNumber(format_quantity(walls["value"], "Pa"), QUANTITIES["wall_stress"].reported, note)
         else:
             yield KeyNumber(stress_text, name, full)
     if damages := summary.get("fatigue"):
         worst = damages[0]
         yield KeyNumber(significant(worst["damage"]), QUANTITIES["damage"].reported, f"of one run, {worst['name']}")
+    totals = trust.summed_errors(summary)
+    if totals.by_label:
+        yield _total_error(totals)
+    else:
+        yield from _error_key_numbers(result)
+    yield from _model_key_number(result)
     yield from _simulation_time(result)
+    coordinates, reduced = summary.get("coordinates", {}), reduced_size(result)
+    full = coordinates.get("full")
+    fewer = "" if full is None else format_percent(1.0 - reduced / full, 2 if reduced > 0.005 * full else 4)
+    arrow = f"{reduced}" if full is None else f"{format_input(full)}{SPACE}→{SPACE}{reduced}"
+    yield KeyNumber(arrow, "coordinates", f"{fewer} fewer" if fewer else "")
 
 
 def _total_error(totals: trust.SummedErrors) -> KeyNumber:
@@ -168,14 +177,17 @@ def _model_key_number(result: RunResult) -> Iterator[KeyNumber]:
 class LargestValue(NamedTuple):
     """Row of the table of largest values.
 
-    `share` is the share of the allowed value, None if there is none; `place` is the part of the boom that the value
-    belongs to, as `pmr.results.quantities.Quantity` names it, or empty for rows below those of the whole boom.
+    The first line of `text` is the figure, beside its limit if it has one; a second line, in small type, begins with
+    place and time and says what holds for the figure.  `share` is the share of the allowed value, None if there is
+    none; `place` is the part of the boom that the value belongs to, as `pmr.results.quantities.Quantity` names it, or
+    empty for rows below those of the whole boom.
     """
 
     name: str
     text: str
     share: float | None = None
     place: str = ""
+    upper: float | None = None  # share of the allowed value that is used with the known errors, if these are known
 
 
 LargestValues = Iterator[LargestValue]
@@ -311,5 +323,5 @@ def two_decimals(value: float) -> str:
 
 
 def value_at(result: RunResult, extreme: Extreme, unit: str, *words: str) -> str:
-    """Text of an extreme value in `unit` (without prefix), followed by some `words` and by its time and place."""
-    return ", ".join((format_quantity(extreme.value, unit), *words, extreme_clause(result, extreme)))
+    """Text of an extreme value in `unit` (without prefix) and some `words`; a second line has its time and place."""
+    return f"{', '.join((format_quantity(extreme.value, unit), *words))}\n{extreme_clause(result, extreme)}"

@@ -83,15 +83,21 @@ def wall_place_words(walls: Summary) -> str:
 def wall_stress_words(walls: Summary) -> str:
     """Words for the largest stress in walls (`pmr.results.quantities.wall_stress`) and its error bar.
 
-    The largest stress with an even pressure of pads, which may be at other pads, follows in brackets.  Files of earlier
-    versions have neither this nor a bar, and a value that is a lower bound.
+    Files of earlier versions have no bar, and a value that is a lower bound.
     """
     value = format_quantity(walls["value"], "Pa")
-    words = f"{value} ± {format_quantity(walls['error'], 'Pa', 2)}" if "error" in walls else f"at least {value}"
+    return f"{value} ± {format_quantity(walls['error'], 'Pa', 2)}" if "error" in walls else f"at least {value}"
+
+
+def even_stress_clause(walls: Summary) -> str:
+    """Clause on the largest stress in walls if pads press evenly, which may be at other pads, and its error bar.
+
+    It is empty for files of earlier versions, which lack this stress.
+    """
     if "even" not in walls:
-        return words
-    even = f"{format_quantity(walls['even'], 'Pa')} ± {format_quantity(walls['even_error'], 'Pa', 2)}"
-    return f"{words} ({even} if pads press evenly)"
+        return ""
+    error = format_quantity(walls["even_error"], "Pa", 2)
+    return f"; {format_quantity(walls['even'], 'Pa')} ± {error} if pads press evenly"
 
 
 def direction_words(result: RunResult, direction: str) -> str:

@@ -48,7 +48,9 @@ def trust_table(result: RunResult) -> Table:
         if model.get("beside")
         else _reason_without_model_error(model)
     )
-    texts["mesh"] = texts["mesh"] or budget.get("mesh_reason") or "not known: a run with [accuracy] measures it"
+    texts["mesh"] = (
+        texts["mesh"] or budget.get("mesh_reason") or "not known: not measured (table [accuracy] of the scene)"
+    )
     why = f": {step['reason']}" if step.get("reason") else ""
     texts["time step"] = f"{_step_words(step)}{texts['time step']}" if texts["time step"] else f"not known{why}"
     remark = _estimate_words(result)
@@ -97,7 +99,7 @@ def certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
         if key == "reaction" and reactions and not any(Extremes.from_summary(of).size for of in reactions):
             continue
         if (error := summed.by_label.get(label := QUANTITIES[key].label)) is not None:
-            text = f"± {format_percent(error, 2)} {summed.sources_clause(label)}"
+            text = f"± {format_percent(error, 2)}\n{summed.sources_clause(label)}"
             yield with_shown_label(result, label), text + without_play * (key != "frequency")
     if text := _play_text(result):
         yield "play of pads", text
@@ -123,7 +125,7 @@ def _play_changes(result: RunResult) -> dict[str, float]:
 
 
 def _play_text(result: RunResult) -> str:
-    """Sentence on the changes of largest values if pads have another play; empty if no run had another play.
+    """Text on the changes of largest values, the largest first, if pads have another play; empty without such a run.
 
     If such a run failed, the text gives the reason why the changes are not known.
     """
@@ -135,11 +137,10 @@ def _play_text(result: RunResult) -> str:
         for name, of in changes.items()
         if abs(of) >= SMALL_CHANGE
     ]
-    small = [name for name, of in changes.items() if abs(of) < SMALL_CHANGE]
-    listed += [f"less than {format_percent(SMALL_CHANGE)} each: {', '.join(small)}"] if small else []
-    gap = play_summary(result)["gap"]
-    why = " (from face to face, assumed as the scene states no clearance)" if gap else ""
-    return f"{play_words(gap)}{why}, the largest values change: {'; '.join(listed)}"
+    listed += [f"all others less than {format_percent(SMALL_CHANGE)}"] if len(listed) < len(changes) else []
+    gap, (first, *further) = play_summary(result)["gap"], listed
+    further += ["the play is from face to face, assumed as the scene states no clearance"] if gap else []
+    return f"{play_words(gap)}: {first}\n{'; '.join(further)}".rstrip("\n")
 
 
 def _stress_certainty(result: RunResult) -> str:
@@ -148,11 +149,10 @@ def _stress_certainty(result: RunResult) -> str:
     if walls is None or "error" not in walls or not walls["value"]:
         return unknown
     by_cells, by_pads = walls["error"] / walls["value"], pad_force_error(result.summary)
-    share = f"{format_percent(by_cells, 2)} by the mesh of the walls, without the error of the pad forces"
-    if by_pads is not None:
-        share = f"{format_percent(by_cells + by_pads, 2)}: {format_percent(by_cells, 2)} by the mesh of the walls, "
-        share += "the rest by the error of the pad forces"
-    return f"in walls at pads ± {share}; the effect of uneven pressure under pads is not included; elsewhere {unknown}"
+    share = f"{format_percent(by_cells + (by_pads or 0.0), 2)} in walls at pads\n"
+    share += f"{format_percent(by_cells, 2)} by the mesh of the walls, "
+    share += "without the error of the pad forces" if by_pads is None else "the rest by the error of the pad forces"
+    return f"± {share}; the effect of uneven pressure under pads is not included; elsewhere {unknown}"
 
 
 def _stress_gaps(result: RunResult) -> Iterator[str]:
@@ -272,7 +272,7 @@ def _estimate_words(result: RunResult) -> str:
 
 def _reason_without_model_error(model: Mapping[str, object]) -> str:
     """Clause with the reason why the model's own error is not known, or with the scene's key that has it measured."""
-    reason = str(model.get("reason") or "compare.richer measures it")
+    reason = str(model.get("reason") or "not measured (key compare.richer of the scene)")
     return reason if reason.startswith("not ") else f"not known: {reason}"
 
 

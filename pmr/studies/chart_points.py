@@ -5,7 +5,7 @@ At those points shape, forces, stresses and the swing after a stop are recorded.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -100,11 +100,12 @@ def warnings_of_row(
     )
 
 
-def unnamed_loads(scene: Scene, cases: Sequence[Summary]) -> Iterator[str]:
-    """Yield one line on all loads that act in runs of the scene but are in ``loads`` of none of the chart's `cases`.
+def unnamed_loads(scene: Scene, cases: Sequence[Summary]) -> tuple[str, bool]:
+    """Return a line on loads of the scene's runs that are in ``loads`` of none of the chart's `cases`, and a flag.
 
-    Forces that pull the last section's tip down in space are left out, as the load that is looked for takes their
-    place, and so is wind if wind on the sections is among the loads of a case.
+    The line is empty if there are no such loads; the flag says whether a case has wind on the sections.  Forces that
+    pull the last section's tip down in space are left out, as the load that is looked for takes their place, and so is
+    wind if wind on the sections is among the loads of a case.
     """
     named = {HOOK, *(name for case in cases for name in case["loads"])}
     blown = any(load.acts == "wind" and load.name in named for part in scene.sections for load in part.loads)
@@ -116,11 +117,12 @@ def unnamed_loads(scene: Scene, cases: Sequence[Summary]) -> Iterator[str]:
         if load.acts != "wind" or not blown
         if part is not scene.sections[-1] or not is_hung(load, scene)
     ]
-    if lacking:
-        some, is_in = ("loads", "are") if len(lacking) > 1 else ("load", "is")
-        names = ", ".join(map(repr, dict.fromkeys(lacking)))
-        instead = "; its load cases have wind on the sections" if blown else ""
-        yield f"the scene's {some} {names} {is_in} in no load case, so not in this chart{instead}"
+    if not lacking:
+        return "", blown
+    some, is_in = ("loads", "are") if len(lacking) > 1 else ("load", "is")
+    instead = "; its load cases have wind on the sections" if blown else ""
+    names = " and ".join(dict.fromkeys(lacking))
+    return f"the scene's {some} {names} {is_in} in no load case, so not in this chart{instead}", blown
 
 
 def replaced_mass_warnings(original: Scene, scene: Scene, point: tuple[float, float, float] | None = None) -> list[str]:

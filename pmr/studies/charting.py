@@ -220,8 +220,10 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     pages = governing_details(chart.limits, at_best, arrays["load"][best, np.arange(len(best))], bent, stops)
     remarks = [_remark(scene, limit) for limit in chart.limits]
     has_play = "play" in models.comparisons
-    left_out_rows = np.array(list(left_out_of_chart(scene, chart.limits, has_play).items()))
-    pages |= {"place": best, "remarks": np.array([*remarks, ""]), "left_out": left_out_rows}
+    unnamed, has_wind = unnamed_loads(scene, [*cases, *arguments["left"]])
+    left_out = left_out_of_chart(scene, chart.limits, has_play)
+    left_out |= {"loads of the scene's run": unnamed} if unnamed and has_wind else {}
+    pages |= {"place": best, "remarks": np.array([*remarks, ""]), "left_out": np.array(list(left_out.items()))}
     play = {"play of pads": _play_words(float(needs["postures"].arrays["gap"]))} if has_play else {}
     pages["definitions"] = np.array(list((chart_definitions(scene, arguments.get("point")) | play).items()))
     pages["slewing"] = np.unique(np.rad2deg(slewing).round(9))
@@ -234,11 +236,11 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     of_places = warnings_of_row(scene, contacts, chart.places, models, loads, cases_of_loads, first)
     of_errors = error_warnings(scene, models, [limit.name for limit in chart.limits], arrays)
     arrays |= {"place": np.column_stack([radius, tip[:, 2]]), "luffing": at.place.luffing[first:last]}
-    left_out = unnamed_loads(scene, [*cases, *arguments["left"]])
+    of_loads = [unnamed] if unnamed and not has_wind else []
     return TaskResult(
         record,
         arrays,
-        warnings=(*of_places, *of_errors, *left_out, *arguments.get("warnings", ()), *needs["postures"].warnings),
+        warnings=(*of_places, *of_errors, *of_loads, *arguments.get("warnings", ()), *needs["postures"].warnings),
     )
 
 

@@ -9,7 +9,7 @@ from pmr import RunResult
 from pmr.report.columns import axis_points
 from pmr.report.figures import space, style
 from pmr.report.moving_bodies import Block, MovingBodies, body_surface, build_surroundings, cell_stresses
-from pmr.report.player import body_motion
+from pmr.report.player import body_motion, playback_speeds
 from pmr.results.field_series import THICK, Grid
 from pmr.scene.box import Box
 
@@ -25,6 +25,21 @@ def test_each_third_of_the_way_shows_its_largest_stress(make_space, make_fields)
         MovingBodies(result).mouth[[moment.frame for moment in found]]
     )
     assert found[1].peak == pytest.approx(cell_stresses(fields).max())
+
+
+def test_of_two_pictures_that_look_alike_the_one_with_the_larger_stress_is_shown(make_space, make_fields) -> None:
+    """The stress peaks at 0.65 s, at the end of the second third of the way; the last third begins at 0.7 s."""
+    slow = {"path": {"kind": "ramp", "times": [0.2, 0.9], "values": [1.5, 4.0]}}
+    fields = make_fields("triangle")
+    bell = np.exp(-(((fields.t - 0.65) / 0.1) ** 2))[:, None]
+    peaked = replace(fields, von_mises={"outer": 1e6 * bell + 0.0 * cell_stresses(fields)})
+    found = MovingBodies(make_space(fields=peaked, slider=slow)).moments()
+    assert [moment.t for moment in found] == pytest.approx([0.4, 0.65])
+
+
+def test_real_time_is_among_the_speeds_of_a_player() -> None:
+    assert playback_speeds(14.0) == {"first": 0.2, "choices": [0.04, 0.1, 0.2, 0.4, 0.8, 1.0]}
+    assert playback_speeds(150.0)["choices"] == [1.0, 2.5, 5.0, 10.0, 20.0]
 
 
 def test_pictures_stand_in_order_of_time_where_the_mouth_goes_back(make_space, make_fields) -> None:
@@ -194,10 +209,12 @@ def test_a_load_that_acts_both_ways_has_two_heads(make_result, signal: object, h
     assert arrows(make_result(loads=[{"name": "F", "on": 5.0, "signal": signal}])) == {"F": heads}
 
 
-def test_a_load_that_does_not_act_at_the_drawn_moment_has_the_time_of_its_largest_value(make_result) -> None:
-    late = {"kind": "smooth_ramp", "times": [0.2, 0.4], "values": [0.0, 5.0]}
-    (name,) = arrows(make_result(loads=[{"name": "F", "on": 5.0, "signal": late}]))
-    assert name == "F (at 0.4 s)"
+def test_a_load_that_does_not_act_at_the_time_of_the_largest_stress_is_left_out(make_result, make_space) -> None:
+    """Without stresses all loads are drawn, though the boom is drawn as it is at the start."""
+    late = {"kind": "smooth_ramp", "times": [0.6, 0.8], "values": [0.0, 5.0]}
+    assert list(arrows(make_result(loads=[{"name": "F", "on": 5.0, "signal": late}]))) == ["F"]
+    loads = [{"name": name, "on": "tip", "direction": "z", "signal": of} for name, of in (("late", late), ("F", 5.0))]
+    assert list(arrows(make_space(loads=loads))) == ["F"]  # the stress is largest at 0.5 s
 
 
 def test_what_slides_and_holds_is_played_without_fields(whole: RunResult) -> None:

@@ -262,7 +262,8 @@ PACE = "for 3\u00a0s of motion, 10 times faster than real time"
 )  # fmt: skip
 def test_speed_is_a_ratio_where_one_simulator_did_both(make_result, who: dict[str, str], number: tuple) -> None:
     result = make_result(summary=make_result().summary | {"simulators": who})
-    assert list(sentences.key_numbers(result))[-1] == sentences.KeyNumber(*number)
+    *_, speed, coordinates = sentences.key_numbers(result)
+    assert coordinates.label == "coordinates" and speed == sentences.KeyNumber(*number)
 
 
 def test_a_report_has_the_dates_of_its_results() -> None:
@@ -307,7 +308,7 @@ def test_each_text_of_the_template_of_prose_is_used_and_stands_on_one_line() -> 
     assert calls == set(re.findall(r"{% macro (\w+)", (folder / "templates" / "prose.txt").read_text()))
     text = prose("frequencies", is_stressed=False, stays=False, part="slider", has_level_stretches=True)
     assert text == (
-        "Lowest natural frequencies, each with the slider at rest at its position. "
+        "Lowest natural frequencies, numbered from the lowest, each with the slider at rest at its position. "
         "Level stretches belong to vibration along the axis."
     )
     slack = [{"start": 0.5, "end": 1.25, "snatch": 2e3}]

@@ -213,6 +213,15 @@ def test_the_figure_has_a_panel_a_quantity_from_least_to_most(make_space: MakeSp
     assert heights.min() == -2.0 and heights.max() == 158.0
 
 
+def test_panels_of_one_unit_have_one_prefix(make_space: MakeSpace) -> None:
+    beam = with_envelope(make_space())
+    envelope = beam.body.envelopes["reduced"]
+    torque = replace(envelope, names=("torque", "bending moment y"), units=("N m", "N m"))
+    twisted = replace(beam, bodies={"": BodyResult(envelopes={"reduced": torque})})
+    titles = [ax.get_title(loc="left") for ax in envelope_figure(twisted, torque.names).axes]
+    assert titles == ["Torque in kN m", "Bending moment y in kN m"]
+
+
 def test_a_section_has_the_colour_of_its_place_in_the_boom(make_space: MakeSpace) -> None:
     """Blue, the second from the base, as where the boom is drawn as a whole; not the first of those in the figure."""
     beam = with_envelope(make_space())

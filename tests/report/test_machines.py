@@ -67,7 +67,7 @@ def test_what_hangs_on_the_hoist_stands_on_the_first_page() -> None:
     ends = [(of[end], way, end) for way, of in swings.items() for end in ("min", "max")]
     largest, way, end = max(ends, key=lambda of: abs(of[0]))
     side = {"along": ("inwards of", "outwards of"), "across": ("to the right of", "to the left of")}[way][end == "max"]
-    degrees = f"{abs(np.rad2deg(largest)):.3g}° {way} the boom, the hook {side} the head, at "
+    degrees = f"{abs(np.rad2deg(largest)):.3g}° {way} the boom, the hook {side} the head\nat "
     assert carries["largest swing of the hook"].startswith(degrees)
     drawn = [drawing.name for drawing in space_drawings(result, "case-1") if "buckling" in drawing.name]
     assert drawn == ["case-1-buckling"]  # neither reach nor angle changes
@@ -87,7 +87,7 @@ def test_oil_has_its_pressure_and_flow_on_the_first_page() -> None:
     rod, flow = cylinder["pressure_rod"]["max"], 6e4 * cylinder["flow_supply"]["max"]
     assert rod > cylinder["pressure_bore"]["max"]
     pressure = carries["largest pressure of oil"]
-    assert pressure.startswith(f"{rod / 1e6:.3g}{SPACE}MPa, on the rod side, at ")
+    assert pressure.startswith(f"{rod / 1e6:.3g}{SPACE}MPa, on the rod side\nat ")
     assert carries["largest flow from the supply"].startswith(f"{flow:.3g}{SPACE}l/min, ")
     assert carries["lowest natural frequency"].endswith(
         ", the luffing cylinder locked: on its oil the boom swings up and down more slowly"
@@ -108,10 +108,10 @@ def test_a_machine_on_outriggers_says_on_what_it_stands() -> None:
     carries = rows(result, "Largest values of this motion")
     use = carries["largest use of the support polygon"]
     assert "largest deflection of the tip, vertical part" not in carries  # its ground slopes, too
-    corners = [f", {of.name}, at " for of in result.scene.frame.ground.outriggers]
+    corners = [f", {of.name}\nat " for of in result.scene.frame.ground.outriggers]
     assert any(corner in carries["largest force of an outrigger"] for corner in corners)
     assert use.startswith(
-        f"{100.0 * result.summary['ground']['use']['max']:.1f}{SPACE}% (the machine tips at 100{SPACE}%), at "
+        f"{100.0 * result.summary['ground']['use']['max']:.1f}{SPACE}% (the machine tips at 100{SPACE}%)\nat "
     )
     asked = rows(result, "What was asked")
     masses = f"4 outriggers, with machine masses of 7500{SPACE}kg"

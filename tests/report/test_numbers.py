@@ -159,10 +159,11 @@ def test_a_run_without_reference_has_no_error_to_show(make_result) -> None:
 def test_columns_that_all_lines_leave_empty_are_left_out() -> None:
     full = Row("a", "b", "1", "2", "+3", WITHIN, "4 m")
     words = replace(full, deviation=None, mark=None, absolute=None)
-    for lines, heads in (([words, full], ["here", "norm", "published", "deviation"]), ([words], ["here", "published"])):
+    for lines, heads in (([words, full], ["here", "published", "deviation"]), ([words], ["here", "published"])):
         block = Block("Errors", errors=ErrorTable("", lines))
         page = render_runs([Chapter(anchor="case-1", title="Case", blocks=[block])])
         assert re.findall(r'<th scope="col" class="number[^"]*">([^<]*)</th>', page) == heads
+        assert ("1 (4 m)" in page) is ("In brackets" in page) is (full in lines)
 
 
 def test_drawn_samples_keep_peaks_and_fast_oscillations() -> None:

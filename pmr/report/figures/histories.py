@@ -269,7 +269,7 @@ def output_figure(result: RunResult, outputs: Sequence[Output]) -> Figure:
     words, response = [output.name.split(" ") for output in outputs], result.responses["reduced"]
     shared, unit = len(commonprefix(words)), outputs[0].unit
     lines = {" ".join(of[shared:]): response.other(output.name) for of, output in zip(words, outputs, strict=True)}
-    return line_figure(result, lines, unit, UNIT_QUANTITIES[unit].capitalize())
+    return line_figure(result, lines, "%" if unit == "1" else unit, UNIT_QUANTITIES[unit].capitalize())
 
 
 def stress_histories(result: RunResult, body: BodyResult) -> dict[str, Array]:

@@ -19,6 +19,7 @@ from pmr.errors import escape_controls, letters
 from pmr.files.arrays import Array
 from pmr.report.columns import spread_indices
 from pmr.report.figures import (
+    HALF,
     INK,
     MUTED,
     ROW,
@@ -194,7 +195,8 @@ def _outline(cells: Array) -> Path:
 def duty_lines(chart: LoadChart, width: float = WIDE) -> Figure:
     """Draw the allowed load over the radius, a line for each of up to `LINES` boom lengths, as manuals print it.
 
-    The boom length stands above the end of its line, at the largest radius.  Colour and letter of a piece of a line say
+    The boom length stands above the end of its line, at the largest radius, in a narrow figure above every other line.
+    Colour and letter of a piece of a line say
     which limit governs; each limit has its letter once on a line.  Where no limit is reached, arrows at the load at
     which the search ends point up.  Where the boom is not permitted even empty, there are crosses on the axis.  The
     figure is `width` inches wide.
@@ -220,7 +222,7 @@ def duty_lines(chart: LoadChart, width: float = WIDE) -> Figure:
         end = int(np.argmax(radius))
         ends.append((chart.lengths[e], float(radius[end]), float(shown[end])))
     ax.set_ylim(bottom=0.0)
-    label_ends(ax, ends)
+    label_ends(ax, ends if width > HALF else ends[::-2])
     entries = [
         Line2D([], [], color=of, linewidth=2.0, label=name)
         for of, name in zip(chart.colours.values(), chart.labels, strict=False)

@@ -214,22 +214,24 @@ def frequencies_caption(result: RunResult) -> str:
 def envelope_figure(result: RunResult, quantities: Sequence[str]) -> Figure:
     """Draw the range over time of forces or moments along the beams, by the reduced model, one panel a quantity.
 
-    `quantities` are the names of these forces and moments.
+    `quantities` are the names of these forces and moments; those of one unit have the same prefix.
     """
     envelopes_by_body = {
         name: body.envelopes["reduced"] for name, body in result.bodies.items() if "reduced" in body.envelopes
     }
     figure, axes = make_panels(len(quantities), 1.25, 0.28, 0.45, sharex=True)
     colours = section_colours(result.bodies)
+    largest, bases = dict[str, float](), dict[str, str]()
+    for envelope in envelopes_by_body.values():
+        for quantity, base, *ends in zip(envelope.names, envelope.units, envelope.least, envelope.most, strict=True):
+            bases[quantity] = base
+            largest[base] = max(largest.get(base, 0.0), float(np.abs(ends).max()) if quantity in quantities else 0.0)
     for k, (quantity, ax) in enumerate(zip(quantities, axes, strict=True)):
-        shown = {name: envelope for name, envelope in envelopes_by_body.items() if quantity in envelope.names}
-        numbers = {name: envelope.names.index(quantity) for name, envelope in shown.items()}
-        largest = max(
-            np.abs([envelope.least[numbers[n]], envelope.most[numbers[n]]]).max() for n, envelope in shown.items()
-        )
-        unit = unit_for(float(largest), next(envelope.units[numbers[n]] for n, envelope in shown.items()))
-        for name, envelope in shown.items():
-            of = numbers[name]
+        unit = unit_for(largest[bases[quantity]], bases[quantity])
+        for name, envelope in envelopes_by_body.items():
+            if quantity not in envelope.names:
+                continue
+            of = envelope.names.index(quantity)
             band = envelope.least[of] / unit.size, envelope.most[of] / unit.size
             ax.fill_between(envelope.x, *band, color=colours[name], alpha=0.45, linewidth=0.8, label=name)
         ax.axhline(0.0, linewidth=0.4, color="0.5")

@@ -148,7 +148,7 @@ def _draw_boom(result: RunResult, view: str, across: str, up: str, from_side: bo
     else:
         ax.plot([0.0], [0.0], marker="^" if from_side else "o", markersize=6.0, color=INK, zorder=4.0)
     if from_side:
-        _draw_loads(ax, result, {item.body: (item.x, item.side[moment]) for item in bodies}, int(steps[moment]))
+        _draw_loads(ax, result, {item.body: (item.x, item.side[moment]) for item in bodies}, worst)
     return add_legend(figure)
 
 
@@ -173,12 +173,14 @@ def _draw_fixtures(ax: Axes, result: RunResult, step: int) -> None:
         ax.plot(*(place * direction[:, None]), marker=marker, **look, zorder=3.5)
 
 
-def _draw_loads(ax: Axes, result: RunResult, axes: Mapping[str, tuple[Array, Array]], step: int) -> None:
+def _draw_loads(
+    ax: Axes, result: RunResult, axes: Mapping[str, tuple[Array, Array]], worst: LargestStress | None
+) -> None:
     """Draw each force in the plane of the view as an arrow, with two heads if it changes its sign, and its name.
 
     `axes` are the points x (n,) in m of each body's axis, and their places (n, 2) in m in the view.  Forces whose
-    arrows begin at one point have a common label.  The name of a force that does not act at the step number `step`,
-    which is drawn, is followed by the time of its largest value.
+    arrows begin at one point have a common label.  Forces that do not act at the time of the largest stress `worst`, if
+    there is one, are left out.
     """
     inch = float(np.ptp(ax.get_xlim())) / (HALF - LEFT - RIGHT)
     forces, names = dict[tuple[str, str, float, bool], Array](), dict[tuple[float, ...], list[str]]()
@@ -198,16 +200,15 @@ def _draw_loads(ax: Axes, result: RunResult, axes: Mapping[str, tuple[Array, Arr
         if is_of_ground:  # it has the direction that it has at its largest, whatever the posture that is drawn
             along = frame_rotations(result, result.responses["reduced"].t[[k]])[0, 2, [2, 0]]
         foot = at - ARROW * inch * (largest[0] * along + largest[1] * np.array([-along[1], along[0]]))
-        style = "<|-|>" if (force @ largest).min() < 0.0 else "-|>"
+        style, size = "<|-|>" if (force @ largest).min() < 0.0 else "-|>", sizes[body, name, position, is_of_ground]
+        if worst is not None and style == "-|>" and size[worst.step] <= ACTING * size.max():
+            continue
         arrow = {"arrowstyle": f"{style},head_length=4.5,head_width=1.9", "color": LOAD, "linewidth": 0.9,
                  "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 1.0}  # fmt: skip
         (x_foot, z_foot), (x_tip, z_tip) = foot.tolist(), at.tolist()
         ax.annotate("", (x_tip, z_tip), (x_foot, z_foot), arrowprops=arrow, annotation_clip=False)
-        size = sizes[body, name, position, is_of_ground]
-        acts = style != "-|>" or size[step] > ACTING * size.max()
-        when = "" if acts else f" (at {result.responses['reduced'].t[size.argmax()]:.3g} s)"
         side = (round(x_foot, 1), round(z_foot, 1), float(z_foot > z_tip + 0.1 * inch))
-        names.setdefault(side, []).append(f"{name}{when}")
+        names.setdefault(side, []).append(name)
     for (x_foot, z_foot, is_above), of_place in names.items():
         ax.annotate(", ".join(of_place), (x_foot, z_foot), (0.0, 2.0 if is_above else -2.0), color=LOAD, ha="right",
                     textcoords="offset points", va="bottom" if is_above else "top", fontsize=7.0, zorder=3.0,

@@ -93,7 +93,7 @@ def study_chapter(study: FinishedStudy, anchor: str) -> Chapter:
     ]
     warnings = [warning.line(count) for warning in study.results.warnings]
     warnings = [*study.summary.get("hints", ()), *warnings]
-    return replace(content, notices=Notices(content.notices.overloads, warnings, unfinished))
+    return replace(content, notices=Notices(content.notices.verdict, warnings, unfinished))
 
 
 class HasPublishedValues(Protocol):

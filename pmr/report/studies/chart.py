@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from pmr.files.arrays import Array, Summary
-from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, KeyNumber, Notices, Table
+from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, KeyNumber, Notices, Table, Verdict
 from pmr.report.figures import drawing
 from pmr.report.figures.load_chart import (
     LINES,
@@ -24,6 +24,7 @@ from pmr.report.numbers import SPACE, format_input, format_quantity, prose
 from pmr.report.studies.chart_tables import (
     Parts,
     as_in_duty_table,
+    brief_rows,
     case_grid,
     ceiling,
     duty_grids,
@@ -33,7 +34,6 @@ from pmr.report.studies.chart_tables import (
     lifts_more,
     limit_grid,
     motion_rows,
-    payload_sentences,
     present_parts,
 )
 from pmr.report.studies.tables import FinishedStudy
@@ -68,12 +68,14 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     ]
     limits = Block("Limits", grids=(limit_grid(study, names, parts),))
     cases = Block("Load cases", grids=(case_grid(study),))
-    sentence = headline(study, least, loads.lower_bound, parts[0]["at.slewing"])
+    slewing = parts[0]["at.slewing"]
+    sentence = headline(study, least, loads.lower_bound, least.size * len(slewing))
     chapter = Chapter(
         anchor=prefix,
         title=study.title,
         headline=sentence,
-        notices=Notices([payload_sentences(study.figures).removesuffix(".")] if lifts_more(study.figures) else ()),
+        notices=Notices(Verdict(sentence, is_exceeded=lifts_more(study.figures))),
+        first=[Table("", tuple(brief_rows(study, slewing)))],
         blocks=[*stated, limits, cases],
     )
     if not np.isfinite(least).any():  # the picture and the table of loads would be empty
@@ -154,21 +156,21 @@ def _cell_text(study: FinishedStudy, table: LeastLoads, chart: LoadChart, error:
 
 
 def _key_numbers(study: FinishedStudy, chart: LoadChart, error: Array, lower: Array, parts: Parts) -> list[KeyNumber]:
-    """Key numbers: number of points, the largest load of a `chart`, and the load at its largest radius.
+    """Key numbers: the largest load of a `chart`, the load at its largest radius, and last the number of points.
 
     Loads are rounded down as in the duty table.  The load at the largest radius has its lower bound beside it, from
     `lower` (E, A) in kg, if it has an error bar.
 
-    If one of the error bars `error` (E, A), in kg at each point of the chart, is finite, two more follow: the largest
-    error bar, with the errors that it contains, and the number of points at which another limit may govern within the
-    error bars.  `parts` are the arrays of each run of the study.
+    If one of the error bars `error` (E, A), in kg at each point of the chart, is finite, two more stand before the last
+    one: the largest error bar, with the errors that it contains, and the number of points at which another limit may
+    govern within the error bars.  `parts` are the arrays of each run of the study.
     """
     count, most, radius = len(study.study_file["limits"]) + 1, float(np.nanmax(chart.load)), chart.place[..., 0]
     rounded = as_in_duty_table(chart.load, chart.up_to)
     turns = len(parts[0]["at.slewing"])
     turned = f"{chart.load.size} postures, each at {turns} slewing angles; " if turns > 1 else ""
     points = chart.load.size * turns
-    key_numbers = [KeyNumber(str(points), "points", f"{turned}{count} limit{'s' if count > 1 else ''}")]
+    key_numbers = list[KeyNumber]()
     if most > 0.0:
         governed = "largest load that a limit governs" if np.isnan(chart.load).any() else "largest load"
         at_most = radius[np.unravel_index(np.nanargmax(chart.load), radius.shape)]
@@ -186,7 +188,7 @@ def _key_numbers(study: FinishedStudy, chart: LoadChart, error: Array, lower: Ar
         key_numbers.append(
             KeyNumber(doubt, f"of {points} points have another limit", "that may govern within the error bars")
         )
-    return key_numbers
+    return [*key_numbers, KeyNumber(str(points), "points", f"{turned}{count} limit{'s' if count > 1 else ''}")]
 
 
 def covered_parts(parts: Parts) -> str:

@@ -12,7 +12,7 @@ from pmr.files.arrays import Array, Summary
 from pmr.report.blocks import Grid
 from pmr.report.columns import spread_indices
 from pmr.report.figures.load_chart import NOT_PERMITTED
-from pmr.report.numbers import SPACE, format_input, format_quantity, prose
+from pmr.report.numbers import SPACE, format_input, format_percent, format_quantity, prose
 from pmr.report.studies.tables import FinishedStudy
 from pmr.results.quantities import LIMITED
 from pmr.studies import charting
@@ -60,8 +60,8 @@ def ceiling(study: FinishedStudy) -> str:
     return f"more than {format_load(study.study_file['up_to'])} (search ends there)"
 
 
-def case_sentence(study_file: Summary) -> str:
-    """Sentence on the cases in service of a study file: factors of load and weights, wind and other loads.
+def case_rows(study_file: Summary) -> Iterator[tuple[str, str]]:
+    """Yield rows on the cases in service of a study file: factors of load and weights, wind, and what is missing.
 
     `study_file` are the keys of the study file.
     """
@@ -69,7 +69,8 @@ def case_sentence(study_file: Summary) -> str:
     plain = all(case.weight == case.machine == case.load == 1.0 and case.hoisting_class is None for case in cases)
     calm = not any(case.wind or any(case.loads.values()) for case in cases)
     if plain and calm:
-        return "Static, factors of load and weight 1.0, no wind, no motion: not a rated capacity."
+        yield "load cases", "static, factors of load and weight 1.0, no wind, no motion: not a rated capacity"
+        return
     names, lifted = dict[str, list[str]](), []
     for case in cases:
         lifted.append(case.load * case.hoisting_factor(study_file["classes"]))
@@ -81,9 +82,9 @@ def case_sentence(study_file: Summary) -> str:
     missing += ["a factor of the load"] * (min(lifted) <= 1.0)
     missing += ["wind on machine and load"] * all(case.wind is not None and not case.wind.on for case in cases)
     missing += [] if any(case.hoisting_class for case in cases) else ["hoisting"]
-    texts = [f"{' and '.join(alike)} ({words})" for words, alike in names.items()]
-    left_out = ", ".join([*missing, "luffing, slewing, telescoping"])
-    return f"The boom is at rest. Load cases: {'; '.join(texts)}. Not included: {left_out}."
+    for words, alike in names.items():
+        yield f"load case {' and '.join(alike)}", f"boom at rest, {words}"
+    yield "not in the loads", ", ".join([*missing, "luffing, slewing, telescoping"])
 
 
 def motion_rows(study_file: Summary, figures: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
@@ -149,28 +150,28 @@ def _wind_words(case: LoadCase) -> str:
     return f"wind of {_wind_size(case)}, {area} unless the scene states others"
 
 
-def slewing_clause(angles: Array) -> str:
-    """Clause on the slewing `angles` (k,) in degrees of a chart, of which the one with the smallest load counts."""
-    listed = ", ".join(f"{angle:.4g}°" for angle in angles)
-    return f"the least of all slewing angles ({listed})" if len(angles) > 1 else f"those at a slewing angle of {listed}"
-
-
-def headline(study: FinishedStudy, least_loads: Array, lower: Array, slewing: Array) -> str:
-    """Sentences on the case and on the range of `least_loads` (E, A) in kg, which are NaN where no limit is reached.
-
-    These are loads for E boom lengths and A luffing angles, and `lower` (E, A) are their lower bounds; `slewing` (k,)
-    are the slewing angles in degrees.
-    """
-    case = case_sentence(study.study_file)
-    if not np.isfinite(least_loads).any():
-        hint = (
-            ""
-            if study.study_file["limits"]
-            else f" Only {STABILITY_WORDS} was evaluated: [[limits]] of the study adds others."
-        )
-        most = format_input(study.study_file["up_to"], "kg")
-        return f"No limit is reached up to {most} at any of {least_loads.size * len(slewing)} points.{hint} {case}"
+def brief_rows(study: FinishedStudy, slewing: Array) -> Iterator[tuple[str, str]]:
+    """Yield rows on what a chart's loads contain: cases, limits and slewing angles (k,) in degrees, and the payload."""
+    yield from case_rows(study.study_file)
     limits = [f"{limit['name']} (factor {limit['factor']:g})" for limit in study.study_file["limits"]]
+    yield "limits, no others", ", ".join([*limits, STABILITY_WORDS])
+    listed = ", ".join(f"{angle:.4g}°" for angle in slewing)
+    yield "slewing angles", f"{listed}{': the smallest load of all counts' if len(slewing) > 1 else ''}"
+    if payload := payload_sentences(study.figures):
+        yield "payload of the scene", payload
+
+
+def headline(study: FinishedStudy, least_loads: Array, lower: Array, points: int) -> str:
+    """Sentences on the range of `least_loads` (E, A) in kg, which are NaN where no limit is reached, and what governs.
+
+    These are loads for E boom lengths and A luffing angles, at a number of `points` with all slewing angles, and
+    `lower` (E, A) are their lower bounds.
+    """
+    limits = study.study_file["limits"]
+    if not np.isfinite(least_loads).any():
+        hint = "" if limits else f" Only {STABILITY_WORDS} was evaluated: the study file can add limits."
+        most = format_input(study.study_file["up_to"], "kg")
+        return f"No limit is reached up to {most} at any of {points} points.{hint}"
     is_permitted, rounded = least_loads > 0.0, as_in_duty_table(least_loads, study.study_file["up_to"])
     loads, bounds = (
         [rounded(end) for end in (of.min(), of.max())] if len(of) else []
@@ -178,20 +179,20 @@ def headline(study: FinishedStudy, least_loads: Array, lower: Array, slewing: Ar
     )
     if np.isnan(least_loads).any():
         loads = [*loads[:1], ceiling(study)]
-    limits_of_study = study.study_file["limits"]
+    shown = {str(limit["name"]): str(limit["name"]) for limit in limits} | {STABILITY: STABILITY_WORDS}
+    counts = {words: int(str(study.figures.get(f"governs.{name}", 0))) for name, words in shown.items()}
     return prose(
         "headline",
-        payload="" if lifts_more(study.figures) else payload_sentences(study.figures),
-        case=case,
-        limits=[*limits, STABILITY_WORDS],
+        payload=payload_sentences(study.figures) if lifts_more(study.figures) else "",
+        governing={name: n for name, n in sorted(counts.items(), key=lambda item: -item[1]) if n},
+        points=points,
         postures=least_loads.size,
         empty=int((least_loads <= 0.0).sum()),
         not_permitted=NOT_PERMITTED,
         loads=loads,
         bounds=bounds if study.study_file["error_bars"] else [],
-        slewing=slewing_clause(slewing),
-        looks_at_walls=any(of["of"] == "field" or of["of"] == "pad" and of.get("most") for of in limits_of_study),
-        looks_at_pads=any(of["of"] == "pad" for of in limits_of_study),
+        looks_at_walls=any(of["of"] == "field" or of["of"] == "pad" and of.get("most") for of in limits),
+        looks_at_pads=any(of["of"] == "pad" for of in limits),
     )
 
 
@@ -236,8 +237,8 @@ MOST_LENGTHS, LENGTHS_BESIDE = 24, 6
 def limit_grid(study: FinishedStudy, names: list[str], parts: Parts) -> Grid:
     """Build the table of the limits `names`: amount, factor, and numbers of points.
 
-    What a quantity leaves out stands after its name.  The numbers of points are those at which the limit governs, is
-    not reached, or is passed without a load.  `parts` are the results of the study.
+    What a quantity leaves out stands in a line below its name.  The numbers of points are those at which the limit
+    governs, is not reached, or is passed without a load.  `parts` are the results of the study.
     """
     limits = {str(limit["name"]): limit for limit in study.study_file["limits"]}
     rows = []
@@ -250,7 +251,7 @@ def limit_grid(study: FinishedStudy, names: list[str], parts: Parts) -> Grid:
         rows.append(
             (
                 f"{letters(n)} {STABILITY_WORDS if name == STABILITY else name}",
-                ", ".join(filter(None, (LIMITED[of].label if (of := str(limit["of"])) in LIMITED else of, of_limit))),
+                "\n".join(filter(None, (LIMITED[of].label if (of := str(limit["of"])) in LIMITED else of, of_limit))),
                 _format_amount(limit, amount),
                 f"{limit['factor']:g}",
                 *counts,
@@ -319,10 +320,10 @@ def case_grid(study: FinishedStudy) -> Grid:
                 f"{case.weight:g}",
                 f"{case.machine:g}",
                 load if case.in_service else "0",
-                _wind_size(case) or "–",
-                _acting_forces(case) or "–",
+                _wind_size(case) or "none",
+                _acting_forces(case) or "none",
                 verdict,
-                case.standard or "–",
+                case.standard or "not stated",
             )
         )
     heads = (
@@ -346,13 +347,15 @@ def case_grid(study: FinishedStudy) -> Grid:
 def _format_amount(limit: Mapping[str, object], amount: float | None) -> str:
     """Format the amount of a limit with its unit.
 
-    None is printed as a dash or, for pads, as words for the allowed pressure that the scene states.
+    None is printed as ``none`` or, for pads, as words for the allowed pressure that the scene states.
     """
     if amount is None:
-        return "allowed pressure of the scene" if limit["of"] == "pad" else "–"
+        return "allowed pressure of the scene" if limit["of"] == "pad" else "none"
     unit = "Pa" if limit.get("area") else KINDS[str(limit["of"])].unit
     if unit == "Hz":
         return f"{amount:g}{SPACE}Hz"  # nobody speaks of a boom's millihertz
+    if limit["of"] == "tipping":
+        return format_percent(amount)  # of the way from the middle of the support polygon to its edge
     return format_quantity(amount, unit) if unit else f"{amount:g}"
 
 
@@ -400,10 +403,18 @@ def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Itera
     parts_of_columns = np.array_split(columns, -(-len(columns) // LENGTHS_BESIDE))
     for name, text, values in tables:
         for n, part in enumerate(parts_of_columns):
-            head = ("radius in m", *(duty.column_names[e].replace(" m", f"{SPACE}m", 1) for e in part))
-            rows = [(f"{radius:.5g}", *(cell(r, int(e), values) for e in part)) for r, radius in enumerate(duty.radii)]
+            head = ("radius in m", *(_length_head(duty, int(e)) for e in part))
+            rows = [
+                (f"{np.floor(100.0 * radius) / 100.0:g}", *(cell(r, int(e), values) for e in part))
+                for r, radius in enumerate(duty.radii)
+            ]
             caption = f"{name} for longer booms." if n else text
             yield Grid(caption, head, tuple(row for row in rows if set(row[1:]) != {OUTSIDE}), "small")
+
+
+def _length_head(duty: DutyTable, e: int) -> str:
+    """Heading of the column of boom length number `e`: its length with two decimals, and the extensions that differ."""
+    return f"{duty.lengths[e]:.2f}{SPACE}m{duty.column_names[e].partition(' m')[2]}"
 
 
 #: Arrays by name of each run of a study, one mapping for each run.

@@ -23,7 +23,8 @@ from pmr.report.figures.load_chart import (
 from pmr.report.studies.chart import _key_numbers, _use_tables, build_chapter, duty_caption
 from pmr.report.studies.chart_tables import (
     _load_cell,
-    case_sentence,
+    brief_rows,
+    case_rows,
     duty_grids,
     format_load,
     headline,
@@ -78,10 +79,10 @@ def test_the_first_sentence_says_whether_walls_and_pads_are_looked_at() -> None:
         limits = [{"name": "limit", "factor": 1.5, **kind}]
         study: Any = SimpleNamespace(figures={}, study_file=ASKED | {"limits": limits})
         loads = np.array([[500.0, 900.0]])
-        sentence = headline(study, loads, loads, np.array([0.0, 90.0]))
+        sentence, rows = headline(study, loads, loads, 4), dict(brief_rows(study, np.array([0.0, 90.0])))
         assert (
             sentence.endswith(" A run states the stress of walls at pads.") is is_said
-            and "the least of all slewing angles (0°, 90°)." in sentence
+            and rows["slewing angles"] == "0°, 90°: the smallest load of all counts"
             and ("walls and pads are not" in sentence) is (is_said and kind is not pressure)
         )
 
@@ -96,28 +97,29 @@ def test_the_first_sentence_says_whether_walls_and_pads_are_looked_at() -> None:
             "At 1 of 2 pairs of extension and luffing angle the boom is {}. Elsewhere it carries more than "
             "20 000 kg (search ends there), rounded",
         ),
-        ([0.0, 0.0], "At 2 of 2 pairs of extension and luffing angle the boom is {}. Only these limits"),
+        ([0.0, 0.0], "At 2 of 2 pairs of extension and luffing angle the boom is {}."),
     ],
 )
 def test_the_first_sentence_has_the_range_of_loads_and_always_the_limits(loads: list[float], start: str) -> None:
     study: Any = SimpleNamespace(figures={}, study_file=ASKED)
-    sentence = (
-        headline(study, np.array([loads]), np.array([loads]), np.array([0.0]))
-        .replace("\u00a0", " ")
-        .replace("\u202f", " ")
-    )
-    assert f"not a rated capacity. {start.format(NOT_PERMITTED)}" in sentence
-    assert f"Only these limits are evaluated: {STABILITY_WORDS}. Loads are those at a slewing angle of 0°." in sentence
+    sentence = headline(study, np.array([loads]), np.array([loads]), 2).replace("\u00a0", " ").replace("\u202f", " ")
+    assert sentence.startswith(start.format(NOT_PERMITTED))
+    rows = dict(brief_rows(study, np.array([0.0])))
+    assert (rows["limits, no others"], rows["slewing angles"]) == (STABILITY_WORDS, "0°")
+    assert rows["load cases"].endswith("not a rated capacity")
 
 
 def test_no_load_is_called_zero_where_a_limit_is_passed_without_a_load() -> None:
     """In the first sentence, the picture, the lines over the radius, and the terminal's table."""
     load, which = np.array([[900.0, 600.0], [300.0, 0.0]]), np.zeros((2, 2), dtype=int)
-    study: Any = SimpleNamespace(figures={}, study_file=ASKED | {"error_bars": True})
-    sentence = headline(study, load, np.maximum(load - 10.5, 0.0), np.array([0.0]))
+    figures = {"governs.tip": 1, "governs.stability": 3}
+    limits = [{"name": "tip", "factor": 1.5, "of": "pad", "most": 1e4}]
+    study: Any = SimpleNamespace(figures=figures, study_file=ASKED | {"error_bars": True, "limits": limits})
+    sentence = headline(study, load, np.maximum(load - 10.5, 0.0), 4)
     assert f"At 1 of 4 pairs of extension and luffing angle the boom is {NOT_PERMITTED}." in sentence
     assert "Elsewhere it carries 300\u00a0kg to 900\u00a0kg" in sentence
     assert "After the error bars this is 289\u00a0kg to 889\u00a0kg: use these lower bounds." in sentence
+    assert sentence.endswith(f"Of 4 points, 3 are governed by the limit {STABILITY_WORDS}, 1 by tip.")
     place = np.array([[[5.0, 5.0], [7.0, 1.0]], [[8.0, 8.0], [11.0, 2.0]]])
     chart = LoadChart(place, load, which, ["tip"], 2e4)
     for draw in (load_chart, duty_lines):
@@ -137,17 +139,18 @@ def test_no_load_is_called_zero_where_a_limit_is_passed_without_a_load() -> None
 def test_the_first_sentence_names_the_case() -> None:
     """Static and without factors it is no rated capacity; factors and wind are named, a case out of service is not."""
     asked: dict[str, Any] = {"classes": {}, "cases": [{"name": "rest"}, {"name": "left", "load": 0.0, "weight": 1.2}]}
-    plain = "Static, factors of load and weight 1.0, no wind, no motion: not a rated capacity."
-    assert case_sentence(asked) == plain
+    plain = "static, factors of load and weight 1.0, no wind, no motion: not a rated capacity"
+    assert dict(case_rows(asked)) == {"load cases": plain}
     asked["cases"][0] |= {"load": 1.25, "loads": {"gust": 400.0}}
-    assert case_sentence(asked) == (
-        "The boom is at rest. Load cases: rest (factor of load 1.25, of the boom's weight 1, gust 400\u00a0N). "
-        "Not included: wind beyond these loads, hoisting, luffing, slewing, telescoping."
-    )
+    assert dict(case_rows(asked)) == {
+        "load case rest": "boom at rest, factor of load 1.25, of the boom's weight 1, gust 400\u00a0N",
+        "not in the loads": "wind beyond these loads, hoisting, luffing, slewing, telescoping",
+    }
     asked["cases"][0] |= {"machine": 0.9}
-    assert "(factor of load 1.25, of the boom's weight 1, of the machine's 0.9, gust 400" in case_sentence(asked)
+    rows = dict(case_rows(asked))
+    assert ", factor of load 1.25, of the boom's weight 1, of the machine's 0.9, gust 400" in rows["load case rest"]
     asked["cases"][0] |= {"wind": {"speed": 14.0}}
-    assert "Not included: wind on machine and load, hoisting, luffing" in case_sentence(asked)
+    assert dict(case_rows(asked))["not in the loads"].startswith("wind on machine and load, hoisting, luffing")
 
 
 def test_key_numbers_have_the_load_at_the_largest_radius_and_its_limit() -> None:
@@ -158,7 +161,7 @@ def test_key_numbers_have_the_load_at_the_largest_radius_and_its_limit() -> None
         load[1, 1] = at_tip
         chart = LoadChart(place, load, which, ["tip", "pads of fly"], 2e4)
         turned = [{"at.slewing": np.linspace(0.0, 180.0, 5)}]
-        points, most, farthest = _key_numbers(study, chart, np.full((2, 2), np.nan), load, turned)
+        most, farthest, points = _key_numbers(study, chart, np.full((2, 2), np.nan), load, turned)
         assert (points.value, points.note) == ("20", "4 postures, each at 5 slewing angles; 2 limits")
         assert (most.value, most.note) == ("900\u00a0kg", "at a radius of 5\u00a0m")
         assert (farthest.value, farthest.label) == (shown, "at the largest radius, 11.25\u00a0m")
@@ -169,7 +172,7 @@ def test_key_numbers_have_the_load_at_the_largest_radius_and_its_limit() -> None
         {f"error.{of}": np.zeros((1, 1)) for of in PARTS} | {"load": np.ones((1, 1))},
     )
     chart = LoadChart(place, load, which, ["tip", "pads of fly"], 2e4)
-    *_, farthest, _, doubt = _key_numbers(study, chart, np.full((2, 2), 7.0), load - 7.0, [turned[0] | parts])
+    *_, farthest, _, doubt, _ = _key_numbers(study, chart, np.full((2, 2), 7.0), load - 7.0, [turned[0] | parts])
     assert farthest.value == "120\u00a0kg"  # rounded down to 10 kg, as in the duty table
     assert farthest.note == "110\u00a0kg after its error bar: use this one; limited by pads of fly"
     assert (doubt.value, doubt.label) == ("5", "of 20 points have another limit")
@@ -184,7 +187,7 @@ def test_tables_of_loads_have_all_boom_lengths_and_are_not_wider_than_paper() ->
     first, second = duty_grids(study, replace(duty, interpolation=0.0071), "")
     assert "The error of this is below 0.71\u00a0% as a rule, the difference to straight lines." in first.caption
     heads = [*first.head[1:], *second.head[1:]]
-    assert heads == [f"{length:.4g}\u00a0m" for length in lengths] and len(first.head) == 7
+    assert heads == [f"{length:.2f}\u00a0m" for length in lengths] and len(first.head) == 7
     assert [len(grid.rows) for grid in (first, second)] == [1, 2]
     assert second.rows[1] == ("14", *["·"] * 5, "550\u00a0A")
 
@@ -292,6 +295,8 @@ def test_pictures_of_loads_are_drawn_for_narrow_windows_too(draw: Any) -> None:
     place = np.array([12.0, 9.0])[:, None, None] * np.array([[1.0, 0.0], [0.8, 0.6]])
     chart = LoadChart(place, np.array([[900.0, 950.0], [500.0, 700.0]]), np.zeros((2, 2), dtype=int), ["tip"], 2000.0)
     assert draw(chart, HALF).get_figwidth() == HALF < draw(chart).get_figwidth()
+    labels = [{text.get_text() for text in figure.axes[0].texts} for figure in (draw(chart), draw(chart, HALF))]
+    assert labels[0] - labels[1] == ({"12 m"} if draw is duty_lines else set())
 
 
 def test_the_caption_of_lines_says_how_many_of_all_boom_lengths_are_drawn() -> None:

@@ -1,0 +1,94 @@
+"""The first lines of a run's page: which limit is closest, what has no limit, and what was run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from pmr.report import first_page, overview
+from pmr.report.blocks import Verdict
+from pmr.report.numbers import format_input, format_quantity
+from pmr.report.sentences import LargestValue
+from pmr.report.subject import acting_loads, is_alone, reduced_size, structural_model_words
+from pmr.results import RunResult
+from pmr.results.quantities import QUANTITIES, wall_stress
+from pmr.scene.choice import model_of
+from pmr.scene.hints import left_out
+from pmr.scene.members import members
+
+#: Keys of quantities that have no limit unless a row on the use of the second one is on the page; some never have one.
+LIMITED_BY = {"support": "support_use", "luffing_force": "luffing_use", "cylinder_force": "", "rope_force": "",
+              "pad_pressure": "pad_use", "tip": "", "frequency": "", "buckling": ""}  # fmt: skip
+#: Rows of the table of what was asked that say how the boom moves.
+MOTIONS = ("boom length", "length beyond the mouth", "slider at", "raised by", "luffing", "slewing")
+
+
+def verdict(result: RunResult) -> Verdict:
+    """Return the verdict on a run: the values above their limits, or the one that is closest to its limit.
+
+    A value that is above its limit with its known errors alone counts as kept, and is named.  The notes say which
+    quantities have no limit, and which effects on strength are not checked.
+    """
+    rows = first_page.largest_values(result)
+    limited = [row for row in rows if row.share is not None]
+    above = [row for row in limited if (row.share or 0.0) > 1.0]
+    if above:
+        text = f"{len(above)} of {len(limited)} limits {'is' if len(above) == 1 else 'are'} exceeded. "
+        text += " ".join(f"{_in_brief(row)}." for row in above)
+    elif limited:
+        text = f"All {len(limited)} limits are kept. Closest: " if len(limited) > 1 else "The only limit is kept: "
+        text += f"{_in_brief(limited[0])}."
+        if doubtful := [row.name for row in limited if (row.upper or 0.0) > 1.0]:
+            text += f" With known errors these may be above their limits: {', '.join(doubtful)}."
+    else:
+        text = "Nothing was compared with a limit: the scene states none."
+    return Verdict(text, tuple(_unchecked(result, rows)), bool(above))
+
+
+def _in_brief(row: LargestValue) -> str:
+    """Name of a row, its figure, and its place and time."""
+    figure, _, notes = row.text.partition("\n")
+    return "; ".join(filter(None, (f"{row.name}, {figure}", notes.partition("; ")[0])))
+
+
+def _unchecked(result: RunResult, rows: Sequence[LargestValue]) -> Iterator[str]:
+    """Yield a sentence on the quantities of `rows` without a limit, and one on what is not checked."""
+    names, reported = [row.name for row in rows], {key: QUANTITIES[key].reported for key in LIMITED_BY}
+    without_limit = [
+        QUANTITIES[key].label
+        for key, use in LIMITED_BY.items()
+        if any(name.startswith(reported[key]) for name in names) and (not use or QUANTITIES[use].reported not in names)
+    ]
+    if without_limit:
+        yield f"Without a limit: {', '.join(without_limit)}."
+    effects = left_out(result.scene).get("strength", "").split(", ")
+    if wall_stress(result.summary) is not None:
+        effects = [of for of in effects if "in stresses of beams" not in of]
+    if result.frame is not None and "ground" not in result.summary:
+        effects.append("tipping")
+    if any(effects):
+        yield f"Not checked: {', '.join(filter(None, effects))}. More is in the table of what is not in these figures."
+
+
+def run_sentence(result: RunResult) -> str:
+    """Sentence on what was run: machine, model, motion and time, masses and loads."""
+    asked, scene = dict(overview.system_rows(result)), result.scene
+    bodies = "a body alone" if is_alone(result) else f"boom of {', '.join(scene.bodies)}"
+    models = dict.fromkeys(
+        structural_model_words(model_of(of), part.body.walls)
+        for of, part in zip(members(scene), scene.bodies.values(), strict=True)
+    )
+    motions = [f"{name} {asked[name]}" for name in MOTIONS if name in asked]
+    masses = [f"{of.name} {format_input(of.mass, 'kg')}" for part in scene.sections for of in part.masses]
+    loads = [
+        f"{load.name} up to {format_quantity(float(np.abs(load.values).max()), load.source.unit)}"
+        for load in acting_loads(result)
+    ]
+    parts = [f"{bodies}, modelled as {'; '.join(models)} with {reduced_size(result)} coordinates", *motions]
+    parts += [f"{format_input(scene.time.end, 's')} of motion"]
+    parts += [" and ".join(masses)] if masses else []
+    parts += [asked["hoist"]] if "hoist" in asked else []
+    parts += [", ".join(loads)] if loads else []
+    parts += [f"weight {asked['weight of the boom'].partition(',')[0]}"]
+    return f"Computed: {'; '.join(parts)}."
