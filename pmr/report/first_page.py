@@ -31,6 +31,7 @@ from pmr.report.sentences import (
     position_text,
     two_decimals,
     value_at,
+    wall_place_clause,
 )
 from pmr.report.subject import (
     crossing,
@@ -45,7 +46,6 @@ from pmr.report.subject import (
     wall_stress_words,
 )
 from pmr.results import RunResult
-from pmr.results.field_stress import PeakSummary
 from pmr.results.quantities import QUANTITIES, stress_name, stress_remark, wall_stress
 from pmr.results.response import Extremes
 from pmr.scene.hints import left_out
@@ -250,8 +250,6 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
 
     `shell` is what `pmr.results.quantities.wall_stress` returns.
     """
-    at = PeakSummary(t=shell["t"], position=shell["position"], section=shell["section"])
-    at["region"] = f"{shell['region']} wall" if shell["region"] else "walls"
     allowed, text, share, upper = shell.get("yield"), wall_stress_words(shell), None, None
     if allowed is not None:
         share = shell["value"] / allowed
@@ -261,7 +259,7 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
             upper = (shell["value"] * (1.0 + (by_pads or 0.0)) + shell["error"]) / allowed
             text += f", {format_percent(upper)} with "
             text += "known errors" if by_pads is not None else "the error by the mesh of the walls alone"
-    text += f"\n{peak_place_clause(result, at)}{even_stress_clause(shell)}{play_clause(result, 'wall_stress')}"
+    text += f"\n{wall_place_clause(result, shell)}{even_stress_clause(shell)}{play_clause(result, 'wall_stress')}"
     text += f"; {WALL_STRESS_PARTS}{'; ± is by the mesh of the walls' if 'error' in shell else ''}"
     return largest_value("wall_stress", f"{text}{_missing_clause(result.summary)}", share)._replace(upper=upper)
 

@@ -347,8 +347,9 @@ def _reaction_grid(result: RunResult, at_pivot: bool, caption: str) -> Grid:
         is_at_pivot = result.frame is not None and of.support.startswith(PIVOT)
         if extremes.size > 0.0 and is_at_pivot == at_pivot:  # a support bears no force if nothing acts along it
             name = shown_force_name(of.support).removeprefix(PIVOT)
-            computed = name == LUFFING_CYLINDER and has_free_luffing(result)
-            name += ", by the moment about the pivot" if computed else ""
+            if name == LUFFING_CYLINDER and not has_free_luffing(result) and "luffing_cylinder" in result.summary:
+                continue  # the table of the cylinder has this force
+            name += ", by the moment about the pivot" if name == LUFFING_CYLINDER else ""
             if at_pivot and name in ("x", "y", "z", "rx", "ry", "rz"):
                 name = f"moment about {name[1]}" if name.startswith("r") else f"force along {name}"
             measured.append(Measured(name, of.unit, extremes))

@@ -125,9 +125,9 @@ def _sensor_grid(figures: Summary, innovations: Mapping[str, Array]) -> Grid:
     rows = []
     for name, of in innovations.items():
         inside, p, alarm = np.abs(of[np.isfinite(of)]), figures["whiteness"][name], figures["first_alarm"].get(name)
-        share = format_percent(float(np.mean(inside < WIDTH))) if len(inside) else "–"
-        p_text = "–" if p is None else significant(p, 2)
-        alarm_text = "–" if alarm is None else format_quantity(alarm, "s")
+        share = format_percent(float(np.mean(inside < WIDTH))) if len(inside) else "none"
+        p_text = "not known" if p is None else significant(p, 2)
+        alarm_text = "none" if alarm is None else format_quantity(alarm, "s")
         rows.append((name, str(len(inside)), share, p_text, alarm_text))
     head = ("sensor", "values", "between the lines", "p-value", "first alarm")
     return Grid("What each sensor measured beside what was predicted.", head, tuple(rows))

@@ -37,7 +37,6 @@ from pmr.results import RunResult
 from pmr.results.field_stress import PeakSummary
 from pmr.results.quantities import QUANTITIES, stress_name, wall_stress
 from pmr.results.response import Extreme, Extremes
-from pmr.scene.model_traits import model_traits
 
 #: Largest number of further points with the largest stress that are named; if there are more, only their number is
 #: stated.
@@ -67,7 +66,6 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
         yield _total_error(totals)
     else:
         yield from _error_key_numbers(result)
-    yield from _model_key_number(result)
     yield from _simulation_time(result)
     coordinates, reduced = summary.get("coordinates", {}), reduced_size(result)
     full = coordinates.get("full")
@@ -161,17 +159,6 @@ def energy_sentence(result: RunResult) -> str:
     """Sentence on the energy that drives, loads and damping add to a boom in space; empty if the scene has no frame."""
     energies = result.summary.get("energy")
     return "" if energies is None else prose("energy", energies=energies)
-
-
-def _model_key_number(result: RunResult) -> Iterator[KeyNumber]:
-    """Yield the error of the structural model as a key number; yield nothing if this error is not known."""
-    part = result.summary.get("budget", {}).get("model")
-    if part is None or part["beside"] is None or part.get("beam") is None:
-        return
-    frequencies = format_percent(part["frequency"] or 0.0)
-    compared = f"compared with {model_traits(part['beside']).words}"
-    more = f"displacements {scope_words(result)}, {compared}; lowest frequencies {frequencies}"
-    yield KeyNumber(format_percent(part["beam"]), "error of the structural model", more)
 
 
 class LargestValue(NamedTuple):
@@ -280,6 +267,13 @@ def peak_place_clause(result: RunResult, peak: PeakSummary) -> str:
     """Clause with the point and the time of a largest stress, and with the boom's angles at that time."""
     where = [peak_part_name(peak), f"{two_decimals(peak['position'][0])}{SPACE}m from the tail"]
     return f"{', '.join(filter(None, where))}, at {format_time(peak['t'])}{angles_clause(result, peak['t'])}"
+
+
+def wall_place_clause(result: RunResult, walls: Summary) -> str:
+    """Clause with place and time of the largest stress in walls (`pmr.results.quantities.wall_stress`)."""
+    peak = PeakSummary(t=walls["t"], position=walls["position"], section=walls["section"])
+    peak["region"] = f"{walls['region']} wall" if walls["region"] else "walls"
+    return peak_place_clause(result, peak)
 
 
 def extreme_clause(result: RunResult, extreme: Extreme) -> str:

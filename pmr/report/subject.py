@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pmr.files.arrays import Array, Summary
-from pmr.report.numbers import SPACE, format_input, format_percent, format_quantity
+from pmr.report.numbers import format_input, format_percent, format_quantity
 from pmr.results import BodyResult, RunResult
 from pmr.results.quantities import QUANTITIES
 from pmr.scene.built import Load, PadRing
@@ -70,14 +70,6 @@ def play_summary(result: RunResult) -> Summary:
 def play_words(gap: float) -> str:
     """Words for a play of pads of `gap` m from face to face."""
     return f"with {format_input(1e3 * gap, 'mm')} of play of pads" if gap else "without the play of pads"
-
-
-def wall_place_words(walls: Summary) -> str:
-    """Words for the largest stress in walls (`pmr.results.quantities.wall_stress`): its value, place and time."""
-    side = f"{walls['region']} wall" if walls["region"] else "walls"
-    of = f"{side} of {walls['section']}" if walls.get("section") else side
-    at = f"{walls['position'][0]:.3g}{SPACE}m from the tail, at {walls['t']:.3g}{SPACE}s"
-    return f"{wall_stress_words(walls)}, {of}, {at}"
 
 
 def wall_stress_words(walls: Summary) -> str:

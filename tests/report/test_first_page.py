@@ -20,13 +20,14 @@ from pmr.report.errors import rows as error_rows
 from pmr.report.figures import INK, space
 from pmr.report.first_page import first_page_tables, largest_value_rows
 from pmr.report.sections import accuracy_block, chapter
-from pmr.report.sentences import LargestValue, key_numbers, largest_value
-from pmr.report.subject import play_clause, wall_place_words
+from pmr.report.sentences import LargestValue, key_numbers, largest_value, wall_place_clause
+from pmr.report.subject import play_clause
 from pmr.report.trust import LEAST, certainty_rows, summed_errors
 from pmr.report.verdict import run_sentence, verdict
 from pmr.results import Response, RunResult
 from pmr.results.response import LUFFING_ANGLE, Output
 from pmr.scene import Scene
+from pmr.scene.built import PadRing
 
 SPACE = "\u00a0"
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -505,8 +506,7 @@ def test_the_stress_of_beams_has_no_share_of_the_yield_stress(make_space: MakeSp
     assert (number.label, number.value) == ("largest von Mises stress in walls", f"284{SPACE}MPa")
     words, even = f"284{SPACE}MPa ± 12{SPACE}MPa", f"190{SPACE}MPa ± 5.0{SPACE}MPa if pads press evenly"
     assert number.note == f"{words}; {even}; of the beams 49.0{SPACE}MPa"
-    at = f"{words}, left wall, 1.5{SPACE}m from the tail, at 0.4{SPACE}s"
-    assert wall_place_words(walls) == at
+    assert wall_place_clause(compared, walls) == f"left wall, 1.5{SPACE}m from the tail, at 0.4{SPACE}s"
     ring = space.largest_stress(compared)
     assert ring is not None and (ring.value, ring.x, ring.step) == (284e6, 1.5, 400)
     assert "The ring marks the place of the largest von Mises stress in walls" in space.view_caption(
@@ -750,8 +750,10 @@ def test_pads_that_lift_off_stand_once_in_what_is_not_in_the_figures(make_space:
 
 @pytest.mark.parametrize(("clearance", "said"), [(0.0, True), (1e-3, False), ({"left": 0.0, "right": 1e-3}, False)])
 def test_figures_say_where_pads_have_no_play(clearance: object, said: bool) -> None:
-    ring, tight = (SimpleNamespace(unilateral=True, clearance=of) for of in (clearance, 0.0))
-    both_ways = SimpleNamespace(unilateral=False, clearance=0.0)
+    ring, tight, both_ways = (
+        PadRing.model_construct(unilateral=pushes, clearance=of)
+        for pushes, of in ((True, clearance), (True, 0.0), (False, 0.0))
+    )
 
     def clause(*rings: object) -> str:
         scene = SimpleNamespace(sections=[SimpleNamespace(rings=rings)])
