@@ -306,7 +306,7 @@ def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestVal
     if shares:
         pad = max(shares, key=lambda name: shares[name][0])
         share, limit = shares[pad]
-        force, bar = (format_quantity(limit[of], "N") for of in ("force", "error"))
+        force, bar = format_quantity(limit["force"], "N"), format_quantity(limit["error"], "N", 2)
         note = (
             f"{pad}, {extreme_clause(result, forces[pad].largest)}; at {force} the walls of {limit['section']} begin "
         )

@@ -89,7 +89,6 @@ def view_caption(result: RunResult, view: str) -> str:
     """Caption of a view of the boom; `view` names the direction from which the boom is seen, from the side or above."""
     steps, t = drawn_steps(result, "side" if view.endswith("side") else "plan"), result.responses["reduced"].t
     worst, slides = largest_stress(result), float(np.ptp(result.abscissa)) > 0.0
-    moves = result.frame is None and bool(slider_offsets(result)) and slides
     return prose(
         "view",
         structure="body" if is_alone(result) else "boom",
@@ -99,7 +98,6 @@ def view_caption(result: RunResult, view: str) -> str:
         ring=ringed_stress_name(result),
         moves_tip=result.frame is not None or (not is_alone(result) and slides),
         has_rope=rope_axis(result, steps) is not None,
-        has_other_end=moves and view == "from the side",
         scale=exaggeration(result),
     )
 
@@ -155,22 +153,31 @@ def _draw_boom(result: RunResult, view: str, across: str, up: str, from_side: bo
 def _draw_fixtures(ax: Axes, result: RunResult, step: int) -> None:
     """Draw supports as triangles and pads and sliders as squares, where they are at the time step number `step`.
 
-    For a body alone, empty squares are drawn where sliders are at the end of the path that is farther away.
+    For a body alone, empty squares are drawn where sliders are at the end of the path that is farther away.  The legend
+    names each symbol once.
     """
     direction = frame_rotations(result, result.responses["reduced"].t[[step]])[0, [0, 2], 0]
-    places = [(fixture.position, SYMBOLS.get(fixture.kind, "^"), INK) for fixture in fixtures(result)]
+    names, slides = {"pad": "pad"}, "slider" if is_alone(result) and result.scene.points else "pad that moves"
+    places = [
+        (fixture.position, SYMBOLS.get(fixture.kind, "^"), INK, names.get(fixture.kind, "support"))
+        for fixture in fixtures(result)
+    ]
     low, high = result.scene.path_bounds if is_alone(result) else (0.0, 0.0)
     now = float(result.abscissa[step])
     far = low if now - low > high - now else high
     for ahead in slider_offsets(result):
-        places += [(far + ahead, "s", "white")] * (high > low) + [(now + ahead, "s", MUTED)]
-    for place, marker, colour in places:
+        places += [(far + ahead, "s", "white", f"{slides}, at its farther end")] * (high > low)
+        places += [(now + ahead, "s", MUTED, slides)]
+    labelled = set[str]()
+    for place, marker, colour, label in places:
         look: dict[str, Any] = {
             "markeredgecolor": MUTED if marker == "s" else INK,
             "markerfacecolor": colour,
             "markersize": 5.0,
         }
-        ax.plot(*(place * direction[:, None]), marker=marker, **look, zorder=3.5)
+        ax.plot(*(place * direction[:, None]), marker=marker, linestyle="none", **look, zorder=3.5,
+                label="" if label in labelled else label)  # fmt: skip
+        labelled.add(label)
 
 
 def _draw_loads(
