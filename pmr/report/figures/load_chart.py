@@ -79,7 +79,7 @@ class LoadChart:
     @property
     def lengths(self) -> list[str]:
         """Labels (E,) with the distance of the tip from the pivot, and the extensions where lengths are equal."""
-        names = [f"{np.linalg.norm(place[0]):.3g} m" for place in self.place]
+        names = [f"{np.linalg.norm(place[0]):.2f} m" for place in self.place]
         return [
             f"{name} ({self.extensions[e]})" if self.extensions and names.count(name) > 1 else name
             for e, name in enumerate(names)

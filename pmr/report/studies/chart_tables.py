@@ -211,7 +211,7 @@ def terminal_grid(results: StudyResults, rows: int) -> Grid:
         lines.append(
             (
                 *(f"{float(run.parameters[name] or 0.0):.3g}" for name in names),
-                f"{np.linalg.norm(place[0]):.3g}",
+                f"{np.linalg.norm(place[0]):.2f}",
                 f"{place[:, 0].min():.3g}–{place[:, 0].max():.3g}",
                 *cells,
             )

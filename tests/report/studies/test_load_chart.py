@@ -270,9 +270,9 @@ def test_lines_of_duty_have_length_and_letter_and_end_where_the_tip_does() -> No
     load = np.array([[900.0, 1200.0, np.nan], [500.0, 700.0, 1500.0]])
     chart = LoadChart(place, load, np.array([[1, 1, -1], [0, 0, 1]]), ["tip", "pads"], 2000.0)
     ax = duty_lines(chart).axes[0]
-    assert sorted(text.get_text() for text in ax.texts) == ["12 m", "8 m", "A", "B", "B"]
+    assert sorted(text.get_text() for text in ax.texts) == ["12.00 m", "8.00 m", "A", "B", "B"]
     ends = {text.get_text(): text.xy for text in ax.texts if text.get_text().endswith("m")}
-    assert ends["8 m"] == (place[0, 0, 0], 900.0) and ends["12 m"] == (place[1, 0, 0], 500.0)
+    assert ends["8.00 m"] == (place[0, 0, 0], 900.0) and ends["12.00 m"] == (place[1, 0, 0], 500.0)
     drawn = np.concatenate([line.get_xydata() for line in ax.lines if line.get_marker() == "."])
     drawn = drawn[np.isfinite(drawn[:, 1])]
     assert np.allclose(sorted(drawn[:, 0]), sorted([*place[0, :2, 0], *place[1, :, 0]]))
@@ -287,7 +287,7 @@ def test_lines_of_one_length_are_told_apart_by_their_extensions() -> None:
     load = np.array([[900.0, 950.0], [500.0, 700.0], [1500.0, 1600.0]])
     chart = LoadChart(place, load, np.zeros(load.shape, dtype=int), ["tip"], 2000.0, ["3 + 2", "2 + 3", "1 + 1"])
     ends = {text.get_text() for text in duty_lines(chart).axes[0].texts}
-    assert ends == {"A", "12 m (3 + 2)", "12 m (2 + 3)", "9 m"}
+    assert ends == {"A", "12.00 m (3 + 2)", "12.00 m (2 + 3)", "9.00 m"}
 
 
 @pytest.mark.parametrize("draw", [load_chart, duty_lines])
@@ -296,7 +296,7 @@ def test_pictures_of_loads_are_drawn_for_narrow_windows_too(draw: Any) -> None:
     chart = LoadChart(place, np.array([[900.0, 950.0], [500.0, 700.0]]), np.zeros((2, 2), dtype=int), ["tip"], 2000.0)
     assert draw(chart, HALF).get_figwidth() == HALF < draw(chart).get_figwidth()
     labels = [{text.get_text() for text in figure.axes[0].texts} for figure in (draw(chart), draw(chart, HALF))]
-    assert labels[0] - labels[1] == ({"12 m"} if draw is duty_lines else set())
+    assert labels[0] - labels[1] == ({"12.00 m"} if draw is duty_lines else set())
 
 
 def test_the_caption_of_lines_says_how_many_of_all_boom_lengths_are_drawn() -> None:
