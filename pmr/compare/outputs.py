@@ -201,8 +201,8 @@ def boom_quantities(excitation: Excitation, response: Response) -> Mapping[str, 
     ``tip`` returns the displacements of the last section's tip in m, and ``beam`` all displacements in m.  Under the
     name of each kind of forces in `response`, such as ``pad_force``, there are the forces of that kind in N.  If an
     extension has a kink before the end, there is also ``<kind>_between_kinks`` for each kind of forces, without all
-    times within `BESIDE_KINK` steps of a kink.  The force at a kink has no limit: it grows as the step gets shorter or
-    the cylinder stiffer.
+    times within `BESIDE_KINK` steps of a kink, unless all times are.  The force at a kink has no limit: it grows as the
+    step gets shorter or the cylinder stiffer.
     """
     last = response.outputs[len(response.output_names) - 1].body
     away = away_from_kinks(excitation, response.t, excitation.stepping.step)
@@ -325,9 +325,13 @@ def without_kink_forces(system: System, sampled: Outputs, excitation: Excitation
 
 
 def away_from_kinks(excitation: Excitation, times: Array, step: float) -> NDArray[np.bool_]:
-    """Mask (T,) of the `times` in s that are more than `BESIDE_KINK` times `step` in s from every kink of a path."""
+    """Mask (T,) of the `times` in s that are more than `BESIDE_KINK` times `step` in s from every kink of a path.
+
+    If there are no such times, as with a path of short straight pieces, the mask is true at all times.
+    """
     kinks = [kink for path in excitation.paths.values() for kink in path.kinks(excitation.stepping.end)]
-    return np.asarray(np.all([np.ones(len(times), bool), *(np.abs(times - t) > BESIDE_KINK * step for t in kinks)], 0))
+    away = np.all([np.ones(len(times), bool), *(np.abs(times - t) > BESIDE_KINK * step for t in kinks)], axis=0)
+    return np.asarray(away if away.any() else ~away)
 
 
 def outputs_from_columns(system: System, y: Array, forces: Array) -> Outputs:

@@ -140,11 +140,13 @@ def _second_order_steps(excitation: Excitation) -> NDArray[np.int64]:
     """Ascending numbers (S,) of the steps at which second order is computed, at most `STRESSED_TIMES`.
 
     Steps near a kink of an extension are left out: the acceleration of the kink lasts one step and is no lasting load.
+    If all of them are near kinks, as with an extension from a table of short straight pieces, none is left out.
     """
     steps = np.unique(np.linspace(0, excitation.stepping.steps, STRESSED_TIMES).astype(np.int64))
     kinks = [t for path in excitation.paths.values() for t in path.kinks(excitation.stepping.end)]
     near_kink = np.abs(np.subtract.outer(excitation.times[steps], kinks)) < 2.0 * excitation.stepping.step
-    return steps[~near_kink.any(axis=1)]
+    away = ~near_kink.any(axis=1)
+    return steps[away] if away.any() else steps
 
 
 def decide_second_order(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Scene:

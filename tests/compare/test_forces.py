@@ -5,14 +5,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from driving import driven
 
 import pmr
 from pmr.compare.errors import force_errors, force_histories
 from pmr.compare.model_part import Motion, model_budget
+from pmr.compare.outputs import away_from_kinks
+from pmr.compare.second_order import _second_order_steps
 from pmr.compare.step_error import step_error
 from pmr.compare.trust import budget_warnings, quantities_not_covered, reduction_warnings
 from pmr.scene import load_any
-from pmr.simulation import Excitation
+from pmr.scene.signals import Constant, Table
+from pmr.simulation import Excitation, TimeStepping
 
 QUICK = ["compare.against=[]", "time.end=0.4", "time.step=4e-3", "mesh.elements=8"]
 T = np.linspace(0.0, 1.0, 101)
@@ -122,3 +126,13 @@ def test_the_kind_that_the_mesh_is_off_most_in_is_named() -> None:
         "the mesh is off by up to 7.1 % in natural frequencies, more than compare.model_tolerance = 0.05; a finer one "
         "is closer"
     ]
+
+
+@pytest.mark.parametrize(("every", "away"), [(5, 42), (1, 101)])
+def test_where_a_kink_is_near_at_all_times_none_is_left_out(every: int, away: int) -> None:
+    """As with an extension by a table: kinks at each fifth step leave two steps between them, at each step no step."""
+    at = T[::every]
+    path = Table(times=tuple(at), values=tuple(np.arange(len(at)) % 2.0), interpolation="linear")
+    excitation = driven(path, Constant(amount=1.0), TimeStepping(1.0, 0.01))
+    assert away_from_kinks(excitation, T, 0.0099).sum() == away
+    assert len(_second_order_steps(excitation)) > 0
