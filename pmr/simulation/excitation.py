@@ -50,7 +50,7 @@ Load = TypeVar("Load")
 class Excitation:
     """Signals of P paths s(t), i loads f(t) and k terms c(t), and a time grid of T times."""
 
-    paths: Mapping[str, SignalBase]  # signals of P paths by their names, in m
+    paths: Mapping[str, SignalBase]  # signals of P paths by their names, in m; of a luffing angle in rad
     loads: Mapping[str, SignalBase]  # signals of loads in N or N m, by input name
     stepping: TimeStepping
     # options of a scene's section `simulation`; each simulator reads its own

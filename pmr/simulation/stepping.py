@@ -322,7 +322,7 @@ def refuse_growth(surplus: float, moving: list[str]) -> None:
 
 
 def describe_surplus(surplus: float) -> str:
-    """Sentence that states a surplus of energy, in per cent of the largest energy."""
+    """Clause that states a surplus of energy, in per cent of the largest energy and 100 % at most, or an overflow."""
     if surplus == np.inf:
         return "its energy overflows"
     return f"{100.0 * min(surplus, 1.0):.3g} % of its largest energy was put in by neither loads nor moving rows"

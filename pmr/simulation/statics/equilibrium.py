@@ -230,7 +230,7 @@ class _Contacts:
 
 
 def _is_definite(A: sp.csr_matrix) -> bool:
-    """Whether a symmetric matrix A (n, n) is positive definite: all pivots of its LU factor are positive."""
+    """Whether a symmetric matrix A (n, n) is positive definite: it has an LU factor whose pivots are positive."""
     try:
         factor = spla.splu(A.tocsc(), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     except RuntimeError:

@@ -103,7 +103,7 @@ class LoadedState:
 
     @cached_property
     def in_equilibrium(self) -> bool:
-        """Whether an equilibrium exists."""
+        """Whether an equilibrium exists: all outputs and contact forces are finite."""
         return bool(np.isfinite(self.forces).all() and np.isfinite(self.outputs).all())
 
 
@@ -217,7 +217,7 @@ class Form:
         self._on_modes = [U.T @ (e.growing.G @ response[:n]) for response in z]
 
     def responses(self, loads: Array) -> Array:
-        """Responses (p, o + m + d) under loads (p,): outputs, contact forces, and overlaps of d contacts that push.
+        """Responses (p, o + m + d) under `loads` (p,) in kg: outputs, contact forces, overlaps of d contacts that push.
 
         An overlap is C q - F lambda - g: how far a contact's sides move towards each other beyond its gap.  NaN where
         no equilibrium exists.
