@@ -190,8 +190,13 @@ def read_axes(card: Card) -> Axes | None:
 def rectangular(card: Card, axes: Axes | None, coordinates: Sequence[float]) -> Point:
     """Return x, y, z, in the axes of the whole model, of a node with `coordinates` (3,) on a card `*NODE`.
 
-    `axes` are those of the card `*SYSTEM`, None without such a card.  The coordinates are x, y, z, with ``SYSTEM=C``
-    radius, angle from x in degrees and z, with ``SYSTEM=S`` radius, angle from x and latitude above the xy plane.
+    `axes` are those of the card `*SYSTEM`, None without such a card.  What the coordinates are, depends on the option
+    SYSTEM of the card, with angles in degrees:
+
+    - R, or no such option: x, y and z;
+    - C: radius, angle from x, and z;
+    - S: radius, angle from x, and latitude above the xy plane.
+
     Raises InputError for another SYSTEM.
     """
     system = card.options.get("SYSTEM", "R").upper()

@@ -78,8 +78,7 @@ class Elements:
     def node_count(self) -> int:
         """Number of nodes of an element.
 
-        For a type that is not known it is the number in the type's name, as of C3D15, and 0 for a name without a
-        number.
+        For a type that is not known it is the number in the type's name, such as 15 in C3D15, or 0 if there is none.
         """
         if not self.kind:
             named = COUNTED.fullmatch(self.type)

@@ -227,8 +227,8 @@ def _group_sets(lines: Lines, grids: Indices) -> dict[str, Indices]:
 def _dependent(name: str, fields: Sequence[str]) -> set[tuple[int, int]]:
     """Return grid point and component of the displacements that the rigid element `name` makes depend on others.
 
-    `fields` are those after its name.  The result has only the pair (0, 0) for entries that are not of the plain forms
-    of RBE2 (one independent point), RBE3 (without UM), RBAR (its first point independent in all components) and MPC.
+    `fields` are those after its name.  Plain forms are an RBE2, an RBE3 without UM, an RBAR whose first point is
+    independent in all components, and an MPC.  For any other entry the result has only the pair (0, 0).
     """
     _, first, second, third, *further = [*fields, *[""] * 7]
     points, components = list[str](), ""

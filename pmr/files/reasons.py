@@ -82,8 +82,8 @@ def check_density(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     """Yield a reason about ``M`` if the body is lighter than air in its convex hull, or than foam where it is stiff.
 
     Nodes without coordinates, as at supports, are in the hull too if they are as near to others as coupled nodes are.
-    Of a tetrahedron of which k corners have coordinates, these carry at least (k/4)^2 of the mass, as the mean square
-    of a displacement is at least the square of its mean.  If the density is too small, masses are probably in t.
+    In a tetrahedron, k corners with coordinates carry at least (k/4)^2 of the mass, since the mean square of a
+    displacement is at least the square of its mean.  If the density is too small, masses are probably in t.
     """
     T = body.motions[:, :3]
     mass, distance = float(np.diag(T.T @ (M @ T)).max()), cKDTree(body.points[body.node]).query(body.points)[0]

@@ -125,7 +125,7 @@ class Resistance:
 
     @cached_property
     def coupling(self) -> sp.csr_matrix:
-        """Matrix (N, N) with an entry that is not zero for each pair of nodes, or node, on which K has an entry."""
+        """Matrix (N, N) with sums of absolute entries of K: positive for two nodes that K couples, else zero."""
         rows = np.arange(len(self.node))
         of_nodes = sp.csr_matrix((np.ones(len(rows)), (self.node, rows)), (len(self.points), len(rows)))
         return sp.csr_matrix(of_nodes @ abs(self.K) @ of_nodes.T)

@@ -311,8 +311,8 @@ def named_mesh(
 def _group_of_points(cell: str, cells: Indices, inside: Mask) -> Group:
     """Group of the `cells` (C, k) that have all their vertices in the mask `inside` (N,).
 
-    If there is no such cell, the group is that of faces, edges or points, of the first of these kinds that has members.
-    The mask has to be true for at least one vertex of a cell.
+    If there is no such cell, the group has the faces with all vertices in the mask; if there is no such face, the
+    edges, and if there is no such edge, the points.  The mask has to be true for at least one vertex of a cell.
     """
     for dim, parts in reversed([*enumerate(cell_topology(cell))]):
         entities = cells[:, parts].reshape(-1, len(parts[0]))

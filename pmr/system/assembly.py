@@ -267,8 +267,8 @@ class Assembly:
     def _add_table_rows(self, name: str, side_numbers: Sequence[int], x: Array, contact_rows: ContactRows) -> None:
         """Add to `contact_rows`, in place, what the only body, `name`, contributes from its tables over the path.
 
-        All sides, with the numbers `side_numbers`, share one path coordinate: in x (sides, T) in m that of the first
-        side that travels, or of the first side if none travels.
+        `side_numbers` are the numbers of the body's sides, whose places are at x (sides, T) in m.  The tables are taken
+        at the place of the first side that travels, or of the first side if none travels.
         """
         body, sides = self.system.reduced[name], [self.system.sides[a] for a in side_numbers]
         s = next((at for side, at in zip(sides, x, strict=True) if side.place.path is not None), x[0])

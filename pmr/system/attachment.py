@@ -150,10 +150,11 @@ def _cylinder_inertia(model: ReducedModel, reactions: Reactions, answers: Cylind
 
 
 def _residual_inertia(model: ReducedModel, reactions: Reactions, of_largest: Array) -> Array:
-    """Work (h, K + i) of the inertia of responses to unit loads on K carriers and i inputs on h supports' motions.
+    """Work (h, K + i) on the motions of h supports, by the inertia of responses to unit loads.
 
-    `of_largest` (h, K + i) is this work if all modes of the largest basis are coordinates; `reactions` are those of the
-    `model`, whose enrichment modes respond to the loads, too.
+    The unit loads are those on K carriers, then on i inputs.  `of_largest` (h, K + i) is this work if all modes of the
+    largest basis are coordinates; `reactions` are those of the `model`, whose enrichment modes respond to the loads,
+    too.
     """
     modes = model.enrichment
     if modes is None or model.carriers is None:
@@ -185,8 +186,9 @@ def with_attachment_modes(
 
     The principal responses are those with the most inertia, at most `MOST`, that together have all but a share
     `left_out` of the inertia of all responses.  If the section has a cylinder, `RICHER` modes of the cylinder are
-    included, and the result has no enrichment modes.  If nothing moves the residual part, the model is returned
-    unchanged, but for residual flexibility under the force of a cylinder, which is then round-off and set to zero.
+    included, and the result has no enrichment modes.  If nothing moves the residual part, no modes are added: the model
+    is returned unchanged or, if it has a cylinder, without residual flexibility under the cylinder's force, as
+    `with_cylinder_modes` does.
 
     The result has no reactions of rigid supports if the model lacks ``carriers.support_inertia``, as models of earlier
     versions do.  A ValueError is raised if the model lacks flexibility or inertia of its residual part on carriers.

@@ -164,8 +164,8 @@ def _pad_contacts(scene: Scene, number: int, ring: JointPads, prefix: str, rows:
     A pad is left out if one of both sections has none of the `rows` that it needs: a planar beam has no rows for
     sideways motion.  The inner places of the pads are their distances from the tail or the mouth.
 
-    A ring without faces is one pad, or two, above and below, if it only pushes; a carriage's wheel without clearance is
-    one pad that lifts off.  The names of the pads begin with `prefix`.
+    A ring without faces is one pad.  If it only pushes, it is two pads, one above and one below; but a carriage's wheel
+    without clearance is one pad that lifts off.  The names of the pads begin with `prefix`.
     """
     prefix = " ".join(filter(None, (prefix, ring.name)))
     compliance = 0.0 if ring.stiffness == "rigid" else 1.0 / ring.stiffness

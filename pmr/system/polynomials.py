@@ -101,9 +101,9 @@ def power_contributions(table: PPoly) -> Array:
 
 
 def multiply_tables(A: PPoly, B: PPoly, W: Array) -> PPoly:
-    """Table A(s) W B(s)^T, values (m, n), of tables A with values (m, r) and B with values (n, q), and W (r, q).
+    """Table A(s) W B(s)^T with values (m, n), for a matrix W (r, q) and tables A and B on the same breaks.
 
-    Both tables have the same breaks.
+    A has values (m, r), and B has values (n, q).
     """
     result = np.zeros((len(A.c) + len(B.c) - 1, A.c.shape[1], A.c.shape[2], B.c.shape[2]))
     for p, Ap in enumerate(A.c):

@@ -335,8 +335,8 @@ class ReducedModel:
         Raises
         ------
         InputError
-            If the file is missing, is no sound reduced model, has less content than its header says, or has a later
-            format, or the residual inertia that some earlier versions had.
+            If the file is missing or is no sound reduced model, if it has less content than its header says or a later
+            format, or if it has the residual inertia of some earlier versions.
         """
         path = Path(path)
         if not isfile(path):

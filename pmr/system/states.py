@@ -154,10 +154,10 @@ class SystemTrajectory(ContactHistory, DriverHistory):
     ) -> SystemTrajectory:
         """Trajectory at times t (T,) in s from the `states` of the bodies: coordinates and rates (q, v), by name.
 
-        `x` (T, sides) in m are positions of the contacts' sides.  `multipliers` (T, m) in N are the contact forces
-        without the `friction` (T, n) in N of n pads, and `energy` (2, T) in J is energy and work without what friction
-        stores in cylinders.  `peaks` (T, m) in N count for contacts that only push; None if forces at t are the largest
-        ones.  `more` are further fields.
+        `x` (T, sides) in m are positions of the contacts' sides.  `friction` (T, n) in N is that of n pads.
+        `multipliers` (T, m) in N are the contact forces without it.  `energy` (2, T) in J has energy, then work, both
+        without what friction stores in cylinders.  `peaks` (T, m) in N count for contacts that only push; None if the
+        forces at t are the largest ones.  `more` are further fields.
         """
         forces, moments, pads = multipliers, None, Friction.from_contacts(system.contacts)
         if pads is not None and friction is not None:

@@ -147,8 +147,8 @@ def terms_of(
 ) -> tuple[Term, ...]:
     """Terms of a scene with matrices from the models of its bodies, which `bodies` has by name.
 
-    `which` chooses the terms.  If it is None, all terms of a moving frame with second order are made; a scene that has
-    no frame, or a frame of first order, has none.
+    `which` are the terms to make.  None stands for all terms of a moving frame with second order; a scene that has no
+    frame, or a frame of first order, has none.
     """
     return tuple(_build_term(scene, term, bodies) for term in (frame_terms(scene) if which is None else which))
 
@@ -159,7 +159,7 @@ def _build_term(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]
     `bodies` are all bodies by name.  Terms of cylinders join two sections.  Such a term has the stiffness m D^T D: D
     (d, n) gives the lateral distances between the two tails, m is the mass or first moment that the cylinder carries,
     or 1 for a cylinder's load.  All other terms have a matrix of one body as their stiffness, or, for a rotation, as
-    their damping, which is then zero for coordinates without inertia.  If the body lacks the matrix, it is zero.
+    their damping.  Such a damping has zeros for coordinates without inertia.  A matrix that the body lacks is zero.
     """
     if term.kind in ("cylinder", "cylinder load"):
         apart = sp.csr_matrix(_distance_rows(scene, term, bodies))
