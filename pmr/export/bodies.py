@@ -1,8 +1,8 @@
 r"""Flexible bodies for other programs: Exudyn's FEMinterface, Simscape Multibody, Standard Input Data.
 
 Standard Input Data (SID) is text that SIMPACK, Modelica libraries and others read.  With the modes :math:`\varphi_k` as
-the columns of :math:`\varphi`, modal coordinates :math:`q_k`, positions x of points without deformation and :math:`r =
-x + \varphi_k q_k` with it, the angular velocity :math:`\omega`, the mass m and its centre c, and all integrals over the
+the columns of :math:`\varphi`, modal coordinates :math:`q_k`, positions x of points before and :math:`r = x + \varphi_k
+q_k` after deformation, the angular velocity :math:`\omega`, the mass m and its centre c, and all integrals over the
 mass, it has
 
 .. math::

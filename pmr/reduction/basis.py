@@ -14,14 +14,13 @@ Orthogonal Decomposition, 2011, section 1.
 
 The Galerkin projection of the full model on a basis can be simulated without any finite-element library.
 
-Eigenmodes vanish at the supports, and so does every POD vector of them, as an SVD of the whole pool returns them, up to
-round-off of eps sigma_1 / sigma_j in vector j.  The projected row of a support consists of that round-off alone.  If it
-were zero it would make the system singular; since it is not, it holds one coordinate, and because the round-off grows
-as sigma_j falls, the last vectors are held.  The paper keeps its two rows of supports: of its 20 coordinates 18 move.
-Which combination of the last vectors is held changes with the sign of a snapshot, and so does the error (2.00 to 2.05 %
-for the paper's evolved case: its beam with 20 coordinates).  Here such rows are recognised.  They are either left out
-(error 1.49 %) or replaced by rows that hold exactly the last coordinates (1.79 %; published: 1.82 %).  Both are
-reproducible.
+Eigenmodes vanish at the supports.  The vectors that an SVD of the whole pool returns do so up to round-off, which is
+eps sigma_1 / sigma_j in vector j.  The projected row of a support consists of this round-off alone.  It is not zero, so
+it holds one coordinate: one of the last, because the round-off grows as sigma_j falls.  The paper keeps its two rows of
+supports, so that 18 of its 20 coordinates move.  Which combination of the last vectors is held changes with the sign of
+a snapshot, and so does the error (2.00 to 2.05 % for the paper's evolved case: its beam with 20 coordinates).  Here
+such rows are recognised.  They are either left out (error 1.49 %) or replaced by rows that hold exactly the last
+coordinates (1.79 %; published: 1.82 %).  Both are reproducible.
 """
 
 from __future__ import annotations

@@ -1,7 +1,9 @@
 r"""A body with its sliders and pads released: rigid-body modes, static solves, residual flexibility, and reactions.
 
+The elastic response of such a body to a load g, beside its motion as a rigid body, is
+
 .. math::
-    P = I - Z Z^T M, \qquad P\, K^+ P^T
+    x = P\, K^+ P^T g, \qquad P = I - Z Z^T M
 
 Z has the rigid-body modes that the fixed rows leave free, M-orthonormal.  P^T makes a load self-equilibrated, so K^+
 may be a solve with the rigid-body modes held at any statically determinate set of coordinates.  Free modes and the

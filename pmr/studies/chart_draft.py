@@ -1,4 +1,4 @@
-"""The study that ``pmr chart`` writes, from what a scene has; rows of a chart, and machines that it can look at."""
+"""The study that ``pmr chart`` writes from what a scene has; extensions of a chart's rows, and checks of its scene."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
-"""The boom at rest at points of a load chart: warnings as of a run, and where a limit governs.
+"""The boom at rest at points of a load chart: warnings as of a run, and details of the points where limits govern.
 
-At those points shape, forces, stresses and the swing after a stop are recorded.
+The details are the boom's shape, forces, stresses and its swing after a stop, under the largest load that each limit
+governs in a row of the chart.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Limits of a load chart that no run states: tipping of the machine, and limits that users define themselves.
+"""Limits of a load chart that no run states: overturning of the machine, and limits that users define themselves.
 
 A user defines a limit by a function of an installed package, or by an arithmetic expression in the study file.
 """

@@ -4,7 +4,8 @@
 
 S (m, a luffing angle in rad) are the places, on each of several PATHS; `system(k)` is the state space at S[k],
 `nearest(s)` that next to s.
-INTERPOLATION is by which share matrices that are interpolated halfway between two places are off, at most.
+INTERPOLATION has the largest shares by which matrices interpolated halfway between two places are off: in a static gain
+and in a frequency.
 Needs numpy, scipy and control, and the file state_space.mat in this folder.
 """
 
