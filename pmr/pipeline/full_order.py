@@ -41,7 +41,7 @@ from pmr.system.contacts import Friction
 from pmr.system.from_scene import contacts_of
 from pmr.system.states import BodyStates, friction_on_body
 from pmr.system.system import System
-from pmr.system.terms import add_terms, hoist_of, terms_of
+from pmr.system.terms import TermSum, hoist_of, terms_of
 
 #: (rad/s)^2: shift below all eigenvalues, at which the shifted stiffness is not singular.
 SHIFT = -1.0
@@ -288,13 +288,14 @@ def _lanczos_frequencies(full_system: FullSystem, places_of: Array, count: int, 
     terms = [term.scatter(numbers, system.size) for term in system.terms]
     K0 = sp.block_diag([body.K for body in gathered_bodies.values()], format="csr")
     M = sp.block_diag([body.M for body in gathered_bodies.values()], format="csr")
+    stiffness, damping = TermSum(K0, terms, "stiffness"), TermSum(0.0 * M, terms, "damping")
     # forces scaled by the stiffness, so that all rows are of similar size
     m, scale = len(system.contacts), abs(K0).max()
     mass = sp.block_diag([M, sp.csr_matrix((m, m))], format="csc")
     supports = np.array([side.place.at for side in system.sides[places_of.shape[1] :]])
     lowest = []
     for at, amplitudes in zip(places_of, c, strict=True):
-        K, V = add_terms(K0, terms, "stiffness", amplitudes), add_terms(0.0 * M, terms, "damping", amplitudes)
+        K, V = stiffness.matrix(amplitudes), damping.matrix(amplitudes)
         x = np.concatenate([at, supports])
         C, F = scale * contact_rows(system, x), sp.csr_matrix(-(scale**2) * system.contact_compliance(x))
         A = sp.bmat([[(K + K.T) / 2.0, C.T], [C, F]], format="csc")

@@ -17,7 +17,7 @@ from pmr.system.body_matrices import natural_frequencies
 from pmr.system.polynomials import evaluate
 from pmr.system.states import ContactRows, add_springs, free_motions
 from pmr.system.system import System, consecutive
-from pmr.system.terms import Term, add_terms
+from pmr.system.terms import Term, TermSum
 
 #: Shift in (rad/s)^2: `Assembly.modes` adds this many times M to K, which is singular if nothing holds a body.
 SHIFT = 1.0
@@ -157,11 +157,21 @@ class Assembly:
 
     def stiffness(self, c: Sequence[float] | Array = ()) -> sp.csr_matrix:
         """Stiffness K + sum_k c_k G_k (n, n) with amplitudes c (k,) of the terms and G_k of term k; K if c is empty."""
-        return add_terms(self.K, self.terms, "stiffness", c)
+        return self.stiffness_sum.matrix(c)
 
     def damping(self, c: Sequence[float] | Array = ()) -> sp.csr_matrix:
         """Damping D + sum_k c_k V_k (n, n) with amplitudes c (k,) of the terms and V_k of term k; D if c is empty."""
-        return add_terms(self.D, self.terms, "damping", c)
+        return self._damping_sum.matrix(c)
+
+    @cached_property
+    def stiffness_sum(self) -> TermSum:
+        """Stiffness of bodies and terms, for any amplitudes of the terms."""
+        return TermSum(self.K, self.terms, "stiffness")
+
+    @cached_property
+    def _damping_sum(self) -> TermSum:
+        """Damping of bodies and terms, for any amplitudes of the terms."""
+        return TermSum(self.D, self.terms, "damping")
 
     def term_forces(self, q: Array, v: Array, c: Array) -> Array:
         """Forces -sum_k c_k (V_k v + G_k q) (T, n) in N of the terms, with damping V_k and stiffness G_k of term k.

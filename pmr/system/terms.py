@@ -117,21 +117,39 @@ class Term:
         return replace(self, **scattered, supports={})
 
 
-def add_terms(A: sp.csr_matrix, terms: Sequence[Term], key: str, c: Sequence[float] | Array) -> sp.csr_matrix:
-    """Sparse matrix A + sum_k c_k A_k (n, n), where A_k is the stiffness or damping (`key`) of the k-th of `terms`.
+class TermSum:
+    """Sum A + sum_k c_k A_k of sparse matrices (n, n) for any amplitudes c_k of terms k.
 
-    Terms without that matrix add nothing; if nothing is added, as with amplitudes c (k,) that are empty or zero, A
-    itself is returned.  All matrices are summed in one step: SciPy's overhead for each sum takes longer than the sum.
+    A_k is the stiffness or damping of term k, zero if the term has none.  The entries of all matrices are stored in one
+    array, as SciPy's overhead for each sum takes far longer than the sum.
     """
-    each = [(c_k, getattr(term, key)) for term, c_k in zip(terms, c, strict=len(c) > 0)]
-    parts = [(1.0, A.tocoo()), *((c_k, part.tocoo()) for c_k, part in each if part is not None and c_k != 0.0)]
-    if len(parts) == 1:
-        return A
-    entries = np.concatenate([c_k * part.data for c_k, part in parts])
-    places = tuple(np.concatenate([getattr(part, side) for _, part in parts]) for side in ("row", "col"))
-    total = sp.csr_matrix((entries, places), shape=A.shape)
-    total.eliminate_zeros()
-    return total
+
+    def __init__(self, A: sp.csr_matrix, terms: Sequence[Term], key: str) -> None:
+        """Store A (n, n) and the matrices of the `terms` that `key` names, ``stiffness`` or ``damping``."""
+        self._A, n = A, A.shape[0]
+        matrices = [A, *(sp.csr_matrix(A.shape) if (of := getattr(term, key)) is None else of for term in terms)]
+        parts = [matrix.tocoo() for matrix in matrices]
+        numbers = [part.row.astype(np.int64) * n + part.col for part in parts]
+        places = np.unique(np.concatenate(numbers))
+        self._entries = np.zeros((len(parts), len(places)))  # of A, then of each term
+        for entries, part, number in zip(self._entries, parts, numbers, strict=True):
+            np.add.at(entries, np.searchsorted(places, number), part.data)
+        self._indices, self._indptr = places % n, np.searchsorted(places, n * np.arange(n + 1))
+
+    def matrix(self, c: Sequence[float] | Array) -> sp.csr_matrix:
+        """Matrix A + sum_k c_k A_k (n, n); A itself if the amplitudes c (k,) are empty or zero."""
+        return self._sum(1.0, c) if np.any(c) else self._A
+
+    def of_terms(self, c: Sequence[float] | Array) -> sp.csr_matrix:
+        """Matrix sum_k c_k A_k (n, n) without A, with amplitudes c (k,)."""
+        return self._sum(0.0, c)
+
+    def _sum(self, share: float, c: Sequence[float] | Array) -> sp.csr_matrix:
+        """Matrix `share` A + sum_k c_k A_k (n, n), without stored zeros."""
+        entries = np.array([share, *c]) @ self._entries
+        total = sp.csr_matrix((entries, self._indices, self._indptr), shape=self._A.shape, copy=True)
+        total.eliminate_zeros()
+        return total
 
 
 def term_error(term: str, key: str, value: object, allowed: str) -> InputError:

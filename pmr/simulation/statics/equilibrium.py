@@ -47,7 +47,6 @@ from pmr.files.arrays import Array, Mask
 from pmr.kernel.laws import ContactSearch
 from pmr.system.assembly import Assembly
 from pmr.system.states import ContactRows
-from pmr.system.terms import add_terms
 
 #: Share of the lowest omega^2 with which M holds otherwise free bodies; relative change of q that this may cause.
 ALMOST_FREE, UNCHANGED = 1e-8, 1e-3
@@ -389,12 +388,11 @@ def geometric_stiffness(assembly: Assembly, coefficients: Mapping[str, float]) -
 
     Raises InputError for a name that no term has.
     """
-    terms = {term.name: term for term in assembly.terms}
+    names = [term.name for term in assembly.terms]
     for name in coefficients:
-        if name not in terms:
-            raise InputError("system", "terms", name, f"{', '.join(terms) or 'no names'} are allowed")
-    some = [terms[name] for name in coefficients]
-    return add_terms(sp.csr_matrix((assembly.size,) * 2), some, "stiffness", [*coefficients.values()])
+        if name not in names:
+            raise InputError("system", "terms", name, f"{', '.join(names) or 'no names'} are allowed")
+    return assembly.stiffness_sum.of_terms([coefficients.get(name, 0.0) for name in names])
 
 
 def _largest_eigenvalues(solve: Solve, rows: ContactRows, G: sp.csr_matrix, start: Array, count: int) -> Array:
