@@ -118,6 +118,10 @@ class RunMotion:
         return replace(Motion.compute(scene, self.system, replace(self.reduced, **of_full)), frequency_error=error)
 
 
+#: Future of a motion that another process computes, which is None if an error is met; None without such a process.
+FutureMotion = Future[Motion | None] | None
+
+
 @dataclass(frozen=True)
 class ComparedScene:
     """A scene to compare another one with; its bodies are reduced unless the cache has their system."""
@@ -125,6 +129,7 @@ class ComparedScene:
     scene: Scene
     comm: MPI.Comm
     cache: SystemCache | None
+    future: FutureMotion = None  # the motion, if another process computes it
 
     @cached_property
     def reduction(self) -> Reduction:
@@ -139,26 +144,46 @@ class ComparedScene:
         return self.cache.system_of(self.scene, lambda: self.reduction.system)
 
     def motion(self) -> Motion | None:
-        """Simulate the scene; return its motion on rank 0, None on other ranks; collective.
+        """Simulate the scene, unless another process has; return its motion on rank 0, None on other ranks; collective.
 
         Raises an InputError, ConvergenceError or SimulationError if the scene can't be reduced or simulated.
         """
+        if self.future is not None and not self.future.exception() and (motion := self.future.result()) is not None:
+            return motion
         system = self.system
         return call_on_first_rank(self.comm, lambda: Motion.compute(self.scene, system))
 
 
-def start_richer(scene: Scene, cache: Cache, helper: Executor) -> Future[None] | None:
-    """Let another process reduce the richer model of a scene and store it in `cache` for `measure_model`.
+def start_richer(scene: Scene, cache: Cache, helper: Executor) -> FutureMotion:
+    """Let another process, one of `helper`, reduce and simulate the richer model of a scene for `measure_model`.
 
-    The process is one of `helper`.  Returns the future of its work, which has no result.  Returns None if the richer
-    model is stored already, if `measure_model` has a reason to measure nothing, or if no process can be started.
+    The process stores the system of the richer model in `cache`.  Returns a future of its motion.  Returns None if
+    `measure_model` has a reason to measure nothing, or if no process can be started.
     """
-    if scene.computed_key is not None:
-        return None
-    with suppress(InputError, BrokenExecutor, OSError):  # no comparison, or no process can be started
-        richer = model_comparison(scene).richer
-        if not cache.has_system(richer):
-            return helper.submit(_store_richer, richer, cache.folder, cache.content)
+    with suppress(InputError):  # no comparison
+        if scene.computed_key is None:
+            return _start_motion(model_comparison(scene).richer, cache, helper)
+    return None
+
+
+def start_other_mesh(scene: Scene, cache: Cache, helper: Executor) -> FutureMotion:
+    """Let another process, one of `helper`, simulate a scene on another mesh for `measure_mesh`.
+
+    Returns a future of its motion.  Returns None if `cache` lacks the system on that mesh: `measure_mesh` then makes
+    it, as the other process is busy with the richer model.  Returns None, too, if `measure_mesh` has a reason to
+    measure nothing, or if no process can be started.
+    """
+    with suppress(InputError):  # no comparison
+        other = other_runs.motion_only(other_runs.other_mesh(scene).scene)
+        if scene.goal is None and scene.computed_key is None and cache.has_system(other):
+            return _start_motion(other, cache, helper)
+    return None
+
+
+def _start_motion(scene: Scene, cache: Cache, helper: Executor) -> FutureMotion:
+    """Let another process, one of `helper`, compute a scene's motion; return its future, None without a process."""
+    with suppress(BrokenExecutor, OSError):
+        return helper.submit(_compute_motion, scene, cache.folder, cache.content)
     return None
 
 
@@ -187,49 +212,57 @@ def _store_stresses(scene: Scene) -> None:
         store_stresses(scene)
 
 
-def _store_richer(scene: Scene, folder: Path, content: str) -> None:
-    """Reduce a scene and store its system in the `folder` of a `SystemCache`.
+def _compute_motion(scene: Scene, folder: Path, content: str) -> Motion | None:
+    """Motion of a scene, whose system is stored in the `folder` of a `SystemCache`; `content` is the cache's digest.
 
-    `content` is the cache's digest.  If a solver or the scene fails, nothing is stored, and nothing raised: the process
-    that measures the model meets the same error, and reports it.
+    Returns None if a solver or the scene fails: the process that measures the error meets the same one, and reports it.
     """
-    richer = ComparedScene(scene, MPI.COMM_WORLD, SystemCache(folder, content, MPI.COMM_WORLD))
     with suppress(*UNNEEDED):
-        richer.system  # noqa: B018  (is stored)
+        return ComparedScene(scene, MPI.COMM_WORLD, SystemCache(folder, content, MPI.COMM_WORLD)).motion()
+    return None
 
 
 def measure_model(
-    scene: Scene, comm: MPI.Comm, cache: Cache | None, of_run: RunMotion | None = None
+    scene: Scene,
+    comm: MPI.Comm,
+    cache: Cache | None,
+    of_run: RunMotion | None = None,
+    future: FutureMotion = None,
 ) -> Mapping[str, Any]:
     """Return the entry ``budget.model`` of summary.json: differences to a richer model, or the ``reason`` for none.
 
-    The richer model is reduced and simulated, and compared with the motion of a run's full model, `of_run`.  If this is
-    None, it is compared with the scene itself, which is reduced anew and simulated.  Collective.  If `cache` is None,
-    nothing is stored.
+    The richer model is reduced and simulated, unless `future` is its motion (`start_richer`), and compared with the
+    motion of a run's full model, `of_run`.  If this is None, it is compared with the scene itself, which is reduced
+    anew and simulated.  Collective.  If `cache` is None, nothing is stored.
     """
     if scene.computed_key is not None:
         return {"beside": None, "reason": ON_MACHINE}
     label = "richer model"
     try:
         of_scene, other, label = model_comparison(scene)
-        richer = ComparedScene(other, comm, cache)
-        richer_motion = richer.motion()
         if of_run is None:
             motion = ComparedScene(of_scene, comm, cache).motion()
         else:
             motion = call_on_first_rank(comm, partial(of_run.motion, scene))
+        richer_motion = ComparedScene(other, comm, cache, future).motion()  # last, as it takes longest
         return _model_budget(scene, motion, richer_motion, label, comm)
     except UNNEEDED as error:
         return _unknown_model_error(error, label)
 
 
 def measure_mesh(
-    scene: Scene, system: System, response: Response | None, comm: MPI.Comm, cache: Cache | None
+    scene: Scene,
+    system: System,
+    response: Response | None,
+    comm: MPI.Comm,
+    cache: Cache | None,
+    future: FutureMotion = None,
 ) -> dict[str, Any]:
     """Return entries ``mesh`` and ``mesh_reason`` of the budget: differences to the scene on another mesh; collective.
 
-    The other scene is reduced and simulated.  `system` and `response` belong to the scene itself; `response` is None on
-    other ranks than 0.  If `cache` is None, nothing is stored.
+    The other scene is reduced and simulated, unless `future` is its motion (`start_other_mesh`).  `system` and
+    `response` belong to the scene itself; `response` is None on other ranks than 0.  If `cache` is None, nothing is
+    stored.
     """
     if scene.computed_key is not None:
         return {"mesh_reason": ON_MACHINE}
@@ -241,7 +274,7 @@ def measure_mesh(
         """
         try:
             motion = call_on_first_rank(comm, lambda: Motion.compute(scene, system, response))
-            other_motion = ComparedScene(make(), comm, cache).motion()
+            other_motion = ComparedScene(make(), comm, cache, future).motion()
         except UNNEEDED as error:
             return _unknown_model_error(error, label)
         return _model_budget(scene, other_motion, motion, label, comm)

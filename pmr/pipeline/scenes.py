@@ -31,11 +31,13 @@ from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.walls import summary as summary_of_walls
 from pmr.pipeline.bodies import Bodies, Motions, Precomputed, stress_at_pads
 from pmr.pipeline.model_errors import (
+    FutureMotion,
     RunMotion,
     decide_models,
     measure_mesh,
     measure_model,
     reduce_scene,
+    start_other_mesh,
     start_richer,
     start_stresses,
 )
@@ -124,7 +126,7 @@ def run(
     with _keys_as_written(scene):
         check_installed(scene)
         chosen = decide_models(scene, comm, clock, cache)
-        scene, stresses, richer = chosen.scene, None, None
+        scene, stresses, of_mesh, richer = chosen.scene, None, None, None
         if helper is not None and measures is not None:
             stresses = start_stresses(scene, helper)
         with clock.stage("assemble"):
@@ -137,8 +139,10 @@ def run(
         bodies = Bodies(scene, built, clock, caches, shared)
         scene = bodies.scene  # with the chosen step
         measured = None if measures is None else cache_in(measures, next(iter(built.values())).model)
-        if helper is not None and measured is not None and chosen.budget_part is None:
-            richer = start_richer(bodies.written_scene, measured, helper)
+        if helper is not None and measured is not None:
+            of_mesh = start_other_mesh(bodies.written_scene, measured, helper)
+            if chosen.budget_part is None:
+                richer = start_richer(bodies.written_scene, measured, helper)
         with clock.stage("frequencies"):
             frequencies = bodies.frequencies()
         motions = bodies.simulate(None if checkpoint is None else Checkpoint(checkpoint))
@@ -148,7 +152,7 @@ def run(
         if keep is not None:
             call_on_first_rank(comm, lambda: outcome and keep(outcome))
         budget = {} if chosen.budget_part is None else {"model": chosen.budget_part}
-        budget |= _measure(bodies, motions, frequencies, budget, measured, (stresses, richer))
+        budget |= _measure(bodies, motions, frequencies, budget, measured, stresses, of_mesh, richer)
         if outcome is not None and budget:
             result, written = outcome.result, bodies.written_scene
             complete: dict[str, Any] = budget | result.summary.get("budget", {})
@@ -243,14 +247,16 @@ def _measure(
     frequencies: Frequencies,
     budget: Summary,
     cache: Cache | None,
-    helps: Sequence[Future[None] | None],
+    stresses: Future[None] | None,
+    other_mesh: FutureMotion,
+    richer: FutureMotion,
 ) -> Summary:
     """Measure the errors of a run's model and mesh, for ``budget`` of summary.json; collective.
 
     The model's error is measured if the scene asks for it, or if `budget` lacks it and `cache` is not None; the mesh's
     error if there is a cache and the scene has no tolerance or budget.  Where the model's error is known, the stress in
-    walls at pads stands beside it.  The cache keeps what takes longest.  `helps` are what `start_stresses` and
-    `start_richer` returned: futures of other processes, which are waited for, or None.
+    walls at pads stands beside it.  The cache keeps what takes longest.  `stresses`, `other_mesh` and `richer` are what
+    `start_stresses`, `start_other_mesh` and `start_richer` returned: futures of another process, or None.
     """
     comm, clock, scene = next(iter(bodies.built.values())).model.comm, bodies.clock, bodies.written_scene
     is_wanted, of_mesh, of_model = scene.compare.richer not in ("auto", "none"), dict[str, Any](), dict[str, Any]()
@@ -259,20 +265,20 @@ def _measure(
     with clock.stage("mesh and model"):
         if cache is not None and scene.goal is None:
             response = None if motions.reduced is None else motions.reduced.first.response
-            of_mesh = measure_mesh(scene, bodies.system, response, comm, cache)
-        wait(filter(None, helps[:1]))
+            of_mesh = measure_mesh(scene, bodies.system, response, comm, cache, other_mesh)
+        if stresses is not None:
+            wait([stresses])
         states = None
         if motions.reduced is not None:
             states = other_runs.states_under_load(bodies.scene, bodies.system, motions.reduced.first)
         walls = _stress_at_pads(bodies, motions, states)
         play = _play(bodies, motions, walls)
-        wait(filter(None, helps[1:]))  # last, as it takes longest
         if is_wanted or "model" not in budget:
             with_full = "full" in scene.compare.against and "full" not in motions.references.missing
             responses = {} if motions.reduced is None else motions.responses
             of_run = RunMotion(bodies.system, responses.get("reduced"), responses.get("full"), frequencies)
             cache = cache or next(iter(bodies.caches.values()), None)
-            of_model = {"model": measure_model(scene, comm, cache, of_run if with_full else None)}
+            of_model = {"model": measure_model(scene, comm, cache, of_run if with_full else None, richer)}
         model = {**budget, **of_model}.get("model", {})
         return {**of_mesh, "model": model | walls, **play}
 

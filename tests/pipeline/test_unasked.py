@@ -72,7 +72,18 @@ def test_a_run_measures_its_model_and_mesh_last_and_the_next_one_finds_both(tmp_
     monkeypatch.setattr(pipeline, "reduce_scene", lambda *_, **__: pytest.fail("what was measured is made again"))
     again = run(scene(), measures=tmp_path, helper=helper).result.summary["budget"]
     assert again["model"]["frequency"] == pytest.approx(first["model"]["frequency"], rel=1e-9)
-    assert helper.models == ["shell"]
+    assert helper.models == ["shell", "beam3d", "shell"]  # in the second run the motion on the other mesh, too
+
+
+@pytest.mark.parametrize("failed", [None, BrokenExecutor()])
+def test_a_motion_of_another_process_is_taken_unless_that_process_failed(failed, monkeypatch) -> None:
+    future, failing = Future(), Future()
+    future.set_result(motion := object())
+    failing.set_result(None) if failed is None else failing.set_exception(failed)
+    monkeypatch.setattr(pipeline.Motion, "compute", lambda *_: "computed here")
+    monkeypatch.setattr(pipeline.ComparedScene, "system", None)
+    taken = [pipeline.ComparedScene(scene(), MPI.COMM_SELF, None, each).motion() for each in (future, failing, None)]
+    assert taken == [motion, "computed here", "computed here"]
 
 
 @pytest.mark.slow
