@@ -144,13 +144,11 @@ class Stepper:
         chosen = [number_of(k, self.output_names, "outputs") for k in (every if outputs is None else outputs)]
         settings = Settings(step, rho_inf, *self._levels(parts, scene), energy=False)
         self._state = State(kernel, settings)
-        beyond = kernel.outputs - len(every)  # forces come after all outputs of the kernel
-        watchable = (*self.output_names, *(() if moving is None else moving.drivers))
-        numbers = {name: k if k < len(every) else k + beyond for k, name in enumerate(watchable)}
-        self._limits = LimitCheck(watched_limits(system, watchable), numbers)
-        watched = self._limits.structure if self._limits.limits else None
-        numbers_of_chosen = [k if k < len(every) else k + beyond for k in chosen]
-        self._bound = bound = BoundStep(self._state, numbers_of_chosen, watched)
+        #: names of all motions of a boom in a frame, in the order in which `step` takes them as an array
+        self.motion_names = () if moving is None else moving.drivers
+        numbers = {name: k for k, name in enumerate((*self.output_names, *self.motion_names))}
+        self._limits = LimitCheck(watched_limits(system, numbers), numbers)
+        self._bound = bound = BoundStep(self._state, chosen, self._limits.structure if self._limits.limits else None)
         names, of_frame = kernel.names("drivers"), None
         paths, loads = names[: kernel.paths], {name: names.index(name) for name in system.load_names}
         if moving is not None:
@@ -158,12 +156,9 @@ class Stepper:
             paths, of_frame = moving.paths, (*moving.angles, *moving.axes)
             loads = {name: len(paths) + k for k, name in enumerate(moving.loads)}
             self._ranges = {path: self._ranges[path] for path in paths}
-        undivided = settings.parts == (1,)
-        driven = paths, loads, of_frame
-        #: names of all motions of a boom in a frame, in the order in which `step` takes them as an array
-        self.motion_names = () if moving is None else moving.drivers
+        undivided, of_drivers = settings.parts == (1,), (paths, loads, of_frame)
         self._free = (*self._moved, *([LUFFING] if self._computed and not self._moved else ()))
-        self._drivers = Drivers(bound.motions, bound.rows, driven, self._ranges, step, not undivided, self._free)
+        self._drivers = Drivers(bound.motions, bound.rows, of_drivers, self._ranges, step, not undivided, self._free)
         self._drivers.take_paths(s)
         self._check_followers()
         if scene is not None and moving is None:
@@ -263,7 +258,7 @@ class Stepper:
         """Values (o,) of all `output_names` at present."""
         values, forces = self._state.outputs()
         behind = (self._state.hoist, self._state.computed, self._state.ground)
-        return np.concatenate([values[: len(self._system.output_names)], forces, *behind])
+        return np.concatenate([values, forces, *behind])
 
     @property
     def hoist(self) -> dict[str, float]:
