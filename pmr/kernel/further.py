@@ -280,7 +280,7 @@ def frame_arrays(frame: Frame | None, paths: Sequence[str]) -> Arrays:
     }
 
 
-def _quantity(quantity: tuple[str | int, ...], numbers: dict[str, int]) -> list[int]:
+def _quantity(quantity: Quantity, numbers: dict[str, int]) -> list[int]:
     """Return three numbers by which the kernel reads a quantity: that of its kind in `KINDS`, and two arguments.
 
     An argument that the kind does not need is 0.  `numbers` has the numbers of the motions that drive the frame, by

@@ -43,7 +43,7 @@ def solve_contact(A: Array, b: Array, pushes: Mask, closed: Mask) -> ContactForc
     A : (m, m) array, m/N
         Symmetric and positive definite.
     b : (m,) array, m
-        Displacements of the contacts beyond their clearances if there are no contact forces.
+        Displacements of the contacts beyond their clearances if there are no contact forces; finite numbers.
     pushes, closed : (m,) arrays
         Masks of the contacts that only push, and of those that are closed when the search begins.
 

@@ -55,7 +55,7 @@ RECORDED = 2**22
 
 
 class Steps(NamedTuple):
-    """T consecutive steps; the first one is the last step of the `Steps` before, or the start.
+    """Records of T steps; the first one is also the last one of the `Steps` before, or the start.
 
     The arrays are valid until the next steps are taken: copy what you keep.
     """
@@ -72,7 +72,7 @@ class Steps(NamedTuple):
     hoist: Array | None = None  # (T, 10): outputs of a hoist
 
     def at(self, rows: NDArray[np.int64] | slice) -> Steps:
-        """Return the steps that `rows` chooses: numbers (k,), counted from 0, or a slice."""
+        """Return the records that `rows` chooses: numbers (k,), counted from 0, or a slice, whose arrays are views."""
         return Steps._make(None if array is None else array[rows] for array in self)
 
 
@@ -276,7 +276,7 @@ class March:
         return step_failure(self._step_text(step), self.form, error, x)
 
     def _step_text(self, step: int) -> str:
-        """Text with number and time of a step, and the path coordinates."""
+        """Text with number and time of a step, and the path coordinates; the start has no number."""
         number = f"step {step}, " if step else ""
         return f"{number}t = {self.t[step]:g} s{path_text(tuple(self.excitation.paths), self.excitation.s[step])}"
 
@@ -375,10 +375,9 @@ def observe(
     """Simulate `form` from the excitation's start; record outputs and contact forces of each `every`-th step alone.
 
     `outputs` are ascending numbers among the outputs of all bodies, one body after the other; None records all.
-    `every` is at most the number of steps.  A long
-    simulation of a large body needs little memory, because no coordinates are stored.  The energy balance of `simulate`
-    is not checked: rigid rows that move may grow unnoticed with rho_inf near 1 (docs/time_integration.md).  Errors as
-    `pmr.simulation.SystemSimulator`.
+    `every` is at most the number of steps.  A long simulation of a large body needs little memory, because no
+    coordinates are stored.  The energy balance of `simulate` is not checked: rigid rows that move may grow unnoticed
+    with rho_inf near 1 (docs/time_integration.md).  Errors as `pmr.simulation.SystemSimulator`.
     """
     march, count = March(form, excitation), excitation.stepping.steps // every + 1
     y = np.empty((count, len(form.system.output_names if outputs is None else outputs)))

@@ -190,7 +190,7 @@ def _oils(scene: Scene) -> Iterator[tuple[str, str, Oil]]:
 
 
 def _stops(scene: Scene) -> Iterator[Limit]:
-    """Yield the limits of lengths in m at both stops of a cylinder that drives a free luffing angle or extension."""
+    """Yield two limits in m for each cylinder that drives a free luffing angle or extension: one for each stop."""
     strokes = [(scene.names[k], column_name(scene.names[k], "length"), "extension", of.stroke)
                for k, of in scene.free_extensions.items()]  # fmt: skip
     cylinder = None if scene.frame is None else scene.frame.cylinder
@@ -204,7 +204,7 @@ def _stops(scene: Scene) -> Iterator[Limit]:
 
 
 def _supplies(scene: Scene) -> Iterator[Limit]:
-    """Yield the limits in Pa of the pressures in chambers that a valve connects to a supply."""
+    """Yield a limit in Pa for the pressure of each chamber that a valve connects to a supply."""
     for cylinder, names, oil in _oils(scene):
         if oil.valve is None:
             continue
@@ -217,7 +217,7 @@ def _supplies(scene: Scene) -> Iterator[Limit]:
 
 
 def _ground(scene: Scene) -> Iterator[Limit]:
-    """Yield the limits of outriggers that lift off, in N, and of margins against tipping, in N m."""
+    """Yield a limit in N m for each margin against tipping, then one in N for each outrigger, which may lift off."""
     names, prefix = ground_outputs(scene), force_name("outrigger ")
     for name in names:
         if name.startswith(TIPPING_MARGIN):
@@ -230,7 +230,7 @@ def _ground(scene: Scene) -> Iterator[Limit]:
 
 
 def _displacements(scene: Scene, system: System) -> Iterator[Limit]:
-    """Yield the limits of displacements in m."""
+    """Yield a limit for each output in m: the share `SMALL` of the boom's greatest length, in both directions."""
     largest = SMALL * (length := greatest_length(system, scene))
     advice, watch = "the theory of small motions does not hold", Watch(once=True, seldom=True)
     for name, unit in zip(system.output_names, system.output_units, strict=True):
