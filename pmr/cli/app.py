@@ -51,7 +51,7 @@ def new(
         raise InputError("command line", "KIND", kind, allowed)
     if lexists(name):
         raise InputError("command line", "NAME", str(name), "the name of a folder that is not there yet is allowed")
-    console.prepare_folder(name)
+    console.prepare_folder(name, key="NAME")
     title = escape_controls(name.name).replace("\\", "").replace('"', "")
     scene = (TEMPLATES / f"{kind}.toml").read_text(encoding="utf-8").replace('title = "NAME"', f'title = "{title}"')
     (name / "scene.toml").write_text(f"#:schema {SCHEMA}\n{scene}", encoding="utf-8")

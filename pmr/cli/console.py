@@ -121,10 +121,10 @@ def report_failure_message(error: Exception, folder: Path) -> str:
     return f"the report can't be drawn ({reason}); the results themselves are in {folder}"
 
 
-def prepare_folder(folder: Path, ours: Sequence[str] = ()) -> None:
+def prepare_folder(folder: Path, ours: Sequence[str] = (), key: str = "--out") -> None:
     """Create `folder` if it does not exist, and check that results can be written into it.
 
-    Raises InputError in three cases:
+    `key` is the option or argument that names the folder, for messages.  Raises InputError in three cases:
 
     - the folder, or a file in it that matches one of the patterns `ours`, can't be written;
     - `ours` is not empty, and the folder is the root of the file system;
@@ -134,14 +134,14 @@ def prepare_folder(folder: Path, ours: Sequence[str] = ()) -> None:
     try:
         if ours and folder.resolve() == folder.resolve().parent:
             allowed = "a folder below the root of the file system is allowed"
-            raise InputError("command line", "--out", str(folder), allowed)
+            raise InputError("command line", key, str(folder), allowed)
         if "scene.json" in ours and not (folder / "scene.json").exists():
             wide = [pattern for pattern in ours if "*" in pattern]
             if other := next((file for pattern in wide for file in folder.glob(pattern)), None):
                 allowed = (
                     f"a folder without files of others is allowed: results would replace {other.relative_to(folder)}"
                 )
-                raise InputError("command line", "--out", str(folder), allowed)
+                raise InputError("command line", key, str(folder), allowed)
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
@@ -150,7 +150,7 @@ def prepare_folder(folder: Path, ours: Sequence[str] = ()) -> None:
                 ensure_ordinary(old)
     except OSError as error:
         allowed = f"a folder that can be written to is allowed ({error.strerror or error})"
-        raise InputError("command line", "--out", str(folder), allowed) from None
+        raise InputError("command line", key, str(folder), allowed) from None
 
 
 def check_output_file(file: Path, *read: Path) -> None:

@@ -63,7 +63,7 @@ def export(
 
         pmr export reports/boom_three/system.npz --to fmu --observer sensors.toml
     """
-    console.check_output_file(out_file, model) if out_file else console.prepare_folder(model.parent)
+    console.check_output_file(out_file, model) if out_file else console.prepare_folder(model.parent, key="FILE")
     finish_swap(model.parent)
     with err.status(Text(f"writing {escape_controls(to)}")):  # shown on a terminal only
         estimator = None if observer is None else read_unit_observer(observer, model)

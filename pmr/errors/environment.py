@@ -21,7 +21,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from importlib import metadata, util
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -127,7 +126,7 @@ def _source_folders(module: str) -> list[Path]:
     parts = module.split(".")
     for depth in range(1, len(parts) + 1):
         try:
-            spec = find_spec(".".join(parts[:depth]))
+            spec = util.find_spec(".".join(parts[:depth]))
         except (ImportError, ValueError):
             return []
         if spec is None:

@@ -137,10 +137,6 @@ class Machine(SceneTable):
         """Return the scale ``inertia`` in kg m^2: the machine's mass times the square of the boom's reach."""
         return {"inertia": self.mass * scales["reach"] ** 2}
 
-    def is_sprung(self, direction: str) -> bool:
-        """Whether a spring or a damper acts in a direction."""
-        return bool(getattr(self.stiffness, direction) or getattr(self.damping, direction))
-
 
 #: A full turn in rad: a larger angle is probably in degrees.
 TURN = 2.0 * np.pi

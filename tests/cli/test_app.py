@@ -143,6 +143,7 @@ BAD = [
     (["run", SIMPLE, "--set", "reduction.snapshots=51", "--set", "time.end=0.1"], "at most 50"),
     (["run", SIMPLE, "--set", "mesh.elements=2", "--set", "reduction.modes=10"], "6 free coordinates; ask for fewer"),
     (["run", SIMPLE, "--out", "pyproject.toml"], "a folder that can be written to"),
+    (["new", "boom", "pyproject.toml/x"], "NAME = 'pyproject.toml/x': a folder that can be written to is allowed"),
     (["run", SIMPLE, "--out", "/"], "--out = '/': a folder below the root of the file system is allowed"),
     (["chart", "crane", "--up-to", "1e4", "--out", "/"], "a folder below the root of the file system is allowed"),
     (["run", SIMPLE, "--set", f"time.end={'9' * 400}"], "integers of 64 bits are allowed"),
