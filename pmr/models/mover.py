@@ -73,7 +73,7 @@ class Mover:
         return np.array([0.0, self.body.length])
 
     def displacement(self, *places: str | float) -> sp.csr_matrix:
-        """Rows (p t, n) of the displacements of the mass, which are those of all p places, along its t `directions`.
+        """Rows (p t, n) of the displacements of p places along the t `directions`: for every place those of the mass.
 
         Raises the InputError of `centroid`.
         """

@@ -354,8 +354,8 @@ def add_faces(mesh: NamedMesh, faces: Mapping[str, FaceNormal]) -> NamedMesh:
     """Return the mesh with a further group for each of `faces`: the outermost facets that have its normal.
 
     Facets of a shell are its triangles, on either side, or, where no triangle has the normal, edges at its rim.  Facets
-    that share vertices belong together, as far as they have the normal; those parts are taken that reach as far out as
-    the farthest.  Raises an `InputError` if the mesh has a group of that name, or no facet with the normal.
+    with the normal that share vertices form a part; a group has all parts that reach as far out along the normal as the
+    farthest one.  Raises an `InputError` if the mesh has a group of that name, or no facet with the normal.
     """
     if not faces:
         return mesh

@@ -446,8 +446,8 @@ class RowPolynomials:
     def quadratic_form(self, R: Array) -> PPoly:
         """Table C(s) Q C(s)^T = b(s) R b(s)^T with values (m, m), of a symmetric matrix Q on the coordinates.
 
-        R = U Q U^T (K, K) has the values of Q between the carriers U.  On each interval, only the block (w, w) of R is
-        used that belongs to the carriers which the rows touch on this interval.
+        R = U Q U^T (K, K) has the values of Q between the carriers U.  On each interval, only its entries between the w
+        carriers are used that the rows touch there.
         """
         m, powers, k, w = self.coefficients.shape
         if not m:

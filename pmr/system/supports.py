@@ -117,7 +117,7 @@ def with_support_forces(modal: ReducedModel, X: Array, rows: tuple[int, ...], su
     """Return the body of `supports` in its modes, `modal`, with the forces on these supports as further outputs.
 
     The forces come after the body's own outputs.  The body's n coordinates are X z with the r modes X (n, r), and
-    `modal` has the `rows` with these numbers among those of the body.  Contributions of rates and terms are left out.
+    `rows` are the numbers of those of the body's rows that `modal` has.  Contributions of rates and terms are left out.
     `modal` is returned unchanged if there are no supports.
     """
     if not supports.names:
