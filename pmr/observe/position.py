@@ -256,11 +256,10 @@ class PositionObserver:
         gaps = np.diff(self.models.places)
         if len(gaps) < 2 or np.ptp(gaps) > 1e-6 * gaps.mean():
             raise InputError("observe", "places", len(gaps) + 1, "three places or more, evenly spaced, are allowed")
-        fastest = max(self.settings.speeds) * self.models.step / gaps.mean()
-        if fastest > 0.5 or min(self.settings.speeds) <= 0.0:
-            most = 0.5 * gaps.mean() / self.models.step
-            allowed = f"more than 0, at most {most:g} m/s, is allowed"
-            raise InputError("observe", "speeds", self.settings.speeds, allowed)
+        speeds, most = self.settings.speeds, 0.5 * gaps.mean() / self.models.step
+        if not speeds or not all(0.0 < speed <= most for speed in speeds):
+            allowed = f"one speed or more, above 0 and at most {most:g} m/s, is allowed"
+            raise InputError("observe", "speeds", speeds, allowed)
         if len(self.settings.mode_noise) != self.models.noise.shape[1]:
             allowed = f"one number for each of {self.models.noise.shape[1]} modes is allowed"
             raise InputError("observe", "mode_noise", self.settings.mode_noise, allowed)

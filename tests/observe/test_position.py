@@ -153,8 +153,8 @@ def test_wrong_input_is_refused() -> None:
         with pytest.raises(InputError, match="observe"):
             place_models(space, *arguments)
     silent = PositionSettings(mode_noise=(1.0, 1.0), noise=SlidingNoise(rest=0.0))
-    fast = PositionSettings(mode_noise=(1.0, 1.0), speeds=(100.0,))
-    for settings in (PositionSettings(mode_noise=(1.0,)), fast, silent):
+    at_speeds = [PositionSettings(mode_noise=(1.0, 1.0), speeds=speeds) for speeds in ((100.0,), (), (np.nan,))]
+    for settings in (PositionSettings(mode_noise=(1.0,)), *at_speeds, silent):
         with pytest.raises(InputError, match="observe"):
             PositionObserver(models, settings)
     with pytest.raises(InputError, match="acceleration"):

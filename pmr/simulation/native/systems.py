@@ -71,8 +71,8 @@ class Steps(NamedTuple):
     friction: Array | None = None  # (T, n) N: of the pads that rub
     hoist: Array | None = None  # (T, 10): outputs of a hoist
 
-    def at(self, rows: NDArray[np.int64] | slice) -> Steps:
-        """Return the records that `rows` chooses: numbers (k,), counted from 0, or a slice, whose arrays are views."""
+    def at(self, rows: slice) -> Steps:
+        """Return the records in the slice `rows`; the arrays are views."""
         return Steps._make(None if array is None else array[rows] for array in self)
 
 
