@@ -269,8 +269,13 @@ class Friction:
 
     @classmethod
     def from_contacts(cls, contacts: Sequence[Contact]) -> Friction | None:
-        """Friction of a system's contacts; None if no contact has friction."""
-        numbers = {contact.name: k for k, contact in enumerate(contacts)}
+        """Friction of a system's contacts; None if no contact has friction.
+
+        The cylinder of a joint is the contact of the kind ``cylinder`` whose inner place is on the section that slides,
+        or else the contact that `pmr.scene.keys.cylinder_name` names.
+        """
+        driving = {contact.inner.body: k for k, contact in enumerate(contacts) if contact.kind == "cylinder"}
+        numbers = {contact.name: k for k, contact in enumerate(contacts)}  # in files of earlier versions all are pads
         joints = tuple(dict.fromkeys(contact.inner.body for contact in contacts if contact.friction))
         pads_of_joints = [
             [k for k, contact in enumerate(contacts) if contact.friction and contact.inner.body == name]
@@ -279,7 +284,7 @@ class Friction:
         if not joints:
             return None
         pads = [k for of_joint in pads_of_joints for k in of_joint]
-        cylinders = [numbers.get(cylinder_name(name), -1) for name in joints]
+        cylinders = [driving.get(name, numbers.get(cylinder_name(name), -1)) for name in joints]
         return cls(
             joints,
             np.array(pads, np.int64),

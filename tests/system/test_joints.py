@@ -11,6 +11,7 @@ from pmr import scene as scenes
 from pmr.compare.simulated import excitation_of_scene
 from pmr.scene.built import PadPlaces
 from pmr.scene.joints import JointPads, RingFriction
+from pmr.scene.keys import cylinder_name
 from pmr.simulation import Excitation
 from pmr.simulation.native import systems
 from pmr.system.contacts import Contact, Friction, Place, pad_at_mouth, pad_at_tail
@@ -43,6 +44,19 @@ def test_every_key_of_friction_changes_the_law_that_the_kernel_gets(key: str) ->
     laws = [Friction.from_contacts([replace(TAIL, **pads.model_dump(include=FRICTION))]) for pads in (ring, changed)]
     numbers = [(law.laws.tolist(), law.stiffness.tolist()) for law in laws if law is not None]
     assert len(numbers) == 2 and numbers[0] != numbers[1]
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "number"),
+    [("drive", "cylinder", 1), (cylinder_name("fly"), "pad", 1), ("drive", "pad", -1)],
+)
+def test_friction_loads_the_cylinder_of_its_joint_by_its_kind_or_its_name(name: str, kind: str, number: int) -> None:
+    """A contact that is made by hand may have any name; files of earlier versions have no kinds."""
+    pad = Contact("pad", Place("fly", "top"), Place("base", "top", path="fly"), friction=0.2)
+    drive = Contact(name, Place("fly", "tail x"), Place("base", "tail x"), compliance=1e-8, kind=kind)
+    friction = Friction.from_contacts([pad, drive])
+    assert friction is not None and friction.cylinders.tolist() == [number]
+    assert friction.cylinder_forces(np.array([30.0])).tolist() == [0.0, 30.0 if number > 0 else 0.0]
 
 
 CRANE = plain_machines.CRANE
