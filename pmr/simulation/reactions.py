@@ -219,14 +219,6 @@ def with_forces_at_pivot(scene: Scene, response: Response) -> Response:
     return with_force_of_pin(scene, with_luffing_cylinder(scene, with_pivot_force(scene, response)))
 
 
-def with_forces_on_machine(scene: Scene, response: Response) -> Response:
-    """Return the response with the forces at the pivot (`with_forces_at_pivot`) and with the forces on the ground.
-
-    A scene without a ground gets no forces on the ground.
-    """
-    return with_ground_forces(scene, with_forces_at_pivot(scene, response))
-
-
 def outputs_of_ground(scene: Scene) -> tuple[Output, ...]:
     """Return name, kind and unit of each of the `Stand.columns`, in order, of a scene with a ground."""
     units = ground_outputs(scene)
@@ -270,12 +262,14 @@ def _winch_wrench(scene: Scene, response: Response) -> Array:
     return np.hstack([pull, np.cross(place, pull)])
 
 
-def with_ground_forces(scene: Scene, response: Response) -> Response:
-    """Return the response with forces on the ground and on outriggers, and with margins against tipping.
+def with_forces_on_machine(scene: Scene, response: Response) -> Response:
+    """Return the response with the forces at the pivot (`with_forces_at_pivot`), and on the ground and its outriggers.
 
-    A planar boom has no force along y and no moments about x and z at the pivot: they count as 0.  The response is
-    unchanged without a ground, or if force and moment at the pivot are not known.
+    Margins against tipping are added, too.  A planar boom has no force along y and no moments about x and z at the
+    pivot: they count as 0.  Without a ground, or if force and moment at the pivot are not known, forces on the ground
+    and margins are left out.
     """
+    response = with_forces_at_pivot(scene, response)
     if scene.frame is None or scene.frame.ground is None:
         return response
     columns = {axis: reaction_name(f"{AT_PIVOT} {axis}") for axis in DIRECTIONS}

@@ -310,9 +310,7 @@ class Integrator:
                 grip = self._terms.slide(state.grip, rubbed, c, self._factors.h, multipliers, self.constraint.matrix)
                 new = self._terms.pad_friction(self.constraint.rows, multipliers, grip)
                 new_w = self._terms.forces(self._q_gain * b, ahead.v + self._v_gain * (b - scaled), c) + new.force
-                if not (
-                    self._terms.has_converged(w, new_w, times, new) and self._terms.gaps_have_converged(rubbed, new)
-                ):
+                if not self._terms.have_converged(w, rubbed, new_w, new, times):
                     w, rubbed = self._terms.extrapolate(w, rubbed, new_w, new)
                     continue
                 w, rubbed = new_w, new

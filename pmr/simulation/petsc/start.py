@@ -154,24 +154,20 @@ class Terms:
         sums = self._comm.bcast(following[size:])
         return following[:size], replace(new, sums=sums, gap=self._friction.compressions_by_totals(sums))
 
-    def gaps_have_converged(self, old: PadFriction, new: PadFriction) -> bool:
-        """Whether the gaps by friction no longer change from `old` to `new`, the last two iterations."""
-        self._widest = max(self._widest, float(np.abs(new.gap).max(initial=0.0)))
-        return bool(np.abs(new.gap - old.gap).max(initial=0.0) <= CONVERGED * self._widest)
+    def have_converged(self, w: Array, old: PadFriction, new_w: Array, new: PadFriction, times: int) -> bool:
+        """Whether forces and gaps no longer change in the last of `times` iterations of a step; collective.
 
-    def has_converged(self, old: Array, new: Array, times: int, rubbed: PadFriction) -> bool:
-        """Whether forces no longer change from `old` to `new` (n_local,), after `times` iterations; collective.
-
-        The change is compared with the largest forces so far, friction of pads at their limits included.  `rubbed` is
-        the friction of the last iteration.  Raises SimulationError if the forces diverge, or have not
-        converged after `LIMIT` iterations.
+        The iteration is as in `extrapolate`.  Changes are compared with the largest forces so far, friction of pads at
+        their limits included, and with the widest gap so far.  Raises SimulationError if the forces diverge, or if
+        forces or gaps have not converged after `LIMIT` iterations.
         """
-        sums = self._comm.allreduce(np.array([np.sum((new - old) ** 2), np.sum(new**2), rubbed.at_limits]), MPI.SUM)
+        sums = self._comm.allreduce(np.array([np.sum((new_w - w) ** 2), np.sum(new_w**2), new.at_limits]), MPI.SUM)
         change, size, at_limits = (float(np.sqrt(total)) for total in sums)
-        largest = max(self._largest, size, at_limits)
-        if not change > (ACCEPTED if times >= LIMIT else CONVERGED) * largest:
-            self._largest = largest
-            return True
+        largest, share = max(self._largest, size, at_limits), ACCEPTED if times >= LIMIT else CONVERGED
+        if not change > share * largest:
+            self._largest, self._widest = largest, max(self._widest, float(np.abs(new.gap).max(initial=0.0)))
+            if np.abs(new.gap - old.gap).max(initial=0.0) <= share * self._widest:
+                return True
         if times == 1:
             self._first = size
         if times >= LIMIT or change > DIVERGED * max(self._largest, self._first) > 0.0:

@@ -15,6 +15,7 @@ from pmr.scene.signals import Constant, Sine
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.native import systems
 from pmr.simulation.petsc import Checkpoint, observe, static_start
+from pmr.simulation.petsc.start import LIMIT, PadFriction, Terms
 from pmr.system.terms import Term
 
 
@@ -95,3 +96,12 @@ def test_terms_beyond_buckling_do_not_converge_in_silence() -> None:
     given = replace(driven(system), terms=terms)
     with pytest.raises(SimulationError, match="forces of .* do not converge|not finite|grows"):
         observe(spread, given)
+
+
+def test_gaps_that_go_on_changing_end_a_step_as_forces_do() -> None:
+    """Else a step whose forces have settled would never end."""
+    terms, w = Terms(varying(Nested(2, elements=4))[1]), np.ones(5)
+    old, new = (PadFriction(0.0, np.zeros(0), np.full(2, gap)) for gap in (0.0, 1e-3))
+    assert terms.have_converged(w, new, w, new, LIMIT) and not terms.have_converged(w, old, w, new, 2)
+    with pytest.raises(SimulationError, match="do not converge"):
+        terms.have_converged(w, old, w, new, LIMIT)
