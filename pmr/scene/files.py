@@ -195,6 +195,10 @@ def unused_body_keys(member: Member) -> Iterator[UnusedKey]:
         yield UnusedKey("mesh.groups", "mesh.file", "only a mesh that is read gets further groups")
     if member.part.body.profile is not None:
         yield UnusedKey("body.material", "body.profile", "a profile holds stiffness and mass itself")
+    for k, support in enumerate(member.part.supports):
+        why = "forces of a support that holds all points are not computed"
+        keys = ("allowed_force", "lug_spacing") if support.points == "all" else ()
+        yield from (UnusedKey(f"supports.{k}.{key}", "", why) for key in keys)
     if not member.part.reduction.uses_pod:
         why = f"basis = {member.part.reduction.basis!r} has no eigenmodes at several positions"
         yield from (UnusedKey(key, "reduction.basis", why) for key in POOLED)

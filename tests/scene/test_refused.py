@@ -177,6 +177,8 @@ REFUSED = {
         ("body.box.wall={top=-1}", "wall.top = -1: input should be greater than 0"),
         ("mesh.size=0.1", "--set: mesh.size: leave it out: it has no effect on beam3d"),
         ("mesh.cells=tetrahedra", "--set: mesh.cells: leave it out"),
+        (("supports.0.points=all", "supports.0.allowed_force=1e4"),
+         "--set: supports.0.allowed_force: leave it out: forces of a support that holds all points are not computed"),
         ("body.shear_correction=1.0", "--set: body.shear_correction: leave it out"),
         ("reduction.snapshots=3", "--set: reduction.snapshots: leave it out: basis = 'free_modes' has no eigenmodes"),
         ("compare.ancf_elements=5", "--set: compare.ancf_elements: leave it out"),
