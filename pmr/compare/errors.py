@@ -80,10 +80,10 @@ def relative_error(signal: Array, reference: Array) -> float:
     """RMS of the difference divided by the RMS of the reference, the mean of all components that move; a fraction.
 
     The result is e_NRMS of the module's docstring; it may exceed 1.  Signal and reference have the shape (T,) or
-    (T, M): T times, M components.  If squares of the values would leave the range of double precision,
-    both are divided by the largest absolute value of the reference first.  If the reference is zero throughout, the
-    error is 0 if the signal is zero too, and 1 otherwise.  Raises ValueError if the shapes differ; SimulationError if a
-    value is not finite.
+    (T, M): T times, M components.  If squares of the values would leave the range of double precision, both are divided
+    by the largest absolute value of the reference first.  If the reference is zero throughout, the error is 0 if the
+    signal is zero too, and 1 otherwise.  Raises ValueError if the shapes differ; SimulationError if a value is not
+    finite.
     """
     if signal.shape != reference.shape:
         raise ValueError(f"shapes {signal.shape} and {reference.shape} differ")

@@ -328,7 +328,7 @@ class _EnergyBalance:
             self.drives -= by_motion + np.diff(c) / 2.0 * row_products(step_means(q), step_means(G))
 
     def _add_shortening(self, frame_term: FrameTerm, c: Array, bent: Array, rate: Array) -> None:
-        """Add to the moments the displacement of a section along its axis, as it bends or its cylinder leans, in place.
+        """Add to the moments, in place, how far a section moves along its axis as it bends or its cylinder leans.
 
         `bent` and `rate` (T,) are q^T G q / 2 and its rate, with the matrix G of the term and its amplitude c (T,).
         The work of a cylinder's extension against the force of the term is subtracted from the work of drives.

@@ -219,8 +219,8 @@ class VariedPlay:
         ``gap`` in m is the play of the other run.  Each of ``rows`` has as ``quantity`` a key of
         `pmr.results.quantities.QUANTITIES`, the ``name`` of a part or a direction, the largest ``value`` in the scene's
         run, and as ``varied`` that in the other run.  Values have the unit of their quantity; those that are round-off
-        in one of both runs have no row.  `walls` of the scene's
-        run, and `varied_walls` of the other one, may have ``wall_stress``, the largest stress in walls at pads.
+        in one of both runs have no row.  `walls` of the scene's run, and `varied_walls` of the other one, may have
+        ``wall_stress``, the largest stress in walls at pads.
         """
         value, varied = largest_sizes(scene, response), largest_sizes(scene, self.simulation.response)
         for sizes, entries in ((value, walls), (varied, varied_walls)):

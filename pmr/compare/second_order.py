@@ -232,9 +232,8 @@ def axial_part(scene: Scene, system: System, excitation: Excitation, masses: Map
 def axial_forces(member: Member, body: SlidingBody, mass: float) -> Iterator[AxialForce]:
     """Yield the axial force per unit of each load along the axis of a body, and that of the weight.
 
-    The weight is that of the body with what is attached to it.  In a moving frame, a run's second-order terms include
-    loads at the tip and the weight already, so these are left out.  `mass` in kg is that of the body
-    without what is attached to it.
+    The weight is that of the body with what is attached to it; `mass` in kg is that of the body alone.  In a moving
+    frame, a run's second-order terms include loads at the tip and the weight already, so these are left out.
     """
     part, tip = member.part, float(np.max(body.output_positions, initial=0.0))
 

@@ -185,9 +185,10 @@ def with_models_of(scene: Scene, models: System | ReducedModel | Mapping[str, Re
 def check_same_scene(model: System | ReducedModel, scene: Scene, number: int | None = None) -> None:
     """Raise an InputError, with the first key that differs and its old value, if a model is from another scene.
 
-    Compared are bodies, supports, pads, joints, damping, observed outputs, and positions and directions of loads: those
-    of the whole scene or, if `number` is not None, of the section with this number alone.  Keys that are missing in the
-    file of an older model are not compared.
+    Compared are bodies, supports, pads, joints, damping, observed outputs, positions and directions of loads, and the
+    content of files: those of the whole scene or, if `number` is not None, of the section with this number alone.  The
+    direction of gravity is compared if both scenes have gravity, and pivot, luffing cylinder and hoist if `model` is a
+    system.  Keys that are missing in the file of an older model, and keys of `FREE`, are not compared.
     """
     recorded_scene = model.provenance.get("scene")
     if not isinstance(recorded_scene, Mapping):

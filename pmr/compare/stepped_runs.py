@@ -239,8 +239,7 @@ class Runs:
         """Simulate the next run, and return its sample at the times of comparison.
 
         The first run has the given step, each further run half the step of the one before.  If a run fails, the next
-        one has the same step again.
-        Raises InputError or SimulationError as for `pmr.simulation.SystemSimulator`.
+        one has the same step again.  Raises InputError or SimulationError as for `pmr.simulation.SystemSimulator`.
         """
         self.halved += 1
         try:

@@ -603,7 +603,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         Quantity("buckling", "buckling factors", "1", "boom", (), "buckling factor", "least"),
     )
 }  # fmt: skip
-#: Quantities by their units, in one word.
+#: One word for the quantity that has a unit, by the unit.
 UNIT_QUANTITIES = {
     "m": "length", "N": "force", "N m": "moment", "Pa": "pressure", "K": "temperature", "m^3/s": "flow", "W": "power",
     "rad": "angle", "1": "share",

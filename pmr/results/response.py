@@ -44,7 +44,7 @@ class Output:
 
     @property
     def is_force(self) -> bool:
-        """Whether the column is the force of a contact or of an elastic support; reactions of rigid ones are not."""
+        """Whether the column is the force of a contact or elastic support; reactions of rigid supports do not count."""
         return self.kind in FORCES
 
     @property
@@ -253,9 +253,10 @@ class Response:
         raise IndexError(number)
 
     def other(self, name: str) -> Array:
-        """Return the history (T,) of the output called `name` among `others`; raises ValueError if it has no such."""
-        assert self.others is not None
-        return self.others[:, self.other_names.index(name)]
+        """Return the history (T,) of the output called `name` among `others`; raises ValueError if there is none."""
+        number = self.other_names.index(name)
+        assert self.others is not None  # as it has names
+        return self.others[:, number]
 
     def force(self, name: str) -> Array:
         """Return the force (T,) in N called `name`, such as ``force of cylinder of fly``; NaN (T,) if there is none.
