@@ -187,6 +187,7 @@ def hoist_outputs(system: BodySystem[Any]) -> list[Output]:
     return [Output(name, KINDS[name], section, unit=unit) for name, unit in OUTPUTS.items()]
 
 
+#: Kind of the outputs of a machine that moves by itself, and beginning of their names.
 MACHINE = "machine"
 
 

@@ -261,11 +261,6 @@ def tip_names(boom: Scene) -> set[str]:
     return {qualified_name(section, last.observe.tip_along(direction)) for direction in "yz"}
 
 
-def section_columns(section: str, response: Response) -> list[int]:
-    """Numbers, from 0, of the columns of a response that are displacements of a section, its tip included."""
-    return [k for k, output in enumerate(response.outputs) if output.body == section and output.kind in ("beam", "tip")]
-
-
 #: Largest number of values of a run that are kept in memory; for larger runs only outputs are kept.
 MOST_RECORDED = 20_000_000
 

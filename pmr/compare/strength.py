@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pmr.compare.evaluation import MACHINE
 from pmr.compare.responses import march_once
 from pmr.compare.simulated import excitation_of_scene
 from pmr.errors import InputError, SimulationError
@@ -32,7 +33,7 @@ from pmr.system.system import System
 RESULTANT = "resultant"
 KINDS = ("pad", "support", "reaction", RESULTANT, "cylinder", "outrigger", "tipping")
 #: Beginnings of names of forces on the machine.
-ON_MACHINE = tuple(reaction_name(f"{place} ") for place in (AT_PIVOT, AT_GROUND, "machine"))
+ON_MACHINE = tuple(reaction_name(f"{place} ") for place in (AT_PIVOT, AT_GROUND, MACHINE))
 
 
 def dynamic_factors_part(scene: Scene, system: System | SystemForm, response: Response) -> SummaryPart:

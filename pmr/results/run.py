@@ -296,7 +296,8 @@ class RunResult:
     @property
     def columns(self) -> dict[str, list[str]]:
         """Names of the columns, with units in brackets, of each array of trajectories.npz, by the array's name."""
-        column_names = {"loads": _with_units(self.loads.names, self.loads.units)}
+        loads = zip(self.loads.names, self.loads.units, strict=True)
+        column_names = {"loads": [f"{name} [{unit}]" for name, unit in loads]}
         if self.reach is None:
             for name in _MODELS:
                 count = self.frequencies.models.get(name, np.empty((0, 0))).shape[1]
@@ -380,11 +381,6 @@ class RunResult:
             frequency_response=response,
             tip_error=data.get("estimate.tip"),
         )
-
-
-def _with_units(names: Iterable[str], units: Iterable[str]) -> list[str]:
-    """Return each of `names` followed by its unit of `units` in brackets."""
-    return [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
 
 
 def _array_prefix(body: str) -> str:
