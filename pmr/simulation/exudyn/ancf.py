@@ -238,9 +238,8 @@ class CableItems:
     nNodes: list[exu.NodeIndex]  # of NodePoint2DSlope1, from x = 0 on
     oElements: list[exu.ObjectIndex]  # of ObjectANCFCable2D
     oHold: exu.ObjectIndex  # an ObjectConnectorCoordinate that holds the slider along x; its offset is s(t) - s(0) in m
-    oJoint: (
-        exu.ObjectIndex
-    )  # an ObjectJointSliding2D; the second component of its Force is the multiplier normal to the cable
+    # an ObjectJointSliding2D; the second component of its Force is the multiplier normal to the cable
+    oJoint: exu.ObjectIndex
 
 
 def add_sliding_cable(mbs: exu.MainSystem, cable: Cable, s: float) -> CableItems:

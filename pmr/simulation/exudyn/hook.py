@@ -45,9 +45,8 @@ class Hook:
     nHook: exu.NodeIndex  # NodePoint
     oHook: exu.ObjectIndex  # ObjectMassPoint on it
     mHook: exu.MarkerIndex  # MarkerNodePosition
-    oJoint: (
-        exu.ObjectIndex
-    )  # ObjectConnectorCoordinateVector that joins it to the boom; its Force is that on the boom, in its axes
+    # ObjectConnectorCoordinateVector that joins it to the boom; its Force is that on the boom, in the boom's axes
+    oJoint: exu.ObjectIndex
 
 
 def add_hook(mbs: exu.MainSystem, items: SystemItems, loads: tuple[str, str, str], mass: float) -> Hook:

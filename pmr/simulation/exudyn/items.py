@@ -69,9 +69,8 @@ class SystemItems:
     # ObjectConnectorCoordinateVector of the `contacts`; its output variable Force is their force in N; None without
     # such contacts
     oContacts: exu.ObjectIndex | None = None
-    oBase: exu.ObjectIndex | None = (
-        None  # ObjectGenericODE2 that couples the boom with a rigid body; None for a boom on the ground
-    )
+    # ObjectGenericODE2 that couples the boom with a rigid body; None for a boom on the ground
+    oBase: exu.ObjectIndex | None = None
     contacts: tuple[int, ...] = ()  # numbers of the system's contacts that oContacts holds, in its order
     # sets rows and loads to the time t in s; the mbs' pre-step function calls it
     update: PreStep = _do_nothing

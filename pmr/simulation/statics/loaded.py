@@ -154,9 +154,8 @@ class UnstressedFlexibility(NamedTuple):
     """Flexibility A = L L^T (n, n) of a structure without geometric stiffness, and related matrices."""
 
     root: Array  # L (n, r)
-    G: tuple[
-        Array, Array
-    ]  # L^T G_0 L and L^T G_1 L (r, r): geometric stiffness of the fixed loads, of a unit of the load
+    # L^T G_0 L and L^T G_1 L (r, r): geometric stiffness of the fixed loads, of a unit of the load
+    G: tuple[Array, Array]
     contact_forces: Array  # (closed contacts, n): by unit forces on coordinates
 
 
