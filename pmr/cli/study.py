@@ -104,7 +104,7 @@ def study(
         except Exception as error:  # any error of the report; the tables are stored
             err.text(f"pmr: {console.report_failure_message(error, folder)}")
             raise typer.Exit(1) from None
-    earlier = "" if outcome.computed else ", all of them earlier"
+    earlier = "" if outcome.computed or not outcome.done else ", all of them earlier"
     out.text(f"{outcome.done} of {len(chosen.runs)} runs are done{earlier}")
     if not only:
         _print_results(chosen, outcome)

@@ -37,7 +37,6 @@ from pmr.report.subject import (
     crossing,
     direction_words,
     elevation,
-    even_stress_clause,
     has_free_luffing,
     has_pushing_pads,
     is_alone,
@@ -259,7 +258,11 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
             upper = (shell["value"] * (1.0 + (by_pads or 0.0)) + shell["error"]) / allowed
             text += f", {format_percent(upper)} with "
             text += "known errors" if by_pads is not None else "the error by the mesh of the walls alone"
-    text += f"\n{wall_place_clause(result, shell)}{even_stress_clause(shell)}{play_clause(result, 'wall_stress')}"
+    text += f"\n{wall_place_clause(result, shell)}"
+    if "even" in shell:  # which files of earlier versions lack
+        error = format_quantity(shell["even_error"], "Pa", 2)
+        text += f"; {format_quantity(shell['even'], 'Pa')} ± {error} if pads press evenly"
+    text += play_clause(result, "wall_stress")
     text += f"; {WALL_STRESS_PARTS}{'; ± is by the mesh of the walls' if 'error' in shell else ''}"
     return largest_value("wall_stress", f"{text}{_missing_clause(result.summary)}", share)._replace(upper=upper)
 

@@ -25,17 +25,15 @@ from pmr.report.numbers import (
 )
 from pmr.report.subject import (
     crossing,
-    even_stress_clause,
     is_alone,
     moving_part,
     reduced_size,
     scope_words,
-    wall_stress_words,
 )
 from pmr.report.subject import reach as reach_of
 from pmr.results import RunResult
 from pmr.results.field_stress import PeakSummary
-from pmr.results.quantities import QUANTITIES, stress_name, wall_stress
+from pmr.results.quantities import QUANTITIES
 from pmr.results.response import Extreme, Extremes
 
 #: Largest number of further points with the largest stress that are named; if there are more, only their number is
@@ -44,30 +42,17 @@ MOST_PLACES = 2
 
 
 def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
-    """Yield the key numbers of a run: largest stress, worst damage, errors, time of the simulation, and coordinates.
+    """Yield the key numbers of a run: errors, time of the simulation, and coordinates.
 
     Numbers that are not known are left out.
     """
-    summary = result.summary
-    peak = summary.get("max_von_mises", {})
-    if "reduced" in peak:
-        full = f"full model {format_quantity(peak['full'], 'Pa')}" if "full" in peak else ""
-        stress_text, name = format_quantity(peak["reduced"], "Pa"), stress_name(result.scene)
-        if (walls := wall_stress(summary)) is not None:
-            note = f"{wall_stress_words(walls)}{even_stress_clause(walls)}; of the beams {stress_text}"
-            yield KeyNumber(format_quantity(walls["value"], "Pa"), QUANTITIES["wall_stress"].reported, note)
-        else:
-            yield KeyNumber(stress_text, name, full)
-    if damages := summary.get("fatigue"):
-        worst = damages[0]
-        yield KeyNumber(significant(worst["damage"]), QUANTITIES["damage"].reported, f"of one run, {worst['name']}")
-    totals = trust.summed_errors(summary)
+    totals = trust.summed_errors(result.summary)
     if totals.by_label:
         yield _total_error(totals)
     else:
         yield from _error_key_numbers(result)
     yield from _simulation_time(result)
-    coordinates, reduced = summary.get("coordinates", {}), reduced_size(result)
+    coordinates, reduced = result.summary.get("coordinates", {}), reduced_size(result)
     full = coordinates.get("full")
     fewer = "" if full is None else format_percent(1.0 - reduced / full, 2 if reduced > 0.005 * full else 4)
     arrow = f"{reduced}" if full is None else f"{format_input(full)}{SPACE}→{SPACE}{reduced}"

@@ -81,17 +81,6 @@ def wall_stress_words(walls: Summary) -> str:
     return f"{value} ± {format_quantity(walls['error'], 'Pa', 2)}" if "error" in walls else f"at least {value}"
 
 
-def even_stress_clause(walls: Summary) -> str:
-    """Clause on the largest stress in walls if pads press evenly, which may be at other pads, and its error bar.
-
-    It is empty for files of earlier versions, which lack this stress.
-    """
-    if "even" not in walls:
-        return ""
-    error = format_quantity(walls["even_error"], "Pa", 2)
-    return f"; {format_quantity(walls['even'], 'Pa')} ± {error} if pads press evenly"
-
-
 def direction_words(result: RunResult, direction: str) -> str:
     """Words for a direction across the axis; z is vertical unless a boom is raised or in a frame."""
     raised = result.frame is not None or is_raised(result)

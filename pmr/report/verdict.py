@@ -34,8 +34,8 @@ def verdict(result: RunResult) -> Verdict:
     limited = [row for row in rows if row.share is not None]
     above = [row for row in limited if (row.share or 0.0) > 1.0]
     if above:
-        text = f"{len(above)} of {len(limited)} limits {'is' if len(above) == 1 else 'are'} exceeded. "
-        text += " ".join(f"{_in_brief(row)}." for row in above)
+        text = f"{len(above)} of {len(limited)} limits {'is' if len(above) == 1 else 'are'} exceeded."
+        text += "".join(f" {said[:1].upper()}{said[1:]}." for said in map(_in_brief, above))
     elif limited:
         text = f"All {len(limited)} limits are kept. Closest: " if len(limited) > 1 else "The only limit is kept: "
         text += f"{_in_brief(limited[0])}."
@@ -68,7 +68,7 @@ def _unchecked(result: RunResult, rows: Sequence[LargestValue]) -> Iterator[str]
     if result.frame is not None and "ground" not in result.summary:
         effects.append("tipping")
     if any(effects):
-        yield f"Not checked: {', '.join(filter(None, effects))}. More is in the table of what is not in these figures."
+        yield f"Not checked: {', '.join(filter(None, effects))}."
 
 
 def run_sentence(result: RunResult) -> str:

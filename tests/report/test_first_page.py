@@ -124,7 +124,7 @@ def test_the_pad_nearest_to_yielding_walls_stands_first_and_warns(result: RunRes
     assert "walls of fly 2 begin to yield" in text
     figure, place = text.partition("; ")[0].split("\n")
     said = verdict(pressed)
-    assert said.text == f"1 of 1 limits is exceeded. {name}, {figure}; {place}."
+    assert said.text == f"1 of 1 limits is exceeded. {name.capitalize()}, {figure}; {place}."
     assert said.is_exceeded and not verdict(boom).is_exceeded
 
 
@@ -159,7 +159,6 @@ def test_what_a_chief_looks_for_besides_has_a_row(make_space: MakeSpace) -> None
     text = rows(components, LARGEST)["dynamic factors"]
     assert text.startswith(f"pin of base along x 1.20 (50.0{SPACE}kN at rest){luffing}\n")
     assert carries["largest damage by fatigue"].startswith("0.0200 (failure at 1)\nroot")
-    assert "largest damage by fatigue" in [number.label for number in key_numbers(result)]
 
 
 def test_no_figure_is_round_off(result: RunResult) -> None:
@@ -319,7 +318,7 @@ def test_only_a_given_angle_beyond_the_stroke_makes_a_length_more_than_is_allowe
     assert carries[name] == f"1.2 to 1.95{SPACE}m; its stroke is 1 to 2{SPACE}m" and "stroke" not in carries[FORCE]
     assert not verdict(within).is_exceeded and next(iter(carries)) != name
     expected = f"{name}, 1.2 to 2.05{SPACE}m; its stroke is 1 to 2{SPACE}m, and the given angles need 5.00{SPACE}% more"
-    assert verdict(beyond).text == f"1 of 1 limits is exceeded. {expected}."
+    assert verdict(beyond).text == f"1 of 1 limits is exceeded. {expected.capitalize()}."
     free = page(2.0003, luffing="free", luffing_start=0.3, cylinder={"force": 5e4})
     response = free.responses["reduced"]
     response = response.with_others(0.3 + 0.0 * response.t[:, None], [Output(LUFFING_ANGLE, "machine", "", unit="rad")])
@@ -362,7 +361,7 @@ def test_shares_of_forces_that_cylinder_and_pin_bear_stand_first(
     allowed = f"; allowed: 100{SPACE}kN of push, 200{SPACE}kN of pull, less than "
     assert second[1].endswith(f"{allowed}{1e-6 * euler:.2f}{SPACE}MN, which buckles the rod at 2.00{SPACE}m")
     said = verdict(page)
-    assert said.text.startswith("1 of 2 limits is exceeded. largest use of a support, 125")
+    assert said.text.startswith("1 of 2 limits is exceeded. Largest use of a support, 125")
     assert "Without a limit: displacements of the tip" in said.notes[0] and "cylinder" not in said.notes[0]
     titles = ["Largest values that have a limit", "How sure the values are", "What is not in these figures", LARGEST]
     titles = [*titles, "What was asked", "How far to trust this run"]
@@ -502,10 +501,7 @@ def test_the_stress_of_beams_has_no_share_of_the_yield_stress(make_space: MakeSp
     compared = replace(found, summary=summary | {"budget": budget, "max_von_mises": {"reduced": 49e6}})
     carries = rows(compared, LARGEST)
     assert next(iter(carries)) == "largest von Mises stress in walls"
-    number = next(number for number in key_numbers(compared) if "von Mises" in number.label)
-    assert (number.label, number.value) == ("largest von Mises stress in walls", f"284{SPACE}MPa")
     words, even = f"284{SPACE}MPa ± 12{SPACE}MPa", f"190{SPACE}MPa ± 5.0{SPACE}MPa if pads press evenly"
-    assert number.note == f"{words}; {even}; of the beams 49.0{SPACE}MPa"
     assert wall_place_clause(compared, walls) == f"left wall, 1.5{SPACE}m from the tail, at 0.4{SPACE}s"
     ring = space.largest_stress(compared)
     assert ring is not None and (ring.value, ring.x, ring.step) == (284e6, 1.5, 400)
@@ -551,7 +547,7 @@ def test_the_stress_of_beams_has_no_share_of_the_yield_stress(make_space: MakeSp
     words = words.replace("284", "426")
     assert said.startswith(f"{words}: {share}, ")
     over = verdict(grown)
-    assert over.text.startswith(f"1 of 1 limits is exceeded. largest von Mises stress in walls, {words}: {share}, ")
+    assert over.text.startswith(f"1 of 1 limits is exceeded. Largest von Mises stress in walls, {words}: {share}, ")
     page = rendered([Chapter(anchor="case-1", title="Boom", notices=Notices(over), first=first_page_tables(grown))])
     assert page.index('class="verdict exceeded"') < page.index("What was asked")
     sketched = chapter(grown, "case-1").sketch
@@ -567,11 +563,11 @@ def test_beams_above_yield_warn_by_their_own_stress(make_space: MakeSpace) -> No
     over = verdict(beyond).text.removeprefix("1 of 1 limits is exceeded. ")
     share = f"at least 110{SPACE}% of the yield stress of 44.5{SPACE}MPa"
     assert over.startswith(
-        f"largest von Mises stress of the beams, 49.0{SPACE}MPa: {share}; 3{SPACE}m from the tail, at 0.5{SPACE}s."
+        f"Largest von Mises stress of the beams, 49.0{SPACE}MPa: {share}; 3{SPACE}m from the tail, at 0.5{SPACE}s."
     )
     of_wall = replace(found, summary=found.summary | {"utilisation": {"reduced": used | {"stress": 48e6}}})
     over = verdict(of_wall).text.removeprefix("1 of 1 limits is exceeded. ")
-    assert over.startswith(f"largest stress over yield stress, {share}; 3{SPACE}m from the tail")
+    assert over.startswith(f"Largest stress over yield stress, {share}; 3{SPACE}m from the tail")
 
 
 def test_two_forces_of_the_luffing_cylinder_have_a_row_each_where_their_errors_differ(make_space: MakeSpace) -> None:

@@ -74,7 +74,7 @@ def test_a_run_states_the_share_of_the_pad_that_uses_the_most_and_warns_beyond_i
     beyond = run(tmp_path, scene(**lower))
     (warning,) = [line for line in beyond.summary["warnings"] if "allowed_pressure" in line]
     assert warning.startswith(f"the pad {most} bears more than its allowed_pressure, 1.5 times as much at ")
-    assert "largest use of the allowed pressure" in verdict(beyond).text and verdict(beyond).is_exceeded
+    assert "Largest use of the allowed pressure" in verdict(beyond).text and verdict(beyond).is_exceeded
     bare = run(tmp_path, scene())
     assert "allowed_pressure" not in bare.summary["pads"][0] and "pressure" in bare.summary["pads"][0]
     assert "largest use of the allowed pressure of a pad" not in dict(largest_value_rows(bare))
