@@ -54,6 +54,7 @@ _FRICTION = "this key is no longer allowed: pads stick until they slide, by the 
 #: Keys of earlier versions without a present name, and what replaces them.
 GONE = {
     "reduction.residual_inertia": _INERTIA,
+    "section.reduction.residual_inertia": _INERTIA,
     "sections.reduction.residual_inertia": _INERTIA,
     "section.joint.friction_speed": _FRICTION,
     "sections.joint.friction_speed": _FRICTION,

@@ -162,8 +162,8 @@ def rounded_sides(edges: Sequence[Edge], nothing: float) -> tuple[Side, ...]:
 def sharp_corners(edges: Sequence[Edge]) -> tuple[Corner, ...]:
     """Return the outer corners of a profile with the given `edges` in their order, as if all corners were sharp.
 
-    A corner between two faces that are not slanted has a name such as ``top left``, any other one such as ``left - top
-    left``: its faces in counter-clockwise order.
+    A corner between two faces that are not slanted has a name such as ``top left``.  Any other one has the names of its
+    faces in counter-clockwise order, such as ``left - top left``.
     """
     corners = list[Corner]()
     for k, edge in enumerate(edges):

@@ -200,8 +200,6 @@ class Reduction(BasisChoice):
     @classmethod
     def _fill_in_flexibility(cls, data: object) -> object:
         """Fill in the defaults of free modes: flexibility, and 6 coordinates if there is flexibility."""
-        if isinstance(data, dict) and data.get("residual_inertia") is False:  # a key in scenes of earlier saved files
-            data = {key: value for key, value in data.items() if key != "residual_inertia"}
         if not isinstance(data, dict) or data.get("basis", "free_modes") != "free_modes":
             return data
         data = {"flexibility": True} | data

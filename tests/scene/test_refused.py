@@ -30,6 +30,7 @@ REFUSED = {
         ("sections.fly.loads.0.name=extension", "sections[2].loads[0].name = 'extension': another name is allowed"),
         ("sections.fly.joint.mouth.0.clearance=0.5", "mouth[0].clearance = 0.5: at most 0.0135 m is allowed"),
         ("section.joint.tail.0.clearance=0.0136", "sections[1]…clearance = 0.0136: at most 0.0125 m"),
+        ("section.reduction.residual_inertia=false", "residual_inertia = False: this key is no longer allowed"),
         ("section.joint.friction_speed=0.1", "joint.friction_speed = 0.1: this key is no longer allowed: pads stick"),
         ("section.joint.tail.0.friction=50", "friction = 50: a number from 0 to 1 is allowed"),
         ("section.joint.tail.0.static_friction=0.2", "static_friction = 0.2 is allowed beside a smaller friction"),
