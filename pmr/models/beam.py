@@ -86,7 +86,7 @@ class Beam(FiniteElementModel, ABC):
         """Matrices (K, d, d), one per section, from a node's coordinates of the model to those of the space."""
 
     @abstractmethod
-    def in_elements(self, h: Array, X: Array, number: Indices) -> Array:
+    def shape_functions(self, h: Array, X: Array, number: Indices) -> Array:
         """Shape functions (q, d, 2 d): motion of the axis at a point in each of q elements by unit coordinates.
 
         Point i is at the share X[i] in [0, 1] of an element with length h[i] in m and section number[i]; h, X and
@@ -129,25 +129,25 @@ class Beam(FiniteElementModel, ABC):
         """
 
     @cached_property
-    def number(self) -> Indices:
+    def section_number(self) -> Indices:
         """Number (E,) of the section of each element."""
         middles = self.node_stations[self.grid.cells].mean(axis=1)
         return np.zeros(len(middles), np.int64) if self.sections is None else self.sections.section_numbers(middles)
 
     @cached_property
-    def first(self) -> Indices:
+    def first_node(self) -> Indices:
         """Number (E,) of the function space's node at each element's start; the node at its end has the next number."""
         cells = self.grid.cells
-        apart = (np.diff(self.number) != 0) | (cells[1:, 0] != cells[:-1, 1])
+        apart = (np.diff(self.section_number) != 0) | (cells[1:, 0] != cells[:-1, 1])
         return np.arange(len(cells)) + np.append(0, np.cumsum(apart))
 
     @cached_property
     def transformation(self) -> sp.csr_matrix:
         """Matrix T (n_e, n) that gives the coordinates T q of the function space from the model's q."""
-        d, size = len(self.directions), self.first[-1] + 2
+        d, size = len(self.directions), self.first_node[-1] + 2
         of, number = np.empty((2, size), np.int64)
         for k in (0, 1):
-            of[self.first + k], number[self.first + k] = self.grid.cells[:, k], self.number
+            of[self.first_node + k], number[self.first_node + k] = self.grid.cells[:, k], self.section_number
         shape = (d * size, d * len(self.node_stations))
         T = sp.bsr_matrix((self.node_transformations[number], of, np.arange(size + 1)), shape=shape).tocsr()
         T.eliminate_zeros()
@@ -160,10 +160,10 @@ class Beam(FiniteElementModel, ABC):
         is bent by the moments :math:`\mp EI \kappa` at its ends, which is the integral of :math:`EI \kappa\, \delta
         w''` along it.  The row is zero for a direction along which the beam does not bend.
         """
-        d, load = len(self.directions), np.zeros(len(self.directions) * (self.first[-1] + 2))
+        d, load = len(self.directions), np.zeros(len(self.directions) * (self.first_node[-1] + 2))
         for slope, stiffness in self.bending_stiffness(direction).items():
-            np.add.at(load, d * (self.first + 1) + slope, -gradient * stiffness)
-            np.add.at(load, d * self.first + slope, gradient * stiffness)
+            np.add.at(load, d * (self.first_node + 1) + slope, -gradient * stiffness)
+            np.add.at(load, d * self.first_node + slope, gradient * stiffness)
         return sp.csr_matrix(load @ self.transformation)
 
     def motions(self, places: Array) -> sp.csr_matrix:
@@ -179,9 +179,11 @@ class Beam(FiniteElementModel, ABC):
         d, x = len(self.directions), self.node_stations[self.grid.cells]
         e = np.clip(np.searchsorted(x[:, 0], places, side="right") - 1, 0, None)  # at a node, the element behind it
         h = np.diff(x)[e, 0]
-        ends = combinations @ self.in_elements(h, (places - x[e, 0]) / h, self.number[e])
+        ends = combinations @ self.shape_functions(h, (places - x[e, 0]) / h, self.section_number[e])
         ends = ends.reshape(len(places), len(combinations), 2, d).swapaxes(1, 2)
-        local = ends @ self.node_transformations[self.number[e], None]  # `transformation` of these elements alone
+        local = (
+            ends @ self.node_transformations[self.section_number[e], None]
+        )  # `transformation` of these elements alone
         columns = d * self.grid.cells[e][:, None, :, None] + np.arange(d)
         entries, columns = (part.ravel() for part in np.broadcast_arrays(local.swapaxes(1, 2), columns))
         starts = np.arange(0, entries.size + 1, 2 * d)
@@ -253,7 +255,7 @@ class Beam(FiniteElementModel, ABC):
         The property is no constant of UFL even where the sections are equal: a form with several of them has another
         signature once their numbers have more digits, and is compiled once more.
         """
-        return cellwise(mesh, values[self.number])
+        return cellwise(mesh, values[self.section_number])
 
     def stresses(self) -> StressRows | None:
         """Stresses in the profile's corners at both ends of each element, from the beam's `section_forces`.
@@ -302,7 +304,7 @@ class Beam(FiniteElementModel, ABC):
 
         The mesh has two points where sections change or the beam is cut.
         """
-        cells = self.first[:, None] + np.arange(2)
+        cells = self.first_node[:, None] + np.arange(2)
         points = np.empty(int(cells[-1, -1]) + 1)
         points[cells] = self.node_stations[self.grid.cells]
         return create_mesh(comm, "interval", points[:, None], cells)
@@ -312,7 +314,7 @@ class Beam(FiniteElementModel, ABC):
 
         There is an array for each of the d components.
         """
-        nodes = self.first[cells, None] + np.arange(2)
+        nodes = self.first_node[cells, None] + np.arange(2)
         return [len(self.directions) * nodes + i for i in range(len(self.directions))]
 
     def axial_force(self, mesh: Mesh, state: UnitState) -> Expr:

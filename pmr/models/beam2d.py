@@ -114,7 +114,7 @@ class Beam2D(Beam):
     @property
     def masses(self) -> Array:
         """Mass per length (E,) in kg/m of each of E elements."""
-        return self.stiffnesses.mass[self.number]
+        return self.stiffnesses.mass[self.section_number]
 
     @property
     def node_stations(self) -> Array:
@@ -179,7 +179,7 @@ class Beam2D(Beam):
         J = ufl.JacobianDeterminant(field.ufl_function_space().ufl_domain())
         return field[0] if i else None, None, field[i] + J * field[i + 1]
 
-    def in_elements(self, h: Array, X: Array, number: Indices) -> Array:
+    def shape_functions(self, h: Array, X: Array, number: Indices) -> Array:
         """Shape functions (q, d, 2 d): motion of the axis at a point in each of q elements.
 
         Point i is at the share X[i] in [0, 1] of an element with length h[i] in m and section number[i]; h, X and
@@ -211,7 +211,7 @@ class Beam2D(Beam):
         """
         if self.sections is None:
             return None
-        return stresses_along(self.sections, np.repeat(self.number, 2), forces, element, fibre_stress_factors)
+        return stresses_along(self.sections, np.repeat(self.section_number, 2), forces, element, fibre_stress_factors)
 
     def on_nodes(self, stations: Array) -> Beam2D:
         """Copy of this beam with nodes at `stations` (N,) m; the beam is cut through where two stations are equal."""
@@ -222,7 +222,7 @@ class Beam2D(Beam):
 
         The only key is the number of the slope w' among a node's coordinates.
         """
-        return {len(self.directions) - 1: self.stiffnesses.bending[self.number]} if direction == "z" else {}
+        return {len(self.directions) - 1: self.stiffnesses.bending[self.section_number]} if direction == "z" else {}
 
     @property
     def resultants(self) -> Array:
@@ -231,7 +231,7 @@ class Beam2D(Beam):
         Without axial coordinates there is no normal force.
         """
         of_own = np.diag([1.0, 1.0, -1.0][-len(self.directions) :])
-        return (of_own @ np.linalg.inv(self.node_transformations).transpose(0, 2, 1))[self.number]
+        return (of_own @ np.linalg.inv(self.node_transformations).transpose(0, 2, 1))[self.section_number]
 
     @property
     def section_stiffness(self) -> dict[str, Array]:
@@ -241,11 +241,11 @@ class Beam2D(Beam):
         w'' has a negative moment -EI w''.
         """
         of, rows = self.stiffnesses, {}
-        bent = -of.bending[self.number]
+        bent = -of.bending[self.section_number]
         if of.axial is None:
             return {"bending moment y": bent[:, None]}
         rows["bending moment y"] = np.stack([np.zeros_like(bent), bent], axis=1)
-        rows["normal force"] = np.stack([of.axial[self.number], np.zeros_like(bent)], axis=1)
+        rows["normal force"] = np.stack([of.axial[self.section_number], np.zeros_like(bent)], axis=1)
         return rows
 
     def strains(self, space: FunctionSpace) -> Expr:

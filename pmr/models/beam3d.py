@@ -114,7 +114,7 @@ class Beam3D(Beam):
     def masses(self) -> Array:
         """Mass per length (E,) in kg/m of each of E elements, with the mass of its rings."""
         added = 0.0 if self._element_rings is None else self._element_rings.area
-        return self.body.material.density * (self.sections.area[self.number] + added)
+        return self.body.material.density * (self.sections.area[self.section_number] + added)
 
     @cached_property
     def _element_rings(self) -> RingMasses | None:
@@ -193,8 +193,8 @@ class Beam3D(Beam):
         added, sections, rho = self._element_rings, self.sections, self.body.material.density
         if added is None:
             return 0
-        R = sections.principal[self.number]
-        y, z = np.einsum("eij,ej->ie", R, added.centroid - sections.centroid[self.number])
+        R = sections.principal[self.section_number]
+        y, z = np.einsum("eij,ej->ie", R, added.centroid - sections.centroid[self.section_number])
         arms = cellwise(mesh, y), cellwise(mesh, z)
         second = rho * np.einsum("eij,ejk,elk->eil", R, added.about_centroid, R)
 
@@ -283,7 +283,7 @@ class Beam3D(Beam):
         cubics = (field[i] + h * field[i + 1] for i in (2, 4))
         return [plane.deflection(w, h, X, of_elements) for plane, w in zip(self.planes, cubics, strict=True)]
 
-    def in_elements(self, h: Array, X: Array, number: Indices) -> Array:
+    def shape_functions(self, h: Array, X: Array, number: Indices) -> Array:
         """Motion (q, 6, 12) of the axis along and about x, y, z at a point in each of q elements, by unit coordinates.
 
         Point i is at the share X[i] in [0, 1] of an element with length h[i] in m and section number[i]; h, X and
@@ -321,7 +321,7 @@ class Beam3D(Beam):
         `forces` are the rows of the section forces at the places, and `element` (P,) are the numbers by which the
         result names the places' elements.  The result is None if a section has no profile.
         """
-        return stresses_along(self.sections, np.repeat(self.number, 2), forces, element, corner_stress_factors)
+        return stresses_along(self.sections, np.repeat(self.section_number, 2), forces, element, corner_stress_factors)
 
     def on_nodes(self, stations: Array) -> Beam3D:
         """Copy of this beam with nodes at `stations` (N,) m, cut where two nodes are at the same point."""
@@ -335,7 +335,7 @@ class Beam3D(Beam):
         """
         turned = self.sections.principal[:, :, "yz".index(direction)]
         moments = self.body.material.young * self.sections.second_moments * turned
-        return {3: moments[self.number, 0], 5: moments[self.number, 1]}
+        return {3: moments[self.section_number, 0], 5: moments[self.section_number, 1]}
 
     @property
     def resultants(self) -> Array:
@@ -343,7 +343,7 @@ class Beam3D(Beam):
 
         Normal force and bending moments are about the centroid, shear forces and torque about the shear centre.
         """
-        return np.linalg.inv(centre_motion_matrices(self.sections)).transpose(0, 2, 1)[self.number]
+        return np.linalg.inv(centre_motion_matrices(self.sections)).transpose(0, 2, 1)[self.section_number]
 
     @property
     def section_stiffness(self) -> dict[str, Array]:
@@ -351,7 +351,7 @@ class Beam3D(Beam):
 
         The keys are ``normal force``, ``torque``, ``bending moment y`` and ``bending moment z``.
         """
-        material, sections, number = self.body.material, self.sections, self.number
+        material, sections, number = self.body.material, self.sections, self.section_number
         # moments about z and y per unit of the curvatures along the principal axes
         bent = material.young * np.einsum("kji,kj->kij", sections.principal, sections.second_moments)[number]
         stiffness = {name: np.zeros((len(number), 4)) for name in FORCES if "shear" not in name}
