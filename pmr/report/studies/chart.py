@@ -12,6 +12,7 @@ from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, KeyNumber, 
 from pmr.report.figures import drawing
 from pmr.report.figures.load_chart import (
     LINES,
+    NARROW_LINES,
     NOT_PERMITTED,
     BentBoom,
     LoadChart,
@@ -106,10 +107,12 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
 
 
 def duty_caption(lengths: int) -> str:
-    """Caption of the lines of loads over the radius; if not all boom lengths are drawn, it says how many."""
+    """Caption of the lines of loads over the radius; if not all boom lengths are drawn, it says how many are."""
     caption = "Allowed load over the radius of the tip for boom lengths from the pivot; letters and colours as above."
-    drawn = f" Lines are drawn for {LINES} of {lengths} boom lengths; the tables have all."
-    return caption + (drawn if lengths > LINES else "")
+    drawn = (
+        f" Lines are drawn for {min(LINES, lengths)} of {lengths} boom lengths, in narrow windows for {NARROW_LINES}"
+    )
+    return caption + (f"{drawn}; the tables have all." if lengths > NARROW_LINES else "")
 
 
 def _statement_block(heading: str, statements: Iterable[tuple[str, str]]) -> Block:
