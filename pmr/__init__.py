@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from pmr.results import Response, RunResult
     from pmr.scene import load_any as load_scene
     from pmr.simulation.native.stepper import Stepper
-    from pmr.system.body import projected as project
+    from pmr.system.body import project
     from pmr.system.reduced_model import ReducedModel
     from pmr.system.system import System
 

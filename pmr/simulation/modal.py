@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.files.arrays import Array
 from pmr.simulation.start import InitialState, dense
-from pmr.system.body import SlidingBody, projected
+from pmr.system.body import SlidingBody, project
 from pmr.system.body_matrices import Rayleigh, symmetric_part
 from pmr.system.reduced_model import ReducedModel
 
@@ -124,7 +124,7 @@ def modal_form(body: SlidingBody) -> ModalForm:
     X = np.zeros((body.size, len(free)))
     X[free] = modes
     modal = replace(
-        projected(body, X).with_rows(free_rows),
+        project(body, X).with_rows(free_rows),
         M=np.eye(len(free)),
         D=modal_damping(D, D if law is None else D - law.alpha * M - law.beta * K, omega2, modes, law),
         K=np.diag(omega2),

@@ -91,7 +91,7 @@ def with_support_reactions(response: Response, system: System, trajectory: Syste
             forces = supports.on_one_path(with_row_multipliers(system, body, motion), loads)
         else:
             moments = None if trajectory.moments is None else system.side_multipliers(name, trajectory.moments)
-            pressed = outputs_by_carriers(system, name, motion.s, motion.multipliers, supports.carried, moments)
+            pressed = outputs_by_carriers(system, name, motion.s, motion.multipliers, supports.carrier_forces, moments)
             forces = supports.without_contacts(motion, loads) - pressed
         amplitudes = trajectory.amplitudes
         for term, c in () if amplitudes is None else zip(system.terms, amplitudes.T, strict=True):

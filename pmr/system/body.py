@@ -1,6 +1,6 @@
 r"""Bodies that simulators work on: constant matrices and a few rows that move along a path.
 
-`projected` is the Galerkin projection of a body that one process stores on a basis V,
+`project` makes the Galerkin projection of a body that one process stores on a basis V,
 
 .. math::
     V^T M V, \quad V^T D V, \quad V^T K V, \quad V^T B, \quad O V, \quad C(s) V
@@ -170,7 +170,7 @@ class FullOrderBody(ABC):
         return {number: row.held_coordinate for number, row in rows if row.held_coordinate is not None}
 
     @property
-    def lasting(self) -> tuple[str, ...]:
+    def lasting_rows(self) -> tuple[str, ...]:
         """Names of the fixed rows (`Row.is_fixed`) that combine several coordinates; others hold a single one."""
         return tuple(row.name for row in self.rows.rows if row.is_fixed and row.held_coordinate is None)
 
@@ -272,7 +272,7 @@ class Trajectory:
     surplus: float = np.nan
 
 
-def projected(body: SlidingBody, V: Array) -> ReducedModel:
+def project(body: SlidingBody, V: Array) -> ReducedModel:
     """Reduced model of a body on the columns of V (n, r), with all of the body's rows and its flexibility.
 
     The result has no carriers, no enrichment modes, no provenance and no matrices of a moving frame.

@@ -246,10 +246,10 @@ class ReducedModel:
         return {}
 
     @property
-    def lasting(self) -> tuple[str, ...]:
+    def lasting_rows(self) -> tuple[str, ...]:
         """Names of the fixed rows that stay in a model; always empty, because the basis satisfies these rows.
 
-        For a full model, `pmr.system.body.FullOrderBody.lasting` has the fixed rows of several coordinates.
+        For a full model, `pmr.system.body.FullOrderBody.lasting_rows` has the fixed rows of several coordinates.
         """
         return ()
 

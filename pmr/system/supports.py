@@ -81,7 +81,7 @@ class SupportForces:
         return add_tables(self.body.reactions.rows, transpose(self.body.rows_on(self.inertia.T)), -1.0)
 
     @cached_property
-    def carried(self) -> Array:
+    def carrier_forces(self) -> Array:
         """Minus the forces (K, h) by unit forces on the K carriers of the body."""
         reactions, carriers = self.body.reactions, self.body.carriers
         assert (
@@ -136,7 +136,7 @@ def with_support_forces(modal: ReducedModel, X: Array, rows: tuple[int, ...], su
     residual = carriers.flexibility or CarrierFlexibility.zero(len(carriers.values), i, o)
     residual = replace(
         residual,
-        outputs=np.vstack([residual.outputs, supports.carried.T]),
+        outputs=np.vstack([residual.outputs, supports.carrier_forces.T]),
         direct=np.vstack([residual.direct, supports.inputs]),
     )
     return replace(modal, outputs=outputs, carriers=replace(carriers, flexibility=residual))

@@ -104,7 +104,7 @@ class BodySystem(Generic[AnyBody]):
                 allowed = "a model with carriers is allowed (`pmr.reduction.residual.section_model`)"
                 raise InputError("system", f"bodies.{name}", None, allowed)
             used = {side.place.row for side in self.sides if side.place.body == name}
-            missing = [row for row in body.lasting if row not in used]
+            missing = [row for row in body.lasting_rows if row not in used]
             if missing:
                 allowed = f"the row {missing[0]} always holds {name}: a contact of it with the ground is needed"
                 raise InputError("system", "contacts", None, allowed)
