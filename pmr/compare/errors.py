@@ -9,8 +9,8 @@ s is the signal, r the reference, i the component, j the time step and J the num
 components that move.  Weyrer, Gerstmayr, Mikkola, Orzechowski: Model Order Reduction of a Sliding Beam using a Global
 Basis, section "Experiments", counts components whose reference has an RMS above 1e-10 m, which leaves out the pinned
 node.  Here components count whose reference has an RMS above 1e-6 of the largest one, because a limit in m would treat
-every motion of a small structure as zero.  In the paper an error above 1 counts as 1; here it stays, so that a growing
-motion can be recognised.
+every motion of a small structure as zero.  In the paper an error above 1 counts as 1 (`nrms`); elsewhere it stays, so
+that a growing motion can be recognised.
 """
 
 from __future__ import annotations
@@ -98,6 +98,11 @@ def relative_error(signal: Array, reference: Array) -> float:
             scale, error = _norms_over_time(reference / unit), _norms_over_time(difference / unit)
     counted = scale > RELATIVE_FLOOR * float(scale.max())
     return float(np.mean(error[counted] / scale[counted]))
+
+
+def nrms(signal: Array, reference: Array) -> float:
+    """Error of a signal against a reference as the paper has it: `relative_error`, or 1 if that is larger."""
+    return min(relative_error(signal, reference), 1.0)
 
 
 def _norms_over_time(values: Array) -> Any:

@@ -265,13 +265,13 @@ def tip_names(boom: Scene) -> set[str]:
 MOST_RECORDED = 20_000_000
 
 
-def run_from_start(system: System | SystemForm, excitation: Excitation) -> SystemTrajectory:
-    """Simulate a system by the compiled simulator; return the motion at all steps.
+def run_from_start(system: System | SystemForm, excitation: Excitation, every: int = 1) -> SystemTrajectory:
+    """Simulate a system by the compiled simulator; return the motion at every `every`-th step.
 
     The motion starts in static equilibrium or undeformed, as the excitation says.  Repeated runs of the same
     `SystemForm` share its tables.
     """
-    return systems.simulate_form(SystemForm.of(system), excitation)
+    return systems.simulate_form(SystemForm.of(system), excitation, every=every)
 
 
 def fits_in_memory(system: System, stepping: TimeStepping) -> bool:

@@ -7,8 +7,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pmr.compare.errors import ResponseFunction, observed_quantities
 from pmr.compare.evaluation import Evaluation, SimulatedSystem, append_machine, evaluate_motion
@@ -32,6 +34,9 @@ from pmr.system.body import Body, kinds_of, names_of, units_of
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import BodyStates, SystemTrajectory, states_of
 from pmr.system.system import System
+
+if TYPE_CHECKING:
+    from pmr.simulation.exudyn import ancf
 
 #: A full model with more coordinates than this is simulated by PETSc, because diagonalising it would take longer.
 #: Exudyn factorises in every step: 453 coordinates take it twice as long as PETSc, and from some 900 on Newton's method
@@ -333,33 +338,52 @@ def check_memory(scene: Scene, size: int, outputs: int, free: int | None, tell: 
             _log.warning("%s", message)
 
 
-def cable_response(scene: Scene, body: Body, done: Progress | None) -> Response:
-    """Response of the scene's beam as an ANCF cable, a reference for its `body`, with the outputs of this body.
-
-    The joint of the cable holds a point in space, so the cable has no rows, and the residuals of rows are NaN.  `done`,
-    if not None, is called with the share of the run that is done.  Raises InputError if Exudyn is not installed, and
-    InputError and SimulationError as `pmr.simulation.exudyn.ancf.simulate` does.
-    """
+def _cable(scene: Scene) -> ancf.Cable:
+    """The scene's beam as an ANCF cable; raises InputError if Exudyn is not installed."""
     import_package("exudyn")
     from pmr.simulation.exudyn import ancf
 
     profile = scene.body.profile
     assert profile is not None and profile.axial_stiffness is not None  # the scene's check
-    cable = ancf.Cable(
+    return ancf.Cable(
         length=profile.length,
         axial_stiffness=profile.axial_stiffness,
         bending_stiffness=profile.bending_stiffness,
         mass_per_length=profile.mass_per_length,
         elements=scene.compare.ancf_elements,
     )
-    places, excitation = scene.only_section.load_positions, Excitation.from_scene(scene)
-    motion = ancf.simulate(cable, places, excitation, body.output_positions, done)
+
+
+def simulate_cable(
+    scene: Scene, x: ArrayLike, excitation: Excitation, done: Progress | None = None
+) -> ancf.CableMotion:
+    """Motion of the scene's beam, modelled as an ANCF cable, at the material points x (o,) in m.
+
+    `done`, if not None, is called with the share of the run that is done.  Raises InputError if Exudyn is not
+    installed, and whenever `pmr.simulation.exudyn.ancf.simulate` does; SimulationError if a step fails or a result is
+    not finite.
+    """
+    cable = _cable(scene)
+    from pmr.simulation.exudyn import ancf
+
+    return ancf.simulate(cable, scene.only_section.load_positions, excitation, np.asarray(x, dtype=float), done)
+
+
+def cable_response(scene: Scene, body: Body, done: Progress | None) -> Response:
+    """Response of the scene's beam as an ANCF cable, a reference for its `body`, with the outputs of this body.
+
+    The joint of the cable holds a point in space, so the cable has no rows, and the residuals of rows are NaN.  `done`,
+    if not None, is called with the share of the run that is done.  Errors are those of `simulate_cable`.
+    """
+    motion = simulate_cable(scene, body.output_positions, Excitation.from_scene(scene), done)
+    from pmr.simulation.exudyn import ancf
+
     unknown = np.full(len(motion.t), np.nan)
     return Response(
         t=motion.t,
         x=motion.x,
         displacement=motion.displacement,
-        energy=ancf.energy(cable, motion),
+        energy=ancf.energy(_cable(scene), motion),
         slider_force=motion.slider_force[:, None],
         residual_position=unknown,
         residual_velocity=unknown,
