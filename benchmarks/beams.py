@@ -17,7 +17,7 @@ from pmr.scene import Scene
 from pmr.scene.signals import SignalBase, Sine
 from pmr.simulation import Excitation
 from pmr.simulation.modal import ModalForm, modal_form
-from pmr.system.body import FullBody, projected
+from pmr.system.body import FullBody, project
 from pmr.system.reduced_model import ReducedModel
 
 Array = NDArray[np.float64]
@@ -101,7 +101,7 @@ def full(name: str = "evolved", elements: int | None = None, *settings: str) -> 
 def dense(name: str) -> ReducedModel:
     """Full model of a case with dense matrices, as the paper simulates it."""
     body = full(name)
-    return projected(body, np.eye(body.size))
+    return project(body, np.eye(body.size))
 
 
 @cache

@@ -24,7 +24,6 @@ from pmr.report.numbers import format_length
 from pmr.scene import Scene
 from pmr.scene.hints import hints
 from pmr.simulation import Excitation
-from pmr.simulation.exudyn.ancf import COORDINATES_PER_NODE
 from pmr.studies.tasks import full_system
 
 SETTINGS = {"scene": "paper_evolved", "ancf": list(range(2, 45, 2)), "full": list(range(2, 61, 2))}
@@ -41,7 +40,7 @@ def row(scene: str, approach: str, elements: int) -> Row:
     whole, alone = Excitation.from_scene(loaded), len(loaded.sections) == 1
     if approach == "ancf":
         motion = simulate_cable(loaded, [loaded.only_section.length], whole)
-        size = COORDINATES_PER_NODE * (elements + 1)
+        size = 4 * (elements + 1)  # a node has its position and its slope, two coordinates each
         return {"tip": motion.displacement[:, -1], "coordinates": size, "warnings": list(hints(loaded))}
     system = full_system(loaded)
     response = march_once(loaded, system, whole)

@@ -45,7 +45,7 @@ from pmr.scene.mechanism import frame_terms
 from pmr.simulation import Excitation
 from pmr.simulation.modal import modal_form
 from pmr.simulation.reactions import with_forces_on_machine
-from pmr.studies.tasks import bodies_of, full_system, model_of, with_reduction
+from pmr.studies.tasks import bodies_of, full_system, model_of
 from pmr.system.attachment import simulated_model
 from pmr.system.from_scene import system_of
 from pmr.system.reduced_model import ReducedModel
@@ -147,7 +147,7 @@ def with_basis(scene: Scene, basis: str, largest: int) -> Scene:
         choice = Reduction(basis="eigenmodes", positions="nodes", coordinates=min(largest, 30), solver=solver)
     else:
         choice = Reduction(basis="free_modes", flexibility=True, coordinates=largest, solver=solver)
-    return with_reduction(scene, choice)
+    return scene.vary_sections(lambda part: {"reduction": choice})
 
 
 def family(scene: Scene, basis: str) -> Family:
