@@ -21,6 +21,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.interpolate import PPoly
 
+from pmr.errors import InputError
 from pmr.files.arrays import Array, Indices, Mask
 from pmr.results.response import FORCES
 from pmr.scene.signals.base import Interval
@@ -275,8 +276,15 @@ class Trajectory:
 def project(body: SlidingBody, V: Array) -> ReducedModel:
     """Reduced model of a body on the columns of V (n, r), with all of the body's rows and its flexibility.
 
-    The result has no carriers, no enrichment modes, no provenance and no matrices of a moving frame.
+    The result has no carriers, no enrichment modes, no provenance and no matrices of a moving frame.  An InputError is
+    raised unless V has real, finite entries and a row for each of the body's n coordinates.
     """
+    vectors = np.asarray(V)
+    if vectors.dtype.kind not in "biuf" or vectors.shape[:1] != (body.size,) or vectors.ndim != 2:
+        allowed = f"vectors of real numbers as columns, with {body.size} rows, one for each coordinate, are allowed"
+        raise InputError("pmr.project", "V", list(vectors.shape), allowed)
+    if not np.isfinite(vectors).all():
+        raise InputError("pmr.project", "V", None, "finite numbers are allowed")
     M, D, K = (symmetric_part(V.T @ (A @ V)) for A in (body.M, body.D, body.K))
     clearance = body.row_clearance
     return ReducedModel(

@@ -14,7 +14,7 @@ from processes import FENICSX, PETSC, without
 from scipy.interpolate import PPoly
 
 from pmr import InputError, ReducedModel
-from pmr.system.body import pushing_rows
+from pmr.system.body import project, pushing_rows
 from pmr.system.reduced_model import satisfied_rows
 
 RNG = np.random.default_rng(2)
@@ -86,6 +86,20 @@ def test_what_is_no_model_is_refused(model: ReducedModel, tmp_path: Path) -> Non
     np.savez(tmp_path / "other.npz", a=1)
     with pytest.raises(InputError, match="not a reduced model"):
         ReducedModel.load(tmp_path / "other.npz")
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda V: V * (1.0 + 0.5j), r"V = \[4, 2\]: vectors of real numbers as columns, with 4 rows"),
+        (lambda V: V[:3], r"V = \[3, 2\]: vectors of real numbers"),
+        (lambda V: V[:, 0], r"V = \[4\]: vectors of real numbers"),
+        (lambda V: V * np.nan, "V: finite numbers are allowed"),
+    ],
+)
+def test_vectors_that_no_projection_takes_are_refused(model: ReducedModel, change, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        project(model, change(np.eye(4)[:, :2]))
 
 
 def test_applied_rows_are_the_rows_times_each_state(model: ReducedModel) -> None:
