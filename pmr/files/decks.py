@@ -104,7 +104,11 @@ class _Assembly:
     def _join(self, name: str, content: Deck, place: Place) -> None:
         """Add the `content` of the instance `name`, nodes, elements and sets, to the whole deck.
 
-        Nodes and elements keep their numbers unless the whole has one of them already; `place` is that of the instance.
+        All nodes keep their numbers, or all get new ones if the whole has any of these numbers; so do the elements.
+        Sets are stored under their own name, together with members from sets of this name in other instances, and under
+        "instance.set".  `place` is that of the instance in its file; it is stored for the first instance whose nodes
+        get new numbers.
+
         Raises InputError, with file and line, if an element has a node that `content` lacks.
         """
         joined, numbers = self.joined, Numbers.of(content)

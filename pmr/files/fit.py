@@ -331,7 +331,8 @@ def _wrong_centre_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason
 def centre_of_mass(J: Array) -> Array:
     """Return the centre of mass (3,) in m from the inertia J = R^T M R (6, 6) under the six rigid motions R.
 
-    M is the mass matrix; the rotations among the rigid motions are about axes through the origin.
+    M is the mass matrix.  The rigid motions are translations along x, y and z, then rotations about axes x, y and z
+    through the origin.
     """
     moments = np.array([J[1, 5] - J[2, 4], J[2, 3] - J[0, 5], J[0, 4] - J[1, 3]])
     return np.asarray(1.5 * moments / np.trace(J[:3, :3]))

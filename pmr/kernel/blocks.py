@@ -328,9 +328,9 @@ def seal(block: bytearray, checksum: int) -> None:
 
 
 def _encode(array: NDArray[Any] | str) -> NDArray[Any]:
-    """Array in the kernel's types: integers as int32, other numbers as float64, text as its bytes (uint8).
+    """Array in the kernel's types: integers and booleans as int32, other numbers as float64, text as uint8 bytes.
 
-    The shape stays; a text of k bytes becomes an array (k,).
+    The shape of an array stays; a text of k bytes in UTF-8 becomes an array (k,).
     """
     if isinstance(array, str):
         return np.frombuffer(array.encode(), np.uint8)

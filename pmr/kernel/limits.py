@@ -56,7 +56,7 @@ class Limit:
 
     @property
     def message(self) -> str:
-        """Warning of a stepper or an FMU."""
+        """Warning that a stepper or an FMU gives beyond the limits: the event and, unless it is empty, the advice."""
         return ": ".join(filter(None, (self.event, self.advice.format(self.where))))
 
 

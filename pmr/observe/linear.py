@@ -87,7 +87,11 @@ class LinearMotion:
 
     @cached_property
     def start(self) -> Array:
-        """Deviation (n, i) of the first state in equilibrium with constant loads, a column for a unit of each load."""
+        """First states (n, i), one for each of i loads, at rest under one unit of this load alone.
+
+        A state is a deviation from the reference motion.  It is at rest if the first step does not change it: with A
+        and B of this step, x = A x + B, solved by least squares with the shortest x.
+        """
         A, B = (each[0] for each in self.matrices.transitions(slice(1)))
         return np.linalg.lstsq(np.eye(len(A)) - A, B, rcond=None)[0] if B.shape[1] else np.zeros(B.shape)
 

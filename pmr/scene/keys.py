@@ -71,7 +71,8 @@ class Refusal:
     def from_validation(cls, error: ValidationError, model: type[BaseModel], data: object) -> Refusal:
         """Return the refusal of the first error that pydantic found in `data`; unknown keys come before others.
 
-        `model` is the class that `data` was validated with; its keys are named in place of an unknown one.
+        `model` is the class that `data` was validated with.  The refusal of an unknown key names those of its keys that
+        may be meant, and those that are allowed in the table.
         """
         errors = error.errors()
         of_table = isinstance(errors[0]["input"], (dict, list)) and errors[0]["type"] == "float_type"

@@ -196,9 +196,10 @@ class Member:
 
     @property
     def overlap_ends(self) -> dict[tuple[str, str], float]:
-        """Positions in m of the fixed ends of rigid overlaps, by the names of two rows that keep the section straight.
+        """Position in m along the section of the fixed end of each rigid overlap; empty without a rigid overlap.
 
-        A key is `WITHIN` or `AROUND`.  The result is empty without a rigid overlap.
+        The key is `WITHIN` for the overlap with the section before, and `AROUND` for that with the section after.  Each
+        key is the pair of names of the rows that keep this section straight in the overlap.
         """
         ends, scene, number = dict[tuple[str, str], float](), self.scene, self.number
         if number and (joint := scene.joint(number)).rigid_overlap:

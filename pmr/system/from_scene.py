@@ -159,13 +159,15 @@ def _joint_contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> It
 
 
 def _pad_contacts(scene: Scene, number: int, ring: JointPads, prefix: str, rows: set[str]) -> Iterator[Contact]:
-    """Yield the pads of one ring in the joint of section `number`.
+    """Yield the pads of one ring in the joint of section `number`, as contacts whose outer place is not set yet.
 
-    A pad is left out if one of both sections has none of the `rows` that it needs: a planar beam has no rows for
-    sideways motion.  The inner places of the pads are their distances from the tail or the mouth.
+    `rows` are the names of the rows that both sections have.  A pad on a face is left out if its row is not among them:
+    a planar beam has no rows for sideways motion.  The inner places of the pads are their distances from the tail or
+    the mouth.
 
-    A ring without faces is one pad.  If it only pushes, it is two pads, one above and one below; but a carriage's wheel
-    without clearance is one pad that lifts off.  The names of the pads begin with `prefix`.
+    A ring without faces is one pad if it pushes and pulls.  If it only pushes, it is two pads, one above and one below.
+    A carriage's wheel that only pushes and has no clearance is one pad, which can lift off.  The names of the pads
+    begin with `prefix`.
     """
     prefix = " ".join(filter(None, (prefix, ring.name)))
     compliance = 0.0 if ring.stiffness == "rigid" else 1.0 / ring.stiffness

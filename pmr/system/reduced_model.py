@@ -426,11 +426,11 @@ def _upgrade_version_4(header: Mapping[str, Any], data: Mapping[str, Array]) -> 
 
 
 def satisfied_rows(C: PPoly, tolerance: float, least: float = 0.0) -> list[int]:
-    """Ascending numbers of the rows C that a basis satisfies identically.
+    """Ascending numbers of the rows C, with values (m, r), that a basis satisfies identically.
 
-    C has values (m, r).  All contributions of powers to such a row (`power_contributions`) are at most the larger one
-    of `least` and `tolerance` times the largest contribution to any row.  `tolerance` is the round-off to expect in the
-    basis.
+    Such a row is zero up to a bound: no contribution of a power to it (`power_contributions`) exceeds the bound.  The
+    bound is `tolerance` times the largest contribution to any row, but no less than `least`.  `tolerance` is the
+    round-off to expect in the basis.
     """
     magnitude = np.abs(power_contributions(C)).max(axis=(0, 1, 3))
     return np.flatnonzero(magnitude <= max(least, tolerance * magnitude.max(initial=0.0))).tolist()

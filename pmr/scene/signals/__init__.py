@@ -250,7 +250,8 @@ class Sum(SignalBase):
     def _samples(self, parts: list[SignalBase], start: float, end: float) -> Array:
         """Return sample times (S,) in s from `start` to `end`, with the breaks and the last number before each break.
 
-        They are not in order.  The times are as dense as the highest frequency of the `parts` needs.
+        They are not in order.  The times are as dense as the highest frequency of the `parts` needs, but have at most
+        `MOST_SAMPLES` intervals beside the breaks.
         """
         fastest = max(part.highest_frequency(start, end) for part in parts)
         count = 1 + min(MOST_SAMPLES, max(FEWEST_SAMPLES, int(SAMPLES_A_PERIOD * fastest * (end - start))))
