@@ -96,8 +96,9 @@ class Motion:
         """Lowest frequencies (P, `FREQUENCIES`) in Hz at P positions, of modes that move mainly in some of x, y, z.
 
         `directions` (3,) is the mask of these directions.  A mode counts if these directions have the share `KNOWN` of
-        its motion or more.  If fewer modes count, the remaining entries are NaN.  If the model moves in no other
-        direction, all modes count.
+        its motion or more, and more than the share `NO_MOTION` of the largest motion in them of any mode at the
+        position.  If fewer than `FREQUENCIES` modes count, the remaining entries are NaN.  If the model moves in no
+        other direction, all modes count, torsion too.
         """
         every, share = self.mode_motions.sum(axis=1), self.mode_motions[:, directions].sum(axis=1)
         mine = (share >= KNOWN * every) & (share > NO_MOTION * share.max(axis=1, keepdims=True))

@@ -218,10 +218,10 @@ def boom_quantities(excitation: Excitation, response: Response) -> Mapping[str, 
 
 
 def _forces_at_steps(kind: str, steps: slice | NDArray[np.bool_], response: Response) -> Array:
-    """Forces (S, k) in N of the k contacts of one kind at S `steps`; negligible ones are set to 0.
+    """Forces (S, k) in N of the k contacts of one kind at S `steps`; those of negligible contacts are set to 0.
 
-    `steps` are a slice of all T steps, or a mask (T,).  A force is negligible if it is at most `RELATIVE_FLOOR` times
-    the largest force of any kind, as for a cylinder that holds still.
+    `steps` are a slice of all T steps, or a mask (T,).  A contact is negligible if its largest force in all T steps is
+    at most `RELATIVE_FLOOR` times that of any contact of any kind, as for a cylinder that holds still.
     """
     which = np.array(force_kinds(response)) == kind
     size = np.abs(response.slider_force).max(axis=0)

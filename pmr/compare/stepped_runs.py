@@ -218,7 +218,11 @@ class Runs:
 
     @property
     def can_afford_next(self) -> bool:
-        """Whether one more run, with half the step, is within the limits on steps (`LONGEST` and the budget)."""
+        """Whether one more run, with half the step, is within the limits on steps.
+
+        A run has at most `LONGEST` steps.  All runs together have at most `BUDGET`, or `BUDGET_OF_IMPACTS` if some
+        contacts only push; but the first two halvings may exceed this budget.
+        """
         steps = 2 * self._work
         return steps <= LONGEST and (self.halved < 2 or self.taken + steps <= self._budget)
 

@@ -35,9 +35,10 @@ def reduce_scene(
 ) -> Reduction:
     """Build and reduce a scene's bodies on `vectors`, or on the scene's basis if `vectors` is None; collective.
 
-    The full models are part of the result; their warnings are logged.  If `reach` is true, the result is made faster,
-    but does not serve for positions of pads that the scene does not pass through.  `clock` measures the wall time of
-    the stages; None leaves them unmeasured.  Raises the errors of `build_bodies` and `reduce_bodies`.
+    The full models are part of the result; their warnings are logged.  The result's scene says whether second order is
+    included, also if `scene` leaves the choice open.  If `reach` is true, the result is made faster, but does not serve
+    for positions of pads that the scene does not pass through.  `clock` measures the wall time of the stages; None
+    leaves them unmeasured.  Raises the errors of `build_bodies` and `reduce_bodies`.
     """
     clock = clock or Clock()
     with clock.stage("assemble"):

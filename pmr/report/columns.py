@@ -59,7 +59,8 @@ def spread_indices(count: int, limit: int) -> NDArray[np.intp]:
 def interpolate(t: Array, times: Array, values: Array) -> Array:
     """Interpolate `values` (T,) or (T, n), known at `times` (T,) in s, linearly to the times `t` (S,) in s.
 
-    If `t` equals `times`, `values` itself is returned.
+    Before the first and after the last of `times`, the value at that time is taken.  If `t` equals `times`, `values`
+    itself is returned.
     """
     if len(t) == len(times) and np.allclose(t, times, rtol=0.0, atol=1e-9 * abs(t[-1])):
         return values
@@ -89,7 +90,10 @@ class Force:
 
 @dataclass(frozen=True)
 class AxisPoints:
-    """Points along a body's axis, sorted by x, with their displacements by the reduced model, in the boom's axes."""
+    """Points along a body's axis, sorted by x, with their displacements by the reduced model, in the boom's axes.
+
+    Displacements along x are 0, and so are those along y if the response has none of them.
+    """
 
     body: str
     x: Array  # (o,) m
@@ -115,8 +119,8 @@ def tip_displacements(result: RunResult) -> Mapping[str, ResponseFunction]:
 def is_round_off(result: RunResult, quantity: ResponseFunction) -> bool:
     """Whether a displacement is at most round-off in every model; `quantity` reads the displacement from a response.
 
-    A displacement may be round-off up to the largest bound of all responses.  For a response that states no bound, the
-    bound is the share `ROUND_OFF` of the response's largest displacement.
+    One bound serves all responses: the largest of their bounds.  A response that states none has as its bound the share
+    `ROUND_OFF` of its largest displacement.
     """
     floors = [
         response.round_off or ROUND_OFF * float(np.abs(response.displacement).max(initial=0.0))
@@ -148,7 +152,10 @@ def axis_points(result: RunResult) -> list[AxisPoints]:
 
 
 def forces_of(result: RunResult, kind: str = "pad") -> list[Force]:
-    """Forces and moments of the reduced model that are outputs of one `kind`."""
+    """Forces and moments of the reduced model that are outputs of one `kind`, such as ``pad`` or ``support``.
+
+    The name in the report of a support that stands in for the luffing cylinder ends with the remark `ACROSS`.
+    """
     units = {
         qualified_name(body, FORCE_OF + support): unit
         for body, part in result.scene.bodies.items()
@@ -191,7 +198,7 @@ def rope_axis(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale:
     """Rope of the hoist from its head sheaves to its hook at the time steps `steps` (S,), as an axis of two points.
 
     The rope has its true length and direction, and hangs from the place of the head with deflections enlarged by the
-    factor `scale`.  The result is None if that of `rope_places` is.
+    factor `scale`.  The result is None if `rope_places` returns None.
     """
     if (places := rope_places(result, steps, scale)) is None:
         return None

@@ -67,7 +67,10 @@ def with_date(kind: str, summaries: Sequence[Mapping[str, object]]) -> str:
 
 
 def render_runs(chapters: Sequence[Chapter], kind: str = KIND) -> str:
-    """Render the report of runs, a chapter each, as HTML; `kind` is the kind of document, for its head."""
+    """Render the report of runs, a chapter each, as HTML; `kind` is the kind of document, for its head.
+
+    A single run gives the page its title; several have a general one.
+    """
     title = chapters[0].title if len(chapters) == 1 else "Reduced sliding structures"
     headings = list(dict.fromkeys(number.label for chapter in chapters for number in chapter.key_numbers))
     return render("report.html", title, chapters, kind=kind, headings=headings)
@@ -117,15 +120,17 @@ def escape_plain_text(value: object) -> object:
 
 
 def write_pdf(text: str, file: Path) -> None:
-    """Write the page whose HTML is `text` as a PDF file; raises an InputError if weasyprint can't be imported."""
+    """Write the page whose HTML is `text` as a PDF file, without scripts and what is only for screens.
+
+    Raises an InputError if weasyprint can't be imported.
+    """
     import_package("weasyprint").HTML(string=_without_screen(text)).write_pdf(file)
 
 
 def _without_screen(text: str) -> str:
-    """Remove from a page of HTML what only a screen shows or a script reads, and embed each figure as one image.
+    """Remove from the HTML `text` of a page what only a screen shows, and its scripts; embed each figure as one image.
 
-    `text` is the page.  The reason is time: the elements of a figure that is part of the page are matched with the
-    page's styles one by one, which takes half the time of a PDF.
+    Embedded figures halve the time that a PDF takes, as their elements are not matched with the page's styles.
     """
 
     def embed_figure(match: re.Match[str]) -> str:

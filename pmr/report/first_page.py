@@ -126,8 +126,8 @@ def largest_value_rows(result: RunResult) -> Rows:
 def _largest_values_tables(result: RunResult) -> list[Table]:
     """Tables of the largest values with an allowed value, and of the others; a table without rows is left out.
 
-    In the table of the others, a heading of `HEADINGS` stands above the first row of each part that rows belong to.  If
-    all belong to the same part, there are no headings.
+    If neither has rows, the first one is returned, empty.  In the table of the others, a heading of `HEADINGS` stands
+    above the first row of each part that rows belong to.  If all belong to the same part, there are no headings.
     """
     headings, rows = dict[str, str](), largest_values(result)
     limited = [row for row in rows if row.share is not None]
@@ -298,7 +298,10 @@ def _resting_clause(result: RunResult) -> str:
 
 
 def _speed_rows(result: RunResult) -> LargestValues:
-    """Yield a row with the largest speeds of extensions, luffing and slewing; nothing if the boom does not move."""
+    """Yield a row with the largest speeds of extensions, luffing and slewing; nothing if the boom does not move.
+
+    The motion of a body alone has no speed here.
+    """
     t, frame, texts = result.responses["reduced"].t, result.frame, list[str]()
     for number, name in enumerate(result.paths.names):
         if not is_alone(result) and (most := float(np.abs(result.paths.rates[:, number]).max())) > 0.0:
@@ -313,8 +316,9 @@ def _speed_rows(result: RunResult) -> LargestValues:
 def _deflection_rows(result: RunResult) -> LargestValues:
     """Yield a row with the largest tip displacement in each direction in which this displacement exceeds round-off.
 
-    Where a mass on a wheel crosses other sections, the rows state the displacement of the mass and the largest
-    displacements of these sections.
+    For a boom that is raised or in a frame, z is at right angles to the boom; a further row has the largest vertical
+    part of this displacement, unless the base moves or is inclined.  Where a mass on a wheel crosses other sections,
+    the rows state the displacement of the mass and the largest displacements of these sections.
     """
     response, mover = result.responses["reduced"], crossing(result)
     called = f"largest displacement of {mover}" if mover else QUANTITIES["tip"].reported
@@ -385,7 +389,10 @@ def _frequency_rows(result: RunResult) -> LargestValues:
 
 
 def _locked_words(result: RunResult) -> str:
-    """Words that a computed luffing angle is locked in natural frequencies; empty if the angle is prescribed."""
+    """Words that a computed luffing angle is locked in natural frequencies; empty if the angle is prescribed.
+
+    If a given length or oil drives the cylinder, the words add that on its spring or oil the boom swings more slowly.
+    """
     if not has_free_luffing(result):
         return ""
     cylinder = None if result.scene.frame is None else result.scene.frame.cylinder

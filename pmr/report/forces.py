@@ -85,7 +85,7 @@ def rope_forces(summary: Summary) -> list[Measured]:
 
 
 def support_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block about supports; None if no support is elastic and no rigid support bears a force.
+    """Build the block about supports; None unless one is elastic, or a rigid one other than the pivot bears a force.
 
     The block has figures of the forces of elastic supports over time, and tables of extremes for elastic and rigid
     supports.  `prefix` begins the identifiers of the figures.
@@ -261,9 +261,10 @@ def _force_block(result: RunResult, prefix: str, kind: str, heading: str, *more:
     """Build a block about outputs of one kind: figures of forces, figures of moments, tables of extremes.
 
     A figure has at most `MOST_FORCES` panels.  Forces that are round-off at all times, and those that stay below the
-    share `SLIGHT` of the largest of their unit, have no panel; a sentence names each of both.  `heading` is the title
-    of the block, `prefix` begins the identifiers of the figures, and `more` are further tables.  None if there are
-    neither outputs of this kind nor further tables with rows.
+    share `SLIGHT` of the largest of their unit, have no panel, and are named in a sentence.  Those that are round-off
+    are not in the table of extremes, either.  `heading` is the title of the block, `prefix` begins the identifiers of
+    the figures, and `more` are further tables.  None if there are neither outputs of this kind nor further tables with
+    rows.
     """
     forces, drawn = forces_of(result, kind), list[Drawing]()
     anchor = "forces" if kind == "pad" else kind
@@ -340,7 +341,8 @@ def _reaction_grid(result: RunResult, at_pivot: bool, caption: str) -> Grid:
     """Build the table, with its `caption`, of the extremes of forces and moments on rigid supports that bear any.
 
     If `at_pivot` is true, the forces are those at the pivot of a boom in a frame, the sums over all supports.  If it is
-    false, they are those on each of the other supports.
+    false, they are those on each of the other supports.  The luffing cylinder's force is left out if the summary has an
+    entry on this cylinder, unless the luffing angle is computed.
     """
     response, measured = result.responses["reduced"], list[Measured]()
     for of, extremes in reaction_extremes(response, result.abscissa_at(response.t)).items():

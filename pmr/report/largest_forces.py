@@ -167,8 +167,9 @@ def _use_row(
 ) -> LargestValue:
     """Row of the quantity `key` on the `share` that is used `of` a limit, and on the share with known errors.
 
-    These are the errors of the force with the key `of_force` from all sources, and the error of the limit, whose
-    smallest value is the share `least` of it.  If those of the force are not known, the row has the `share` alone.
+    The known errors are those of the force with the key `of_force` from all sources, and that of the limit, which may
+    be as small as `least` times its value.  `note` stands below.  If the errors of the force are not known, the row has
+    the `share` alone.
     """
     error = trust.summed_errors(result.summary).by_label.get(QUANTITIES[of_force].label)
     upper = None if error is None else share * (1.0 + error) / least
@@ -218,8 +219,9 @@ def _hoist_rows(result: RunResult) -> LargestValues:
 def _forces_by_kind_rows(result: RunResult) -> LargestValues:
     """Yield a row for each kind of force or moment in `FORCES`.
 
-    The row states its largest value, the part that bears it, and the time.  The row of pad forces is followed by that
-    on the force at which walls yield, if it is known.
+    The row states its largest value, the part that bears it, and the time.  A kind without a force, or with a force of
+    0 at all times other than that of supports, has no row; nor have forces on the ground if the machine has outriggers.
+    The row of pad forces is followed by that on the force at which walls yield, if it is known.
     """
     for key, forces in _extremes_of_forces(result).items():
         name, unit = max(forces, key=lambda name: forces[name].size, default=""), QUANTITIES[key].unit  # noqa: B023
@@ -321,8 +323,8 @@ def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestVal
 def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
     """Least and largest forces and moments, by their kinds in `FORCES` and by the names of the parts that bear them.
 
-    Supports that model the luffing cylinder are left out.  A cylinder that pulls ropes is included once, with the force
-    with which it pulls.
+    Supports that model the luffing cylinder are left out, and so are forces of pads, cylinders, supports and outriggers
+    that are round-off at all times.  A cylinder that pulls ropes is included once, with the force with which it pulls.
     """
     response, summary = result.responses["reduced"], result.summary
     by_key = {key: dict[str, Extremes]() for key in FORCES}

@@ -249,7 +249,8 @@ class MovingBodies:
         Shift along x with which each body is drawn.  A body alone is shifted by -s, so that the mouth is drawn at 0; a
         section of a boom by the position of its tail along the boom, measured from the tail of the base.
     stresses, displacements : (F,) arrays, Pa and m
-        Largest von Mises stress of all cells, and length of the largest displacement.
+        Largest von Mises stress of all cells, which bodies without `cell_stresses` lack, and length of the largest
+        displacement.
     scale : float
         Factor, a round number, by which displacements are enlarged.
     """
@@ -360,7 +361,7 @@ class MovingBodies:
         """Return the body and the point with the largest stress, as the summary states them.
 
         If the summary does not state them, the point is the middle of the cell with the largest stress of all bodies at
-        `moment`.
+        `moment`; then the bodies must have stresses.
         """
         peak = self.summary_peak
         if "position" in peak and (body := peak.get("section", next(iter(self.fields)))) in self.fields:

@@ -79,7 +79,7 @@ def unit_for(largest: float, base: str) -> Unit:
 
 
 def decimals_of(value: float) -> int:
-    """Number of decimals with which a value is printed."""
+    """Number of decimals of a value in its shortest form: 2 for 0.25, 0 for a whole number."""
     return max(-int(Decimal(repr(value)).normalize().as_tuple().exponent), 0)
 
 
@@ -134,7 +134,10 @@ def with_sign(value: float) -> str:
 
 
 def format_percent(fraction: float, digits: int = 3) -> str:
-    """Format a fraction in per cent with `digits` digits; below `TINY` it is only called less, as it is round-off."""
+    """Format a fraction in per cent with `digits` digits.
+
+    An absolute value above 0 and below `TINY` is round-off: it is printed as less than `TINY` in per cent.
+    """
     if 0.0 < abs(fraction) < TINY:
         return f"less than {power_of_ten(round(log10(100.0 * TINY)))}{SPACE}%"
     return f"{significant(100.0 * fraction, digits)}{SPACE}%"
@@ -157,10 +160,10 @@ def format_length(value: float, digits: int = 3) -> str:
 
 
 def format_in_unit(value: float, unit: str) -> str:
-    """Format a value with its unit for a table.
+    """Format a value with its unit for a table, with three digits, or four in Hz and kg and for plain numbers.
 
     Fractions (unit ``%``) are printed in per cent, values in Hz and kg without prefix, plain numbers (unit ``–``)
-    without unit.
+    without unit, and lengths as by `format_length`.
     """
     if unit in ("m", "%"):
         return format_length(value) if unit == "m" else format_percent(value)
@@ -179,7 +182,8 @@ def round_number(largest: float) -> float:
 def enlargement(largest: float, target: float) -> float:
     """Factor, a round number, by which displacements are drawn so that the largest has at most the length `target`.
 
-    `largest` and `target` have the same unit; the factor is 1 if `largest` is 0.
+    `largest` and `target` have the same unit.  The factor is below 1 if `largest` exceeds `target`, and 1 if `largest`
+    is 0.
     """
     return round_number(target / largest) if largest > 0.0 else 1.0
 

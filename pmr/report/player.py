@@ -187,9 +187,9 @@ def body_motion(bodies: MovingBodies) -> dict[str, Any]:
     There is nothing to animate without bodies, for a single time, and for more than `MOST_FACES` faces.  The keys are
     the number of ``frames``, first and last of the ``times`` in s, the ``moments`` of all frames in s, ``speeds`` of
     playback, the ``first`` frame shown (that of the peak), the ``length`` of what is drawn, whether it is a body
-    ``alone``, the ``path`` of the mouth, the ``scale`` of displacements,
-    ``bodies``, the least x that is seen (``back``), the ``ramp`` of colours, the blocks ``section``, ``near`` and
-    ``tail`` of the surroundings, the largest share ``lost`` of a motion, and ``pose``.
+    ``alone``, the ``path`` of the mouth, the ``scale`` of displacements, ``bodies``, the least x that is seen
+    (``back``), the ``ramp`` of colours, the blocks ``section``, ``near`` and ``tail`` of the surroundings, the largest
+    share ``lost`` of a motion, and ``pose``.
 
     Each body has its P points in m, its triangles, and its shift along x in m.  Its displacement in m is the product of
     k coefficients (frames, k) and k shapes (k, 3 P).  The stress of its S faces, divided by the stress of the last
@@ -285,8 +285,9 @@ def compress(frames: NDArray[np.float32], most_values: int) -> dict[str, Any]:
     """Factorise frames (F, n) into coefficients (F, k) and shapes (k, n), and encode both for a page.
 
     The entries are the ``count`` k, the k columns of ``coefficients``, the k rows of ``shapes``, and the error
-    ``lost``: the RMS difference between the product and the frames, divided by the RMS value of the frames.  The number
-    k n of values in the shapes is at most `most_values`, unless one shape has more.
+    ``lost``: the RMS difference between the product and the frames, divided by the RMS value of the frames.  There is
+    at least one shape, and at most `MOST_SHAPES`; shapes below the share `EXACT` of the largest one are left out.  The
+    number k n of values in the shapes is at most `most_values`, unless one shape has more.
     """
     X = frames.astype(float)
     squares, vectors = np.linalg.eigh(X @ X.T)
@@ -312,10 +313,10 @@ def _block_data(block: Block) -> dict[str, Any]:
 
 
 def encode_array(values: Array) -> dict[str, Any]:
-    """Encode `values`, an array of any shape, for a page as whole numbers.
+    """Encode `values`, an array of any shape, for a page as whole numbers, rounded to 1/32767 of the largest value.
 
     In the result ``data`` are these numbers as little-endian 16-bit integers in base64, one row after the other, and
-    ``count`` is the value that the number 1 stands for.
+    ``count`` is the value that the number 1 stands for.  The shape is not stored.
     """
     largest = float(np.abs(values).max(initial=0.0)) or 1.0
     counts = np.round(values / largest * _FULL_SCALE).astype("<i2")

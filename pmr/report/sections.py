@@ -175,8 +175,9 @@ def energy_block(result: RunResult, prefix: str) -> Block:
 def basis_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block with basis vectors, singular values of the snapshots, and natural frequencies.
 
-    Figures and tables for which the run has no data are left out; None is returned if it has data for none of them.
-    `prefix` begins the identifiers of the figures.
+    Basis vectors are drawn only if the tip moves along z alone, singular values only for a body alone whose basis is
+    made from snapshots.  Figures and tables for which the run has no data are left out; None is returned if it has data
+    for none of them.  `prefix` begins the identifiers of the figures.
     """
     drawings = list[Drawing]()
     for number, (name, body) in enumerate(result.bodies.items()):
@@ -294,7 +295,8 @@ def stress_block(result: RunResult, prefix: str) -> Block | None:
 def section_force_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block on forces and moments of beams' cross-sections: envelopes over time and a table of extremes.
 
-    The block is None if no beam has such forces.  `prefix` begins the identifiers of the figures.
+    Forces and moments that are at most the share `NOTHING` of the largest value are left out.  The block is None if no
+    beam has such forces.  `prefix` begins the identifiers of the figures.
     """
     largest = dict[str, float]()
     for part in summaries_by_section(result.summary).values():
@@ -348,6 +350,7 @@ UNSEEN = 1e-5
 def probe_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block on probes: histories, extremes, load cycles of stresses and strains, and damage.
 
+    Measurements that are round-off (`UNSEEN`) are left out, and only some histories are drawn (`_drawn_measurements`).
     The block is None if the scene has no probes.  `prefix` begins the identifiers of the figures.
     """
     probes = {probe["name"]: probe for probe in result.summary.get("probes", ())}
@@ -385,7 +388,7 @@ def _damage_grids(result: RunResult) -> list[Grid]:
 
 
 def _format_cycles(value: float | None) -> str:
-    """Format the number of cycles `value`; None, which stands for a life without damage, is ``without end``."""
+    """Format a damage, or a life in runs; None, which stands for a life without damage, is ``without end``."""
     return "without end" if value is None else significant(value)
 
 

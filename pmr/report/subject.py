@@ -117,7 +117,7 @@ class Fixture:
 
 
 def reduced_size(result: RunResult) -> int:
-    """Number of coordinates of the reduced model, from the summary or, if the summary lacks it, from its basis."""
+    """Number of coordinates of the reduced model, from the summary or else from the basis; 0 if both lack it."""
     shapes = result.body.shapes
     basis = 0 if shapes is None else shapes.shapes.shape[1]
     return int(result.summary.get("coordinates", {}).get("reduced", basis))
@@ -132,7 +132,8 @@ def structural_model_words(model: str, walls: str) -> str:
 def choice_clause(measured: Summary) -> str:
     """Clause that states why measurements chose a model: the error of each model that was tried, and the allowed error.
 
-    If no model could be compared, the clause says that the smallest one was taken, and why.
+    `measured` is the summary's entry on these measurements.  If no model could be compared, the clause says that the
+    smallest one was taken, and why.
     """
     if "reason" in measured:
         return f"the smallest one, which nothing could be compared with: {measured['reason']}"
@@ -177,7 +178,11 @@ def slider_offsets(result: RunResult) -> tuple[float, ...]:
 
 
 def reach(result: RunResult) -> float:
-    """Length of a body alone in m; for a boom, its largest reach."""
+    """Length of a body alone in m; for a boom, its largest reach.
+
+    If the scene does not state the body's length, it is the largest x of the points of its fields.  Without fields, it
+    is the end of the range in which the scene observes displacements, or 0.
+    """
     if result.reach is not None:
         return float(result.reach.max())
     scene = result.scene
@@ -205,7 +210,10 @@ def input_loads(result: RunResult) -> list[AppliedLoad]:
 
 
 def scene_loads(result: RunResult) -> list[AppliedLoad]:
-    """Loads as the scene defines them: a force along an axis of the ground is one load along that axis."""
+    """Loads as the scene defines them: a force along an axis of the ground is one load along that axis.
+
+    The `direction` of such a force is that of its first component in the body's axes.
+    """
     by_load, t = dict[tuple[str, str], AppliedLoad](), result.responses["reduced"].t
     for load in input_loads(result):
         if load.name != load.source.name:
@@ -302,7 +310,7 @@ def fixtures(result: RunResult) -> list[Fixture]:
 
 
 def field_times(result: RunResult, body: BodyResult) -> Array:
-    """Times (F,) in s at which the largest stresses of a body are stored."""
+    """Times (F,) in s at which the largest stresses of a body are stored; empty for a body without stresses."""
     count = max(map(len, body.peak_stress.values()), default=0)
     if body.fields is not None and len(body.fields.t) == count:
         return body.fields.t

@@ -101,10 +101,11 @@ def _is_lateral(scene: Scene) -> bool:
 
 
 def _slewing_angles(scene: Scene, frame: Frame) -> list[float]:
-    """Return slewing angles in the frame's unit, at most an eighth of a turn apart.
+    """Return slewing angles in the frame's unit, at most an eighth of a turn apart; only 0 for a frame without slewing.
 
-    If the scene slews on a ground, they are those of the whole turn that its symmetry leaves: a half or a quarter of a
-    turn with both ends, or all of it, each angle once.  Otherwise they are those of the scene's range.
+    If the scene slews on a ground, the angles cover a whole turn, or the half or quarter of it that suffices by
+    symmetry.  Otherwise they cover the scene's range, at most a turn; a constant angle is the only one.  Both ends are
+    included, except that a whole turn has each angle once.
     """
     if frame.slewing is None:
         return [0.0]

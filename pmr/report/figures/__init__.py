@@ -78,7 +78,10 @@ PENS: Mapping[str, Pen] = {
 
 
 def section_colours(names: Iterable[str]) -> dict[str, str]:
-    """Colour of each section of a boom, by name, for `names` from the base out; all figures use the same colours."""
+    """Colour of each section of a boom, by name, for `names` from the base out; all figures use the same colours.
+
+    Colours repeat after the last one of `SECTIONS`.
+    """
     return {name: SECTIONS[k % len(SECTIONS)] for k, name in enumerate(names)}
 
 
@@ -173,10 +176,11 @@ def make_axes(width: float, height: float, across: str, up: str, **margins: floa
 
 
 def make_panels(count: int, height: float, wspace: float, hspace: float, **grid: Any) -> Sheet:
-    """Make a figure with `count` panels, two in a row, each `height` inches high; the sheet's `axes` are a list.
+    """Make a figure as wide as a page with `count` panels, two in a row; the sheet's `axes` are a list of them.
 
-    Each panel has room for a title, and the gaps between panels are `wspace` and `hspace` times as wide and high as a
-    panel.  `grid` holds further keywords of `Figure.subplots`.
+    A single panel is as wide as the figure.  `height` in inches is that of a row with the gap to the next one.  Each
+    panel has room for a title, and the gaps between panels are `wspace` and `hspace` times as wide and high as a panel.
+    `grid` holds further keywords of `Figure.subplots`.
     """
     rows, columns = -(-count // 2), min(count, 2)
     gaps = {"wspace": wspace, "hspace": hspace}
@@ -203,7 +207,8 @@ def add_legend(figure: Figure, handles: Sequence[Artist] = ()) -> Figure:
     """Add a legend above the axes of a figure, where it covers no curve, and return the figure.
 
     The entries are `handles`; if there are none, all that is drawn with a label, in the order in which it was drawn.
-    The figure becomes higher by `ROW` inches for each row after the first one that the legend needs.
+    Each label has one entry; a figure without labels gets no legend.  The figure becomes higher by `ROW` inches for
+    each row after the first one that the legend needs.
     """
     by_name: dict[str, Artist] = {str(handle.get_label()): handle for handle in handles}
     if not handles:
@@ -242,9 +247,10 @@ def _raise_top(figure: Figure, inches: float) -> None:
 
 
 def log_axis(ax: Axes, low: float, high: float) -> None:
-    """Make the y-axis logarithmic over the whole decades from `low` to `high`, but over at most `MOST_DECADES`.
+    """Make the y-axis logarithmic over the whole decades from `low` to `high`, both above 0.
 
-    Labels are powers of ten as plain text, as math mode is switched off.
+    Of more than `MOST_DECADES`, the lowest decades are left out; there is at least one.  Labels are powers of ten as
+    plain text, as math mode is switched off.
     """
     top = ceil(log10(high) - 1e-9)
     bottom = max(min(floor(log10(low)), top - 1), top - MOST_DECADES)
@@ -258,7 +264,7 @@ def log_axis(ax: Axes, low: float, high: float) -> None:
 def octave_axis(ax: Axes, low: float, high: float) -> bool:
     """Make the y-axis logarithmic with labels 1, 2, 5, 10 if the range `low` to `high` spans one to four decades.
 
-    Returns true if the range does; if it does not, the axis is left unchanged and the result is false.
+    Return true if it does; otherwise leave the axis unchanged and return false.
     """
     if not 10.0 < high / max(low, 1e-300) < 1e4:
         return False
@@ -270,7 +276,7 @@ def octave_axis(ax: Axes, low: float, high: float) -> bool:
 
 
 def log_x(ax: Axes, low: float, high: float) -> None:
-    """Make the x-axis logarithmic from `low` to `high`, with the labels 1, 2, 5, 10.
+    """Make the x-axis logarithmic from `low` to `high`, both above 0, with the labels 1, 2, 5 times powers of ten.
 
     If the range spans more than three decades, the labels are powers of ten.
     """
@@ -308,7 +314,7 @@ def curve_style(number: int, size: float = 2.6) -> dict[str, Any]:
 
 
 def bins_of(ax: Axes) -> int:
-    """Number of intervals into which a signal over the width of `ax` is divided, each drawn with its peaks."""
+    """Number of intervals (40 or more) into which a signal over the width of `ax` is cut, each drawn with its peaks."""
     inches = ax.get_window_extent().width / mpl.rcParams["figure.dpi"]
     return max(40, int(BINS_PER_INCH * inches))
 

@@ -64,9 +64,9 @@ class LoadChart:
     """Load chart for E reaches and A angles.
 
     `place` (E, A, 2) is the position of the tip in m, as radius and height from the pivot.  `load` (E, A) is the load
-    in kg, 0 where the boom passes a limit even without a load.  `which` (E, A) is the number of the governing limit in
-    `names`, or -1 if no limit governs.  `up_to` in kg is the load at which the search ends.  `extensions` (E,) are
-    texts that tell reaches of one length apart.
+    in kg, 0 where the boom passes a limit even without a load, and NaN where no limit is reached.  `which` (E, A) is
+    the number of the governing limit in `names`, or -1 if no limit governs.  `up_to` in kg is the load at which the
+    search ends.  `extensions` (E,) are texts that tell reaches of one length apart.
     """
 
     place: Array
@@ -195,11 +195,10 @@ def _outline(cells: Array) -> Path:
 def duty_lines(chart: LoadChart, width: float = WIDE) -> Figure:
     """Draw the allowed load over the radius, a line for each of up to `LINES` boom lengths, as manuals print it.
 
-    The boom length stands above the end of its line, at the largest radius; a narrow figure has up to
-    `NARROW_LINES` lines.  Colour and letter of a piece of a line say
-    which limit governs; each limit has its letter once on a line.  Where no limit is reached, arrows at the load at
-    which the search ends point up.  Where the boom is not permitted even empty, there are crosses on the axis.  The
-    figure is `width` inches wide.
+    A narrow figure has up to `NARROW_LINES` lines.  The boom length stands above the end of its line, at the largest
+    radius.  Colour and letter of a piece of a line say which limit governs; each limit has its letter once on a line.
+    Where no limit is reached, arrows at the load at which the search ends point up.  Where the boom is not permitted
+    even empty, there are crosses on the axis.  The figure is `width` inches wide.
     """
     figure, ax = make_axes(width, 3.4 + ROW, "Radius in m", "Allowed load in kg", right=0.5, top=0.12 + ROW)
     most, ends = float(np.nanmax(chart.load, initial=0.0)), list[tuple[str, float, float]]()
@@ -233,7 +232,7 @@ def duty_lines(chart: LoadChart, width: float = WIDE) -> Figure:
 
 
 def label_ends(ax: Axes, ends: Sequence[tuple[str, float, float]]) -> None:
-    """Write labels above the ends of lines, each as low as no label before it is covered, with a thin line to its end.
+    """Write labels above the ends of lines, each as low as those before it leave room, with a thin line to its end.
 
     Each of `ends` is a label with the radius in m and the load in kg at which its line ends.
     """
@@ -257,10 +256,11 @@ def label_ends(ax: Axes, ends: Sequence[tuple[str, float, float]]) -> None:
 
 
 def _contour_loads(load: Array) -> list[float]:
-    """Loads in kg for which curves are drawn: at most `CURVES` round numbers; empty if all loads are equal.
+    """Loads in kg for which curves are drawn: at most `CURVES` round numbers, in ascending order.
 
-    `load` (any shape) has the loads in kg; NaN and loads of 0 do not count.  If no round number lies between the least
-    and the largest load, three loads at equal distances are returned.
+    They are the largest round numbers between the least and the largest `load` (any shape), in kg; NaN and loads of 0
+    do not count.  The result is empty if all loads are equal.  If no round number lies between the least and the
+    largest load, three loads at equal distances are returned.
     """
     finite = load[np.isfinite(load) & (load > 0.0)]
     if not len(finite) or finite.max() <= finite.min():
@@ -339,9 +339,9 @@ class BentBoom:
 
 
 def bent_boom(boom: BentBoom, width: float = WIDE) -> Figure:
-    """Draw a boom at rest from the side: a thin line for the undeformed axis, and the bent sections.
+    """Draw a boom at rest from the side: a thin line for the undeformed axis, the bent sections, and an arrow.
 
-    Displacements are enlarged; the figure is `width` inches wide.
+    The arrow points down from the last point.  Displacements are enlarged; the figure is `width` inches wide.
     """
     c, s = np.cos(boom.luffing), np.sin(boom.luffing)
     deflection = boom.scale * boom.across

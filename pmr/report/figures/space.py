@@ -185,9 +185,13 @@ def _draw_loads(
 ) -> None:
     """Draw each force in the plane of the view as an arrow, with two heads if it changes its sign, and its name.
 
-    `axes` are the points x (n,) in m of each body's axis, and their places (n, 2) in m in the view.  Forces whose
-    arrows begin at one point have a common label.  Forces that do not act at the time of the largest stress `worst`, if
-    there is one, are left out.
+    `axes` are the points x (n,) in m of each body's axis, and their places (n, 2) in m in the view.  The direction is
+    that of the force at its largest value: in the body's axes, or in space for a force along an axis of the ground.
+    Forces whose arrows begin at one point have a common label.
+
+    Forces that are always zero are left out, and so are those on bodies that `axes` lacks.  If `worst` is not None, a
+    force with one head is left out, too, if it is at most the share `ACTING` of its largest value at the time of this
+    largest stress.
     """
     inch = float(np.ptp(ax.get_xlim())) / (HALF - LEFT - RIGHT)
     forces, names = dict[tuple[str, str, float, bool], Array](), dict[tuple[float, ...], list[str]]()
@@ -275,7 +279,10 @@ def _make_paper(drawn: Sequence[Array], across: str, up: str) -> Paper:
 
 
 def exaggeration(result: RunResult) -> float:
-    """Factor, a round number, by which a structure's deflection is enlarged in the drawing."""
+    """Factor, a round number, by which a structure's deflection is enlarged in the drawing; 1 without a deflection.
+
+    The largest deflection of the run is drawn with at most the share `LARGEST` of the reach.
+    """
     largest = max(float(np.abs(line.displacement).max(initial=0.0)) for line in axis_points(result))
     return enlargement(largest, LARGEST * reach(result))
 
@@ -283,11 +290,11 @@ def exaggeration(result: RunResult) -> float:
 def drawn_steps(result: RunResult, view: str) -> NDArray[np.intp]:
     """Numbers (k,) of the time steps at which the boom is drawn, evenly spaced along its tip's path in a `view`.
 
-    Among them are the first step, and that at which the tip reaches the end of its path.  If the tip is at rest in this
-    view, the steps are those of the largest deflection in equal parts of the time.  If the boom extends but does not
-    turn in this view, there is one step, with the largest extension, as the drawings at other extensions would lie on
-    top of each other.  The step of the largest stress replaces the step nearest to it.  The `view` is ``side`` or
-    ``plan``.
+    The `view` is ``side`` or ``plan``.  There are at most `MOMENTS` steps; among them are the first one, and that at
+    which the tip reaches the end of its path.  If the tip is at rest in this view, the steps are those of the largest
+    deflection in `MOMENTS` equal parts of the time.  If the boom extends but does not turn in this view, there is one
+    step, with the largest extension, as the drawings at other extensions would lie on top of each other.  Then the step
+    of the largest stress replaces the step nearest to it.
     """
     t, out, worst = result.responses["reduced"].t, _tip_distance(result), largest_stress(result)
     along = frame_rotations(result, t)[:, :, 0]

@@ -30,7 +30,10 @@ STEP = 10.0
 
 
 def load_step(largest: float) -> float:
-    """Return the step in kg to which loads are rounded down in a table whose largest load is `largest` in kg."""
+    """Return the step in kg to which loads are rounded down in a table whose largest load is `largest` in kg.
+
+    It is one unit of the third digit of this load, at most `STEP`.
+    """
     return STEP if largest <= 0.0 else min(float(10.0 ** (np.floor(np.log10(largest)) - 2.0)), STEP)
 
 
@@ -63,7 +66,8 @@ def ceiling(study: FinishedStudy) -> str:
 def case_rows(study_file: Summary) -> Iterator[tuple[str, str]]:
     """Yield rows on the cases in service of a study file: factors of load and weights, wind, and what is missing.
 
-    `study_file` are the keys of the study file.
+    `study_file` are the keys of the study file.  If all factors are 1 and neither wind nor another load acts, the only
+    row says so.
     """
     cases = [case for case in map(LoadCase.model_validate, study_file["cases"]) if case.in_service]
     plain = all(case.weight == case.machine == case.load == 1.0 and case.hoisting_class is None for case in cases)
@@ -110,7 +114,10 @@ def motion_rows(study_file: Summary, figures: Mapping[str, Any]) -> Iterator[tup
 
 
 def lifts_more(figures: Mapping[str, Any]) -> bool:
-    """Whether the payload of the scene is more than the chart allows in a posture of its run, by a study's figures."""
+    """Whether the scene's payload is more than the chart allows in a posture of its run; false without a payload.
+
+    `figures` are those of the study.
+    """
     return bool(figures.get("payload", 0.0) > figures.get("payload.load", np.inf))
 
 
@@ -129,7 +136,7 @@ def payload_sentences(figures: Mapping[str, Any]) -> str:
 
 
 def _acting_forces(case: LoadCase) -> str:
-    """List the loads of the scene that act in a case, with their values, and the forces of wind on areas."""
+    """List the loads of the scene that act in a case, with their values, and forces of wind on areas; empty without."""
     forces = case.loads | (case.wind.forces if case.wind else {})
     return ", ".join(f"{name} {force:.5g}{SPACE}N" for name, force in forces.items())
 
@@ -297,7 +304,7 @@ def present_parts(parts: Parts) -> list[str]:
 
 
 def _format_share(share: float) -> str:
-    """Format a share in per cent; NaN is printed as ``not known``."""
+    """Format a share in per cent; NaN is printed as ``not known``, and a share below 1e-5 as 0."""
     return "not known" if np.isnan(share) else f"{two_digits(100.0 * share)}{SPACE}%" if share >= 1e-5 else "0"
 
 
@@ -362,8 +369,9 @@ def _format_amount(limit: Mapping[str, object], amount: float | None) -> str:
 def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Iterator[Grid]:
     """Yield the duty table, with loads and letters of limits over radius and boom length, and that of lower bounds.
 
-    Both have as many parts as there are groups of `LENGTHS_BESIDE` boom lengths.  Lower bounds are yielded only if the
-    study has error bars; their caption says what is `not_covered` by them.
+    At most `MOST_LENGTHS` boom lengths are shown.  Both tables have a part for each group of `LENGTHS_BESIDE` of them;
+    a part leaves out radii at which none of its booms has a load.  Lower bounds are yielded only if the study has error
+    bars; their caption says what is `not_covered` by them.
     """
     columns, step = spread_indices(len(duty.lengths), MOST_LENGTHS), load_step(float(np.nanmax(duty.load, initial=0.0)))
 

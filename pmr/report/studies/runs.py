@@ -65,9 +65,9 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
 
 
 def _opening_sentence(runs: Sequence[RunRecord]) -> str:
-    """Sentence on the number of runs and on the varied parameters; parameters with few values are listed with these.
+    """Sentence on the number of runs and on the varied parameters, each with its values or the number of its values.
 
-    The text is empty if no parameter varies.
+    Up to `MOST_VALUES` values are listed.  The text is empty if no parameter varies.
     """
     parts = []
     for key in dict.fromkeys(key for run in runs for key in run.parameters):
@@ -85,7 +85,8 @@ def _headline(count: int, done: Sequence[RunRecord], error: str | None) -> str:
     """Sentence on the range of the values called `error`, with the runs at both ends, and on runs without a result.
 
     `count` is the number of all runs, `done` are the runs with a result.  The range is left out if `error` is None or
-    fewer than two runs have that value.
+    fewer than two runs have that value.  The number of runs with a result is stated if some have none, or if `error` is
+    None.
     """
     texts = {"label": "", "least": "", "best": "", "largest": "", "worst": ""}
     if error is not None and len(ordered := sorted(runs_with(done, error), key=lambda run: value_of(run, error))) > 1:
@@ -100,7 +101,8 @@ def _headline(count: int, done: Sequence[RunRecord], error: str | None) -> str:
 def _key_numbers(done: Sequence[RunRecord], error: str | None) -> Iterator[KeyNumber]:
     """Yield the largest error, difference, displacement and force of all runs `done`, and the fastest simulation.
 
-    `error` is the name of the error's value, None for a study without one; values that no run has are left out.
+    `error` is the name of the error's value, None for a study without one; values that no run has are left out.  So is
+    the fastest simulation if times differ by chance only (`_cost_differs`).
     """
     for name in (error, "max_error", "max_displacement", "largest_force"):
         if name is None or not (runs_with_figure := runs_with(done, name)):
@@ -128,8 +130,8 @@ def _cost_differs(runs: Sequence[RunRecord]) -> bool:
 def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Iterator[Block]:
     """Yield blocks of figures of the runs `done`: values over the varied parameter, and the error over a run's time.
 
-    `error` is the name of that error, None if there is none; `prefix` begins the identifiers of the figures.  Nothing
-    is yielded if no parameter has several numbers.
+    `error` is the name of that error, None if there is none; `prefix` begins the identifiers of the figures.  Values
+    that hardly differ between the runs are not drawn.  Nothing is yielded if no parameter has several numbers.
     """
     over = varied_parameter(done)
     if over is None:
@@ -182,10 +184,10 @@ def varied_parameter(done: Sequence[RunRecord]) -> str | None:
 
 
 def terminal_grid(runs: Sequence[RunRecord], columns: int, rows: int) -> Grid:
-    """Build a table of runs with at most `columns` columns and `rows` lines, for a terminal; further runs are left out.
+    """Build a table of runs with at most `columns` columns and `rows` lines, for a terminal; the rest is left out.
 
-    The table shows parameters, the error and the largest values of each run; for a study that has none of these, it
-    shows the study's own values.  If all runs fit side by side, each run has a column.  If not, each run has a row;
+    The table shows parameters, the error and the largest values of each run, and also the study's own values if there
+    are fewer than two of those.  If all runs fit side by side, each run has a column.  If not, each run has a row;
     values that differ between runs come first, as not all values may fit.
     """
     heads, error = _varied_keys(runs), next((name for name in ERRORS if runs_with(runs, name)), None)
@@ -224,9 +226,10 @@ def _parameter_cells(run: RunRecord, keys: Sequence[str]) -> list[str]:
 
 
 def _grids(runs: Sequence[RunRecord]) -> Iterator[Grid]:
-    """Yield tables of the values of all runs; each has the columns that fit on a page.
+    """Yield tables of the values of all runs, at most `MOST_GRIDS` with `MOST_ROWS` runs and as many columns as fit.
 
-    Values that are equal in all runs are only named in the caption of the first table.
+    Values that are equal in all runs are only stated in the caption of the first table, and values that repeat a
+    parameter are left out.  The last caption says if something is cut off.
     """
     parameters = list(dict.fromkeys(key for run in runs for key in run.parameters))
     heads = _varied_keys(runs)
@@ -308,7 +311,8 @@ def error_over_time_figure(done: Sequence[RunRecord], parameter: str, error: str
 def _curves(done: Sequence[RunRecord], parameter: str) -> list[tuple[dict[str, Any], list[RunRecord]]]:
     """Group the runs `done` that differ in `parameter` only; return a pair for each group.
 
-    A pair has the keywords for ``Axes.plot`` of the group's curve, then the runs of the group.
+    A pair has the keywords for ``Axes.plot`` of the group's curve, then the runs of the group.  The first `MOST_CURVES`
+    curves have labels.
     """
     groups: dict[str, list[RunRecord]] = {}
     for run in done:
@@ -320,7 +324,7 @@ def _curves(done: Sequence[RunRecord], parameter: str) -> list[tuple[dict[str, A
 def _curve_points(group: Sequence[RunRecord], name: str, places: Mapping[str, float]) -> NDArray[np.float64]:
     """Coordinates x and y of the n points of a curve (2, n), in increasing order of x, from a `group` of runs.
 
-    `places` maps the key of each run to its x; y is the value called `name`.
+    `places` maps the key of each run to its x; y is the value called `name`.  Runs without this value have no point.
     """
     points = sorted((places[run.key], value_of(run, name)) for run in runs_with(group, name))
     return np.array(points).reshape(-1, 2).T

@@ -100,7 +100,10 @@ class ValueLabel:
 
 
 def key_words(key: str) -> str:
-    """Name a key of a scene in words: ``boundary size`` for ``mesh.boundary_size``."""
+    """Name a key of a scene in words: ``boundary size`` for ``mesh.boundary_size``, ``time step`` for ``time.step``.
+
+    The table's name is put before ``step``, ``end``, ``file`` and ``mass``, which say too little alone.
+    """
     section, _, last = key.rpartition(".")
     words = last.replace("_", " ")
     return (
@@ -109,7 +112,10 @@ def key_words(key: str) -> str:
 
 
 def value_words(value: Scalar) -> str:
-    """Describe the value of a parameter in words."""
+    """Describe the value of a parameter in words.
+
+    That is yes or no for a truth value, the words for a structural model for its name, and a dash for None.
+    """
     if isinstance(value, bool):
         return "yes" if value else "no"
     if value in MODELS:
@@ -151,7 +157,7 @@ def heading(key: str) -> str:
 
 
 def run_name(run: RunRecord, left_out: str = "") -> str:
-    """Name a run by the values of its parameters other than the parameter `left_out`."""
+    """Name a run by the values of its parameters other than `left_out`; by its key if it has no others."""
     words = []
     for key, value in run.parameters.items():
         unit = unit_of(key)
@@ -167,7 +173,7 @@ def run_name(run: RunRecord, left_out: str = "") -> str:
 
 
 def quantity_of(name: str) -> ValueLabel:
-    """Label and unit of the value called `name`."""
+    """Label and unit of the value called `name`; a name without a label of its own is the label of a plain number."""
     parts = name.split(".", 2) if name.startswith("errors.") else name.split(".")
     if parts[0] == "errors" and len(parts) == 3:
         model, _, other = parts[1].partition("_vs_")
@@ -216,7 +222,7 @@ def number_of(value: Scalar) -> float | None:
 
 
 def list_words(words: Iterable[str]) -> str:
-    """Join words as ``a, b and c``."""
+    """Join one or more words as ``a, b and c``."""
     *most, last = words
     return f"{', '.join(most)} and {last}" if most else last
 
@@ -237,7 +243,10 @@ ROWS = {
 
 
 def largest_value_block(runs: Sequence[RunRecord]) -> Block | None:
-    """Build the block with the largest values of all runs; None if there are fewer than two quantities."""
+    """Build the block with the largest absolute values of each run; None if there are fewer than two quantities.
+
+    A row is a quantity of `largest_values`, a column is a run.
+    """
     rows = [(word, *cells) for word, cells in largest_values(runs).items()]
     if len(rows) < 2:
         return None
@@ -298,7 +307,10 @@ _TABLES = (
 
 
 def value_blocks(runs: Sequence[RunRecord]) -> Iterator[Block]:
-    """Yield blocks with tables of forces, stresses, frequencies and probes; nothing for more than `MOST_RUNS` runs."""
+    """Yield blocks with tables of forces, stresses, frequencies and probes, with a column for each run with a result.
+
+    Nothing is yielded for more than `MOST_RUNS` such runs; a table without rows is left out.
+    """
     if done := few_runs(runs):
         for heading, pattern, base in _TABLES:
             if (grid := _value_grid(done, re.compile(pattern), base)).rows:
