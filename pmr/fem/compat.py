@@ -119,7 +119,11 @@ logging.getLogger("compilers").setLevel(logging.WARNING)
 
 
 def versions() -> dict[str, str]:
-    """Versions of FEniCSx, PETSc and SLEPc in use, by their names; that of SciPy alone if PETSc is not installed."""
+    """Versions in use of dolfinx, basix, PETSc, SLEPc, their Python packages and MPI, and the scalar type, by name.
+
+    Those of dolfinx and basix are left out without FEniCSx.  If PETSc is not installed, the only entry is that of
+    SciPy, called ``sparse matrices``.
+    """
     if not HAS_PETSC:
         return {"sparse matrices": f"SciPy {scipy.__version__}"}
     petsc, slepc = PETSc.Sys.getVersion(), SLEPc.Sys.getVersion()
@@ -137,7 +141,10 @@ def versions() -> dict[str, str]:
 
 
 def check_fenicsx(model: str) -> None:
-    """Raise an `InputError` that says what is missing if FEniCSx, needed to assemble `model`, is not installed."""
+    """Raise an `InputError` that says what is missing if FEniCSx, PETSc, SLEPc or mpi4py is not installed.
+
+    They are needed to assemble a structural model, of which `model` is the name.
+    """
     if _MISSING:
         allowed = f"matrices is allowed without FEniCSx ({_MISSING}); apt, conda or pip install '.[fenicsx]' has it"
         raise InputError("scene", "body.model", model, allowed)
@@ -146,7 +153,7 @@ def check_fenicsx(model: str) -> None:
 def create_mesh(comm: MPI.Comm, cell: str, points: Array, cells: Indices) -> Mesh:
     """A dolfinx mesh of linear cells, distributed over `comm`; collective.
 
-    Only the points and cells that rank 0 passes in are used.
+    Only the points and cells that rank 0 passes in are used; of those of the other ranks only d matters.
 
     Parameters
     ----------
@@ -203,8 +210,8 @@ def lagrange_rule(cell: str, order: int, degree: int, parts: int = 1) -> Lagrang
 
     The reference cell has d dimensions; a ``"point"`` has one function, which is 1.  `order` is the polynomial degree
     of the element, and `degree` the one that the rule integrates exactly.  The rule is repeated in the `parts`^d equal
-    pieces of the cell, for lines, triangles and quadrilaterals.  Raises a `ValueError` for tetrahedra in several
-    pieces.
+    pieces of the cell; its weights then add up to the size of the whole cell, as before.  The result is cached and
+    shared, so its arrays must not be changed.  Raises a `ValueError` for tetrahedra in several pieces.
     """
     if cell == "point":
         return LagrangeRule(np.ones(1), np.ones((1, 1)), np.zeros((0, 1, 1)))
@@ -228,8 +235,9 @@ def rule_points(cell: str, degree: int) -> Array:
 def _repeat_points(cell: str, parts: int, points: Array) -> Array:
     """Points (k p, d) of a quadrature rule of k points, on all p = `parts`^d equal pieces of a reference cell.
 
-    `points` (k, d) are those on the whole cell of dimension d.  The pieces of a triangle are upright and, between
-    these, turned by 180 degrees.  Raises a `ValueError` for tetrahedra.
+    `points` (k, d) are those on the whole cell of dimension d, and are returned themselves if `parts` is 1.  The pieces
+    of a triangle are upright and, between these, turned by 180 degrees.  Raises a `ValueError` for tetrahedra in
+    several pieces.
     """
     d = points.shape[1]
     if parts == 1:
@@ -269,12 +277,13 @@ def shell_space(mesh: Mesh) -> FunctionSpace:
 
 
 def hermite_space(mesh: Mesh, linear: int, planes: int = 1) -> FunctionSpace:
-    """Function space on an interval mesh: `linear` components u, then w_A and theta_B for each bending plane.
+    """Function space on an interval mesh: linear components u, then w_A and theta_B for each plane of bending.
 
-    There are `planes` bending planes.  Cubic Hermite functions on an element with the coordinate X in [0, 1] are built
-    from two elements.  Each has one degree of freedom at each vertex: A spans the value functions N2 and N5, B spans
-    the slope functions N3 and N6.  With the element's length J = dx/dX the deflection is ``w = w_A + J theta_B``; the
-    deflection is C1 on graded meshes, and theta_B is the physical slope.  Collective.
+    `linear` is the number of linear components and `planes` that of the planes of bending.  The deflection in a plane
+    is ``w = w_A + J theta_B`` with the element's length J = dx/dX and the coordinate X in [0, 1] on the element.  w_A
+    is a sum of the cubic Hermite functions N2 and N5, and its two degrees of freedom are the deflections at the
+    vertices.  theta_B is a sum of N3 and N6, and its degrees of freedom are the slopes dw/dx at the vertices.  So w is
+    C1 on graded meshes too.  Collective.
     """
     # Complete degrees (A holds the constants, B does not) also keep the two apart for FFCx, which in 0.5 compares
     # custom elements by little else.
@@ -354,7 +363,7 @@ def function(space: FunctionSpace, values: Array) -> Function:
 def compiled_form(form: Form) -> CompiledForm:
     """Compile a bilinear form, so that it can be assembled for any values of its constants; collective.
 
-    Raises the error of `_compile_once`.
+    Raises an `InputError` if the folder for compiled code can't be written to.
     """
     domain = next(iter(form.subdomain_data())).ufl_cargo()
     return _compile_once(domain.comm, f"form {form.signature()}", partial(dolfinx.fem.form, form))
@@ -382,8 +391,8 @@ def tabulate(expression: Expr, points: Array, space: FunctionSpace) -> Array:
     """Values (C, q, v, d) of an expression of v components that is linear in a trial function of `space`; collective.
 
     The q `points` (q, tdim) are on the reference cell of dimension tdim.  C is the number of cells that this rank
-    knows, and d the number of degrees of freedom of a cell, in the order of `unrolled_cell_dofs`.  Raises the error of
-    `_compile_once`.
+    knows, and d the number of degrees of freedom of a cell, in the order of `unrolled_cell_dofs`.  Raises an
+    `InputError` if the folder for compiled code can't be written to.
     """
     mesh = space.mesh
     name = ffcx.naming.compute_signature([(expression, points)], "")
@@ -396,7 +405,7 @@ def tabulate(expression: Expr, points: Array, space: FunctionSpace) -> Array:
 def _space(mesh: Mesh, element: Element) -> FunctionSpace:
     """Function space of an element on a mesh; collective.
 
-    Raises the error of `_compile_once`.
+    Raises the errors of `_compile_once`.
     """
     create = dolfinx.fem.FunctionSpace if VERSION < (0, 7) else dolfinx.fem.functionspace
     return _compile_once(mesh.comm, f"element {element!r}", partial(create, mesh, element))
@@ -409,7 +418,7 @@ def _compile_once(comm: MPI.Comm, signature: str, create: Callable[..., Compiled
     the same code waits for this code and fails.  Therefore `create` compiles in a folder that is used only once it is
     complete.
 
-    Raises an `InputError` if the folder can't be written to.
+    Raises an `InputError` if the folder can't be written to, and an `OSError` if its disk is full.
     """
     keyword = "jit_params" if VERSION < (0, 6) else "jit_options"
     if keyword not in inspect.signature(create).parameters:
@@ -448,7 +457,7 @@ def _compiler() -> tuple[Path, dict[str, object], tuple[object, ...]]:
 
 
 def _is_whole(folder: Path) -> bool:
-    """Whether FFCx has finished all code in `folder`."""
+    """Whether FFCx has finished all code in `folder`; False if there is none."""
     begun = list(folder.glob("*.c"))
     return bool(begun) and all(file.with_suffix(".c.cached").is_file() for file in begun)
 
@@ -456,8 +465,8 @@ def _is_whole(folder: Path) -> bool:
 def cellwise(mesh: Mesh, values: Array) -> Function:
     """Function that is constant in each cell, from `values` (C,) for the C cells in the order passed to `create_mesh`.
 
-    The space of such functions is made once for a mesh, because forms take dozens of these functions and making the
-    space takes most of their time.  Collective.
+    Every rank passes all values.  The space of such functions is made once for a mesh, because forms take dozens of
+    these functions and making the space takes most of their time.  Collective.
     """
     attributes = vars(mesh)
     if _CELLWISE not in attributes:
@@ -473,7 +482,10 @@ def original_cells(mesh: Mesh) -> Indices:
 
 
 def cell_dofs(space: FunctionSpace) -> list[Indices]:
-    """Global degrees of freedom of the cells that this rank knows: an array (cells, d) for each scalar component."""
+    """Global degrees of freedom of the cells that this rank knows: an array (cells, d) for each scalar component.
+
+    The cells are in the order of `original_cells`.
+    """
     index_map, block = space.dofmap.index_map, space.dofmap.index_map_bs
     tables = []
     for part in _scalar_parts(space):
@@ -486,7 +498,7 @@ def cell_dofs(space: FunctionSpace) -> list[Indices]:
 def unrolled_cell_dofs(space: FunctionSpace) -> Indices:
     """Local degrees of freedom (cells, d) of each cell that this rank knows, in the order of element matrices.
 
-    The d numbers of a cell count all components of a block.
+    Each component of a block has a number of its own.
     """
     table, block = _table(space.dofmap), space.dofmap.index_map_bs
     return (table[..., None] * block + np.arange(block)).reshape(len(table), -1)
@@ -502,7 +514,7 @@ def _scalar_parts(space: FunctionSpace) -> list[FunctionSpace]:
 def _table(dofmap: DofMap) -> Indices:
     """Local degrees of freedom (cells, d) of each cell that this rank knows, from a `dofmap`.
 
-    The components of a block have one common number.
+    The components of a block have one common number, unless `dofmap` is that of a single component.
     """
     table = dofmap.list
     if VERSION < (0, 7):

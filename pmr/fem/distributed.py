@@ -89,7 +89,7 @@ def times(A: PETSc.Mat, local: Array) -> Array:
 def free_objects(*objects: PETSc.Object) -> None:
     """Free the memory of PETSc objects at once; collective.
 
-    The memory of objects that Python merely drops is kept until `free_dropped`.
+    The objects can't be used afterwards.  The memory of objects that Python merely drops is kept until `free_dropped`.
     """
     for item in objects:
         item.destroy()
@@ -106,7 +106,7 @@ def inner(X: Array, Y: Array, comm: MPI.Comm) -> Array:
 def subtract(X: Array, A: Array, B: Array) -> None:
     """Subtract the product A B of A (n, m) and B (m, k) from X (n, k), in place.
 
-    X and A are stored by columns (Fortran's order).  No temporary array as long as X is made.
+    X and A have to be stored by columns (Fortran's order).  No temporary array of the size of X is made.
     """
     if A.size and B.size:
         assert X.flags.f_contiguous and A.flags.f_contiguous
@@ -114,7 +114,7 @@ def subtract(X: Array, A: Array, B: Array) -> None:
 
 
 def fix_signs(local: Array, comm: MPI.Comm) -> Array:
-    """Columns of a matrix, of which `local` (n_local, k) are this rank's rows, each times 1 or -1; collective.
+    """This rank's rows (n_local, k) of a matrix, with each column times 1 or -1, from its rows `local`; collective.
 
     The entry of largest magnitude of each column becomes positive.  Of all entries within `SIGN_TOLERANCE` of the
     largest one, the first in the model's order decides, so that round-off can't choose between the two ends of a
@@ -189,7 +189,7 @@ def share(size: int, comm: MPI.Comm) -> Indices:
 
 
 class SparseProduct:
-    """Sparse rows (m, n_local) that touch few coordinates, prepared for fast products with dense columns."""
+    """Sparse rows (m, n_local), on this rank's coordinates, that touch few of them, prepared for fast products."""
 
     def __init__(self, rows: sp.spmatrix) -> None:
         rows = sp.csr_matrix(rows)

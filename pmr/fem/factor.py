@@ -76,12 +76,12 @@ class Factor(_PetscFactor):
     The memory for the factor is known before the factor is computed.  A factor that does not fit into the free memory
     is kept in files, in the folder named by the environment variable MUMPS_OOC_TMPDIR, and a warning is logged.
 
-    Raises a `NotDefiniteError` if the matrix, called `name`, is not positive definite, and an `InputError` if its
-    factor does not fit into the memory even with files.
+    Raises a `NotDefiniteError` if the matrix, called `name`, is not positive definite.  Raises an `InputError` if its
+    factor does not fit into the memory even with files, or if MUMPS fails for another reason.
     """
 
     def __init__(self, A: PETSc.Mat, name: str) -> None:
-        """Factorise the matrix A (n, n), called `name` in messages; collective."""
+        """Factorise the matrix A (n, n), called `name` in messages, and mark A as positive definite; collective."""
         A.setOption(PETSc.Mat.Option.SPD, True)
         free = free_memory(A.comm.tompi4py())
         self._factor = factorise(A, min(free, ample(A)))
@@ -132,7 +132,7 @@ def product(A: PETSc.Mat, x: Array) -> Array:
 class SequentialFactor(_PetscFactor):
     """Factor on one rank by CHOLMOD, whose solve with a single right-hand side takes half as long as that of MUMPS.
 
-    Raises a `NotDefiniteError` if the matrix, called `name`, is not positive definite.
+    Raises a `NotDefiniteError` if CHOLMOD fails, as it does if the matrix, called `name`, is not positive definite.
     """
 
     def __init__(self, A: PETSc.Mat, name: str) -> None:
@@ -182,7 +182,8 @@ MatrixFactor = Factor | SequentialFactor | SparseFactor
 def factor_of(A: PETSc.Mat, name: str) -> Factor | SparseFactor:
     """Factor of a symmetric positive definite matrix A by MUMPS, or by SciPy if PETSc is not installed; collective.
 
-    Raises a `NotDefiniteError` if the matrix, called `name`, is not positive definite.
+    Raises a `NotDefiniteError` if the matrix, called `name`, is not positive definite, and an `InputError` if its
+    factor does not fit into the memory.
     """
     return Factor(A, name) if HAS_PETSC else SparseFactor(A, name)
 
@@ -232,8 +233,9 @@ def refusal(name: str, code: int) -> InputError:
 def factorise(A: PETSc.Mat, free: int, in_files: bool = False) -> PETSc.Mat:
     """Factor of A by MUMPS in at most `free` MB of memory on a rank, 0 for no limit; collective.
 
-    The factor is stored in files if `in_files`.  If MUMPS finds before the computation that the memory is too little,
-    it sets an error code in the factor, and computes nothing.  The factor holds no reference to A.
+    The factor is stored in files if `in_files`.  Errors of MUMPS are not raised: the caller finds a negative error code
+    in ``getMumpsInfog(1)`` of the factor.  If the memory is too little, MUMPS says so before it computes anything.  The
+    factor holds no reference to A.
     """
     pc = cholesky(A, "mumps")
     factor = pc.getFactorMatrix()
@@ -248,16 +250,18 @@ def factorise(A: PETSc.Mat, free: int, in_files: bool = False) -> PETSc.Mat:
 def ample(A: PETSc.Mat) -> int:
     """Memory in MB on a rank that suffices for the factors of most matrices of the size of A; collective.
 
-    The result serves as the limit of `factorise`, as MUMPS reserves half of what it is allowed, even if it needs less.
+    The result is at least 1000.  It serves as the limit of `factorise`, because MUMPS reserves half of what it is
+    allowed, even if it needs less.
     """
     entries = A.getInfo(PETSc.Mat.InfoType.GLOBAL_MAX)["nz_used"]
     return max(1000, int(FILL * 12 * entries / 1e6))
 
 
 def free_memory(comm: MPI.Comm) -> int:
-    """Memory in MB that a factor may take on each rank; collective.
+    """Memory in MB that a factor may take on each rank, the same on all ranks; collective.
 
-    The result is the same on all ranks.  The memory is 0, for no limit, if no machine says how much memory is free.
+    It is the share `SHARE` of the free memory, divided by the ranks on a machine, on the machine where that is least.
+    The result is 0, for no limit, if no machine says how much memory is free.
     """
     node = comm.Split_type(MPI.COMM_TYPE_SHARED)
     available = available_memory()
@@ -287,6 +291,8 @@ class ReplicatedFactor:
         On all ranks, if one rank lacks the memory.
     NotDefiniteError
         If the matrix, called `name`, is not positive definite.
+    InputError
+        If MUMPS fails for another reason.
     """
 
     def __init__(self, A: PETSc.Mat, name: str) -> None:
@@ -331,8 +337,9 @@ class ReplicatedFactor:
 def factor_for_columns(A: PETSc.Mat, name: str) -> MatrixFactor | ReplicatedFactor:
     """Factor of A for many right-hand sides at a time; collective.
 
-    On several ranks the factor is complete on each rank if it fits into the memory; if not, a warning is logged.
-    Otherwise, and on one rank, `factor_of` computes it.  Messages call the matrix `name`.
+    On several ranks the factor is complete on each rank if it fits into the memory.  If it does not, a warning is
+    logged, and `factor_of` computes a factor that is spread over the ranks.  On one rank `factor_of` computes it, too.
+    Messages call the matrix `name`.  Raises the errors of `factor_of`.
     """
     if A.comm.size > 1:
         try:
@@ -354,9 +361,9 @@ class Exchange:
         self.most = max(1, LARGEST // (8 * int(self._ends[-1])))  # columns for each rank at a time
 
     def columns(self, local: Array) -> Array:
-        """Columns (n, k_local) of a matrix that this rank owns, from its rows `local` (n_local, k) in Fortran's order.
+        """This rank's columns (n, k_local) of a matrix (n, k), from its rows `local` (n_local, k) in Fortran's order.
 
-        Collective.
+        Each rank gets consecutive columns, as many as any other or one more.  Collective.
         """
         full = np.empty((self._ends[-1], self._shares(local.shape[1])[self._comm.rank]), order="F")
         with self._parts(local, full) as (of_rows, of_columns):
@@ -391,5 +398,5 @@ class Exchange:
                 kind.Free()
 
     def _shares(self, k: int) -> Indices:
-        """Numbers (ranks,) of columns, out of k, that each rank owns."""
+        """Number of columns, out of k, that each rank owns, (ranks,); they differ by at most one."""
         return k // self.ranks + (np.arange(self.ranks) < k % self.ranks)

@@ -48,7 +48,7 @@ class Comm:
         """Do nothing, as there is no other rank to wait for."""
 
     def Allreduce(self, *arrays: Array | int | None) -> None:
-        """Do nothing: on one rank the arrays already have their result."""
+        """Do nothing: a reduction in place (``IN_PLACE``) on one rank leaves the array as it is."""
 
 
 WORLD = Comm()
@@ -66,6 +66,7 @@ class Vec:
         return self._values
 
     def duplicate(self) -> Vec:
+        """Return a vector of zeros with the same length."""
         return Vec(np.zeros_like(self._values))
 
     def destroy(self) -> None:
@@ -110,6 +111,7 @@ class Mat:
         return Mat(self.values.copy())
 
     def duplicate(self, copy: bool = False) -> Mat:
+        """Return a copy of this matrix with its entries; PETSc copies them only if `copy`."""
         return self.copy()
 
     def getSize(self) -> Size:
@@ -165,6 +167,7 @@ class Mat:
         return Mat(self.values[rows.numbers][:, columns.numbers])
 
     def scale(self, factor: float) -> None:
+        """Multiply this matrix by `factor`, in place."""
         self.values *= factor
 
     def axpy(self, factor: float, X: Mat, structure: int | None = None) -> None:
