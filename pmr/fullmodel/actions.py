@@ -39,8 +39,8 @@ class Action:
     """A force (N) or moment (N m) along or about `direction` on a place; as an output, displacement or rotation."""
 
     name: str
-    on: str | float
-    direction: str
+    on: str | float  # a named place of the body, or a coordinate in m along its axis
+    direction: str  # x, y or z of a force and a displacement; rx, ry or rz of a moment and a rotation
     point: tuple[float, float, float] | None = None  # m: moves rigidly with the place; None: the place's centroid
     measures: str = "beam"  # kind of output: ``beam`` for a place along the body, ``tip`` for its tip
 
@@ -74,7 +74,10 @@ class Warmth:
 
 @dataclass(frozen=True)
 class LineLoad:
-    """A force per length along `direction`, a Legendre polynomial of the body's length; its input is in N/m."""
+    """A force per length along `direction`, distributed over the body's length; its input is in N/m.
+
+    The distribution is the Legendre polynomial of this `degree`, whose argument is -1 at x = 0 and 1 at the tip.
+    """
 
     name: str
     direction: str
@@ -85,7 +88,7 @@ class LineLoad:
 class PadForce:
     """An output: the force in N of a pad or support that does not move, has a stiffness and holds both ways."""
 
-    pad: str
+    pad: str  # name of the pad or the support
     kind: str = "pad"  # or ``support``
 
     @property
@@ -219,9 +222,9 @@ def probe_summary(outputs: Mapping[str, Iterable[object]]) -> dict[str, list[dic
 
 
 def _displacements(probe: Probe, model: FiniteElementModel) -> Iterator[Gauge]:
-    """Yield gauges of a probe's displacement along x, y and z, at the nearest grid point or as the mean of a group.
+    """Yield gauges in mm of a probe's displacement along x, y and z: of the nearest grid point, or the mean of a group.
 
-    On a beam, the point moves with its section, which may be between nodes.  Directions along which the model can't
+    On a beam, a point moves with its cross-section, which may be between nodes.  Directions along which the model can't
     move are left out.
     """
     if probe.at is not None and is_beam(model):
@@ -280,8 +283,9 @@ class _Stresses:
     def _probe_points(self, number: int) -> _Points:
         """Stress points of probe `number`: the nearest to its point, on a beam those around it, or all in its group.
 
-        In a group, only points on the probe's face count, or on the model's first face if the probe names none.  Raises
-        an `InputError` if the probe's face or group does not exist, or has no stress point.
+        Only stress points on the probe's face count.  If the probe names no face, a point has all faces to choose from,
+        and a group has the model's first face.  Raises an `InputError` if the probe's face or group does not exist, or
+        if the group has no stress point on the face.
         """
         stress_rows, probe, key = self.rows, self.part.probes[number], f"probes[{number}]"
         if probe.face and probe.face not in stress_rows.faces:

@@ -76,7 +76,10 @@ class CheckedPositions:
 
 @dataclass(frozen=True)
 class RigidBody:
-    """Values that the rows of a body take under its six rigid motions; zero for motions that its model lacks."""
+    """Values that the rows of a body take under its six rigid motions, about its tail.
+
+    A motion that the body's model lacks has zeros in `carrier_motions`, and a unit row in `held_motions` that holds it.
+    """
 
     carrier_motions: Array  # (K, 6): what the K carrier rows measure of the motions
     carrier_sizes: Array  # (K, 6): the same sums of absolute values, by which round-off is judged
@@ -105,10 +108,10 @@ class RigidBody:
 
 
 def _span_rows(rows: Array, reach: float) -> Array:
-    """Up to six rows (h, 6) with the same span as `rows` (m, 6); they may depend on each other.
+    """At most six rows (h, 6), not always independent, that have the same span as `rows` (m, 6).
 
-    A clamp of many points has many rows, but they span six at most.  The columns 3 to 5 of `rows` belong to rotations;
-    `reach` in m scales these to displacements.
+    A clamp of many points has many rows, but they span six dimensions at most.  The columns 3 to 5 of `rows` belong to
+    rotations; `reach` in m scales these to displacements, and counts as 1 m if it is 0.
     """
     scale = np.repeat([1.0, reach or 1.0], 3)
     rows = rows / scale
@@ -141,7 +144,7 @@ def free_motions(
 def describe_free_motions(
     system: FullSystem, structural: Mapping[str, StructuralModel], positions: CheckedPositions
 ) -> FreeMotions:
-    """Describe in words the free motions at that position at which the bodies have most of them; collective.
+    """Describe in words the free motions at the position with most of them, the first one of several; collective.
 
     `structural` has the structural models of the bodies.  The position is named unless all positions have the same free
     motions.  Both texts are empty if nothing can move freely.
@@ -237,7 +240,7 @@ def _distribute_motions(free: Array, names: tuple[str, ...], scale: Array) -> di
 def _null_space(C: Array) -> Array:
     """Orthonormal basis (n, f) of the motions x with C x = 0, for C (m, n).
 
-    If C has no rows, f = n.
+    Singular values of C up to the share `FREE` of the largest one count as zero.  If C has no rows, f = n.
     """
     _, sigma, Vt = np.linalg.svd(np.linalg.qr(C, mode="r"), full_matrices=True)
     return np.asarray(Vt[int(np.sum(sigma > FREE * sigma.max(initial=0.0))) :].T)
@@ -259,7 +262,10 @@ def describe_motions(motions: Array) -> list[str]:
 
 
 def _reduce_rows(A: Array) -> Array:
-    """Basis of the row space of A (f, d) with many zeros, by Gauss-Jordan elimination; overwrites A."""
+    """Basis of the row space of A (f, d) with many zeros, by Gauss-Jordan elimination; overwrites A.
+
+    Entries up to the share `FREE` of the largest one count as zero.
+    """
     row = 0
     for column in range(A.shape[1]):
         if row == len(A):
@@ -276,7 +282,7 @@ def _reduce_rows(A: Array) -> Array:
 
 
 def _direction(vector: Array) -> str:
-    """Name of the axis x, y or z along which a vector (3,) points; for any other vector its unit vector as text."""
+    """Name of the axis x, y or z to which a vector (3,) is parallel, in either sense; else its unit vector as text."""
     unit = vector / np.linalg.norm(vector)
     along = int(np.abs(unit).argmax())
     if np.abs(unit[along]) > 1.0 - 1e-6:
@@ -366,9 +372,9 @@ def warnings(structure: Structure) -> list[str]:
 def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, AssembledBody]:
     """Assemble the full models of all bodies of a scene, by name; equal bodies share one `AssembledBody`.  Collective.
 
-    Raises an `InputError` if a body's model is still ``auto``, a mesh can't be read or drawn, or a load, mass, support,
-    pad or probe does not fit the mesh, or if a pad joins faces of two bodies that are not parallel.  Raises a
-    `NotHeldError` if a rigid motion is free and the scene does not allow it.
+    Raises an `InputError` if a body's model is still ``auto``, or needs FEniCSx and that is not installed, if a mesh
+    can't be read or drawn, if a load, mass, support, pad or probe does not fit the mesh, or if a pad joins faces of two
+    bodies that are not parallel.  Raises a `NotHeldError` if a rigid motion is free and the scene does not allow it.
     """
     for member in filter(is_undecided, members(scene)):
         allowed = "a model by its name is allowed here: pmr.run and pmr.reduce measure which one will do"
@@ -392,10 +398,12 @@ def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, 
 
 
 def within_reach(scene: Scene, built: Mapping[str, AssembledBody]) -> dict[str, AssembledBody]:
-    """Return the bodies `built` with rows of soft pads that are zero where no pad of a joint is in the simulated time.
+    """Return the bodies `built` with rows of pads cut to the positions that pads of joints have in the simulated time.
 
-    Pads of both joints of a section share rows, which otherwise cover the positions between those of the two joints
-    too.  Each of these takes static solves.  Equal bodies still share one `AssembledBody`.
+    Everywhere else the row of a pad that has a stiffness becomes zero, because each position takes static solves.  The
+    pads of both joints of a section share their rows, which otherwise cover the positions between the joints too.  Rows
+    of rigid pads and of what is not in a joint stay as they are.  Equal bodies still share one `AssembledBody`; each
+    position that one of them needs counts for all.
     """
     ranges, reached = dict[int, dict[str, list[Interval]]](), dict[int, AssembledBody]()
     for name, member in zip(scene.names, members(scene), strict=True):
@@ -433,10 +441,11 @@ def _free_motion_sentence(built: Mapping[str, AssembledBody], free: FreeMotions)
 
 
 def _check_facing(scene: Scene, built: Mapping[str, AssembledBody]) -> None:
-    """Raise an `InputError` if a pad joins faces of two of the bodies `built` that are not parallel.
+    """Raise an `InputError` if a pad joins faces of two of the bodies `built` that are not parallel; collective.
 
-    So it is where a file has another axis upwards.  The normals are the directions along which the pad measures
-    displacements of each body; next to a clamp it measures a part of them.  Collective.
+    This happens if the file of a mesh has another axis upwards.  A normal is the direction along which the pad measures
+    displacements of a body at the first of the checked positions.  Its length does not matter: next to a clamp the pad
+    measures less.  Directions along which one of the bodies can't move are left out.
     """
     models, structural = models_of(built), {name: body.structure.model for name, body in built.items()}
     system, positions = FullSystem(models, contacts_of(scene, models)), _checked_positions(scene)

@@ -61,8 +61,8 @@ class Masses:
 def masses_of(model: StructuralModel, point_masses: Sequence[PointMass], M: PETSc.Mat) -> Masses | None:
     """Mass and centre of gravity of a `model` with the mass matrix M, and of its `point_masses`; collective.
 
-    None is returned for given matrices: supports inside them would falsify the mass.  A coordinate of the centre of
-    gravity that the model's motions do not show is 0.
+    M has neither the `point_masses` nor any clamps.  None is returned for given matrices: supports inside them would
+    falsify the mass.  A coordinate of the centre of gravity that the model's motions do not show is 0.
     """
     if not is_assembled(model) and not isinstance(model, Mover):
         return None
@@ -102,9 +102,8 @@ class RigidMotions:
 
     # (n_local, k): this rank's free coordinates under each of k unit motions, translations first
     coordinates: Array
-    held_measures: (
-        Array  # (h, k) m or rad: what clamps and springs measure of each; a motion is free if its column is zero
-    )
+    # (h, k) m or rad: what clamps and springs measure of each motion, which is free if its column is zero
+    held_measures: Array
     complete: bool = True  # False with clamped coordinates, on which the model has no loads, or with inner supports
 
 
@@ -174,7 +173,10 @@ class FullModel(FullOrderBody):
         return slice(*self.M.getOwnershipRange())
 
     def gather(self) -> FullBody | None:
-        """Return this model with SciPy matrices on rank 0, and None on other ranks; collective."""
+        """Return this model with matrices of SciPy on rank 0, and None on other ranks; collective.
+
+        B is an array of NumPy, and the outputs are the matrix O (o, n).
+        """
         parts = [gather(A) for A in (self.M, self.D, self.K, self.B, self.outputs)]
         matrices = {name: gather(A) for name, A in self.matrices.items()}
         if self.comm.rank != 0:
@@ -243,7 +245,7 @@ class FullSystem(BodySystem[FullModel]):
     def gather_vectors(self, local: Array) -> Any:
         """Whole vectors (k, n) on rank 0 from k local vectors `local` (k, n_local); collective.
 
-        Other ranks get `local` back.
+        Other ranks get their own `local` back.
         """
         parts = [self.comm.gather(local[:, at]) for at in self.local_slices]
         return np.concatenate([np.concatenate(part, 1) for part in parts], 1) if self.comm.rank == 0 else local
@@ -263,7 +265,10 @@ class FullSystem(BodySystem[FullModel]):
         return replace(self, contacts=(*self.contacts, *held))
 
     def gather(self) -> System | None:
-        """Return this system with SciPy matrices on rank 0, and None on other ranks; collective."""
+        """Return this system with matrices of SciPy on rank 0, and None on other ranks; collective.
+
+        Bodies that share one full model share its result.
+        """
         gathered: dict[int, FullBody | None] = {}
         for model in self.models:
             if id(model) not in gathered:

@@ -59,7 +59,7 @@ class Structure:
     outputs: tuple[Action | PadForce | Gauge, ...] = ()
     damping: Damping = Damping()
     pads: Pads = Pads()
-    ports: tuple[Action, ...] = ()
+    ports: tuple[Action, ...] = ()  # motions of places to which something may be attached
     # names of matrices of a moving frame and of second order (`pmr.system.body_matrices`)
     matrices: tuple[str, ...] = ()
 
@@ -181,10 +181,10 @@ class Coupling:
 
 
 def _line_load_row(model: StructuralModel, load: LineLoad) -> sp.csr_matrix:
-    """Row (1, n) of a force per length of a model, spread over each cross-section: a Legendre polynomial of the length.
+    """Row (1, n) of the forces on a model by a unit of `load`, which is spread over each cross-section.
 
-    The row of a beam is exact, as the displacements in an element are cubic.  On other models Gauss' rule along the
-    whole body takes it at `SECTIONS` cross-sections; the sum of the forces and their moments are exact.
+    The row of a beam is exact, because the displacements in an element are cubic.  On other models forces act at
+    `SECTIONS` cross-sections, the points of Gauss' rule along the whole body; their sum and their moments are exact.
     """
     assert is_assembled(model)  # the scene's check refuses wind on given matrices
     x, degree = model.grid.points[:, 0], load.degree
@@ -386,7 +386,7 @@ def _constrain_matrix(A: PETSc.Mat, T: sp.csr_matrix, addition: sp.csr_matrix) -
 
 
 def _position(output: Action | PadForce | Gauge, structure: Structure) -> float:
-    """Coordinate along the axis in m at which an output of the structure is measured."""
+    """Coordinate along x in m at which an output of the structure is measured; for a place, that of its centroid."""
     if isinstance(output, Gauge):
         return float(output.at[0])
     if isinstance(output, Action):
