@@ -59,7 +59,11 @@ class _Views:
         self.limits = (0.0, bodies.colour_limit / 1e6)
 
     def shots(self) -> Iterator[View]:
-        """Yield the pictures to be rendered, in the order of the page."""
+        """Yield the pictures to be rendered, in the order of the page.
+
+        They are the views of whole bodies at `MovingBodies.moments`, then, if there are stresses, the close view of the
+        largest one.
+        """
         chosen = self.bodies.moments()
         views = [Shot((*self._pieces_at(m, SIDE), *self._ground_pieces(m)), SIDE, self.limits) for m in chosen]
         for number, (moment, shot) in enumerate(zip(chosen, frame_shots(views, WIDTH), strict=True), start=1):
@@ -70,7 +74,7 @@ class _Views:
     def _pieces_at(
         self, moment: Moment, direction: Vector, edges: float = 0.6, opacity: float = 0.22, shown: str | None = None
     ) -> Iterator[Piece]:
-        """Yield the bodies and all that surrounds them at a moment, as seen from a `direction`.
+        """Yield the bodies and all that surrounds them at a moment, as seen from a `direction`, in the ground's axes.
 
         A body encloses those that slide in it: walls on the side of the camera are drawn in front of them, walls on the
         other side behind them.  `edges` is the width of mesh lines in px.  The bodies that enclose the body called
@@ -153,7 +157,10 @@ class _Views:
             yield _bar(foot, lug, ROD)
 
     def _rope_pieces(self, moment: Moment) -> Iterator[Piece]:
-        """Yield the rope of a hoist as a bar from its head sheaves to its hook, and a cube for the payload."""
+        """Yield the rope of a hoist as a bar from its head sheaves to its hook, and a cube for the payload.
+
+        Nothing is yielded without a hoist, or if the response has no places of a hook.
+        """
         response, frame = self.result.responses["reduced"], self.result.frame
         step = int(np.argmin(np.abs(response.t - moment.t)))
         if (places := rope_places(self.result, [step], self.bodies.scale)) is not None:
@@ -165,7 +172,7 @@ class _Views:
     def _ground_pieces(self, moment: Moment) -> Iterator[Piece]:
         """Yield a level plane below a boom: its ground, else at the foot of its luffing cylinder or at its pivot.
 
-        Nothing is yielded for a body alone, or if no weight acts.
+        Nothing is yielded for a body alone, for a boom that is almost upright, or if no weight acts.
         """
         frame, gravity = self.result.frame, self.result.scene.gravity
         if is_alone(self.result) or gravity is None:

@@ -53,7 +53,7 @@ class Row:
 
 
 def deviating_rows(table: Sequence[Row]) -> list[Row]:
-    """Rows of the table whose value differs from the published one by more than 5 %."""
+    """Rows of an error table whose value differs from the published one by more than 5 %, even if it rounds to it."""
     return [row for row in table if row.mark not in (None, WITHIN)]
 
 
@@ -75,7 +75,7 @@ class ErrorTable:
 
 
 def mark_for(value: float, published: float, is_error: bool = True) -> Mark:
-    """Return the verdict on a value compared with the published one.
+    """Return the verdict on a value compared with the published one: any but `SAME`, which depends on digits.
 
     A deviation of exactly 5 % still counts as within 5 %.  If `is_error`, a smaller value is better; any other value,
     such as a displacement, can be neither better nor worse than the published one.
@@ -240,8 +240,8 @@ class Verdict:
 class Notices:
     """Notices that stand before the results of a chapter.
 
-    `verdict` is on limits, `warnings` sentences that a user has to know before sizing a
-    machine by the results, and `unfinished` names of runs without a result.
+    `verdict` is on limits, `warnings` are what a user has to know before sizing a machine by the results, and
+    `unfinished` are names of runs without a result.
     """
 
     verdict: Verdict = Verdict()

@@ -36,10 +36,10 @@ def is_compared(result: RunResult) -> bool:
 
 
 def rows(result: RunResult) -> list[Row]:
-    """Rows of the error table.
+    """Rows of the error table, as far as the run has their values.
 
-    Errors against other models come first, then estimated errors.  The last two rows are the largest displacement and
-    the largest difference to the full model.
+    Errors against other models come first, those along single sections last among them.  Then come estimated errors and
+    the allowed error.  The last two rows are the largest displacement and the largest difference to the full model.
     """
     errors = (*_error_rows(result), *_further_rows(result), *_section_rows(result), *_estimate_rows(result))
     return [*errors, *_length_rows(result)]
@@ -153,7 +153,8 @@ def _comparison_row(comparison: str, place: str, error: float, other: float, dec
     """Build a row with an error and the published one; both are given as fractions.
 
     `comparison` says which models are compared, `place` names the quantity, `other` is the published error, and
-    `decimals` is the number of decimals with which the published error is stated in per cent.
+    `decimals` is the number of decimals with which the published error is stated in per cent.  An error that is more
+    than 5 % off, but rounds to the published one, has the mark `SAME`.
     """
     printed, deviation = f"{100.0 * other:.{decimals}f}{SPACE}%", signed_deviation(error, other)
     rounded = abs(error - other) <= 0.5 * 10.0 ** -(decimals + 2) * (1.0 + 1e-9)

@@ -41,7 +41,7 @@ def build_chapter(figures: Summary, table: Array) -> Chapter:
     """Build the chapter about an observer from the contents `figures` of ``observe.json``.
 
     `table` (c, T) are the c columns of ``estimates.csv`` in its order: time in s; mean and standard deviation of each
-    estimate; measured value and innovation of each sensor; true values.
+    estimate; measured value and innovation of each sensor; true values.  The first four estimates are key numbers.
     """
     sensors = list[str](figures["sensors"])
     units = {name: unit_text(unit) for name, unit in figures["units"].items()}
@@ -186,7 +186,7 @@ def band_figure(t: Array, mean: Array, deviation: Array, measured: Array, truth:
 def innovation_figure(t: Array, innovations: Array) -> Figure:
     """Draw a sensor's innovations (T,), divided by their standard deviations, at t (T,) in s.
 
-    Two lines hold 90 % of the innovations between them.
+    If the model is right, 90 % of the innovations lie between two lines.
     """
     figure, ax = make_axes(HALF, 1.6, "Time in s", "Innovation (–)")
     at = np.flatnonzero(np.isfinite(innovations))

@@ -146,7 +146,7 @@ def _tip_rows(result: RunResult) -> Rows:
 
 
 def _load_text(load: AppliedLoad) -> str:
-    """Describe a load by its values, its position and its axis.
+    """Describe a load by the range of its values, its position and its axis; one that is always 0 is described as such.
 
     A load that is never positive is described as a positive load along the opposite axis.
     """

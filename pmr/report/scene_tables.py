@@ -114,7 +114,8 @@ class SceneWords:
     def describe_value(self, table: BaseModel, key: str, value: object, unit: str = "") -> str:
         """Describe the value of a key of a table in words.
 
-        `unit` is the unit of numbers if the table declares none for the key.
+        `unit` is the unit of numbers if the table declares none for the key.  A value that is a table is put in
+        brackets, unless it is a signal.
         """
         unit = self._unit(table, key) or (SIGNAL_UNITS.get(key, unit) if isinstance(table, SignalBase) else unit)
         if isinstance(value, BaseModel):
@@ -141,7 +142,7 @@ class SceneWords:
 
 
 def _is_rotation(table: BaseModel, key: str) -> bool:
-    """Whether the numbers of a key belong to a rotation, as its name (``rx``) or the directions of its table say."""
+    """Whether the numbers of a key belong to rotations alone, as its name (``rx``) or its table's directions say."""
     directions = getattr(table, "held_directions", None) or (getattr(table, "direction", None) or key,)
     return all(str(direction) in ("rx", "ry", "rz") for direction in directions)
 
@@ -177,10 +178,10 @@ def _format_numbers(values: Sequence[float], unit: str) -> str:
 
 
 def _telling_values(table: BaseModel, unused: Sequence[str], defaults: bool = True) -> Iterator[tuple[str, object]]:
-    """Yield key and value of those keys of a table whose values say something.
+    """Yield key and value of those keys of a table whose values say something, the kind of the table first.
 
-    Left out are the keys `unused`, empty values, zeros, words and switches with their default values and, unless
-    `defaults`, all default values.
+    Keys that are `unused` or None are left out, and default values that are words, switches, lists, 0 or 1.  So are all
+    other default values unless `defaults` is true.  Defaults that are tables, the kind and the keys in `ALWAYS` stay.
     """
     unused = (*unused, *getattr(table, "unused_keys", ()))
     fields = type(table).model_fields
@@ -204,10 +205,11 @@ def software_versions(summary: Summary) -> list[str]:
 
 
 def size_rows(result: RunResult) -> Rows:
-    """Yield rows with the sizes of models, meshes and fields, and with the numbers of pads and carriers.
+    """Yield rows with the sizes of models, meshes and fields, and with the numbers of carriers and of pads.
 
-    If pads only push, a row states the number of parts into which steps are divided for them.  Further rows are on the
-    largest violations of constraints, and on pads and supports that no vector of the basis moves.
+    Pads of joints are not counted.  If pads only push, a row states the number of parts into which steps are divided
+    for them.  Further rows are on the largest violations of constraints, and on pads and supports that no vector of the
+    basis moves.
     """
     coordinates = result.summary.get("coordinates", {})
     if "full" in coordinates:

@@ -42,9 +42,10 @@ MOST_PLACES = 2
 
 
 def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
-    """Yield the key numbers of a run: errors, time of the simulation, and coordinates.
+    """Yield the key numbers of a run: its error, time of the simulation, and coordinates.
 
-    Numbers that are not known are left out.
+    The error is the largest one after those of all sources are added up or, if there are no sums, that along the beam
+    or its estimate.  Numbers that are not known are left out.
     """
     totals = trust.summed_errors(result.summary)
     if totals.by_label:
@@ -68,7 +69,7 @@ def _total_error(totals: trust.SummedErrors) -> KeyNumber:
 
 
 def _error_key_numbers(result: RunResult) -> Iterator[KeyNumber]:
-    """Yield the error along the beam, or its estimate."""
+    """Yield the error along the beam or, if it is not known, its estimate; nothing if that is not known either."""
     errors = result.summary.get("errors", {}).get("reduced_vs_full", {})
     estimated = result.summary.get("estimate", {}).get("beam")
     without = "" if estimated is None else f"estimated without the full model {format_percent(estimated)}"
@@ -85,7 +86,8 @@ def _simulation_time(result: RunResult) -> Iterator[KeyNumber]:
     """Yield the ratio of the full model's simulation time to the reduced model's, if one simulator computed both.
 
     If different simulators did, or the full model was not simulated, yield the simulation time of the reduced model.
-    The note has both times, and compares the time of the reduced model with the simulated time.
+    Nothing is yielded if the latter is not known.  The note has both times, and compares the time of the reduced model
+    with the simulated time.
     """
     reduced, full = (
         result.responses[name].seconds if name in result.responses else 0.0 for name in ("reduced", "full")
@@ -151,8 +153,8 @@ class LargestValue(NamedTuple):
 
     The first line of `text` is the figure, beside its limit if it has one; a second line, in small type, begins with
     place and time and says what holds for the figure.  `share` is the share of the allowed value, None if there is
-    none; `place` is the part of the boom that the value belongs to, as `pmr.results.quantities.Quantity` names it, or
-    empty for rows below those of the whole boom.
+    none; `place` is the part of the boom that the value belongs to, as `pmr.results.quantities.Quantity` names it.  It
+    is empty for a row that stands after those of the whole boom.
     """
 
     name: str
@@ -207,9 +209,9 @@ def extremes_grid(
 ) -> Grid:
     """Build a table with the least and the largest value of all that was measured, with their times and places.
 
-    Values of one unit have one prefix.  A value is printed as 0 if it is less than `NOTHING` times the largest one with
-    its unit, or if its magnitude is at most `floor`.  `where` are words for the places, by default `then_words`;
-    `remark` is a sentence after the caption.
+    Values of one unit have one prefix.  A value is printed as 0 if its magnitude is at most `NOTHING` times the largest
+    one with its unit, or at most `floor`.  `where` are words for the places, by default `then_words`; `remark` is a
+    sentence after the caption.  What has no name is called slider.
     """
     placed, rows, small = where is not None or bool(moving_part(result)), [], False
     for name, base, extremes in measured:

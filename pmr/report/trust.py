@@ -127,7 +127,8 @@ def _play_changes(result: RunResult) -> dict[str, float]:
 def _play_text(result: RunResult) -> str:
     """Text on the changes of largest values, the largest first, if pads have another play; empty without such a run.
 
-    If such a run failed, the text gives the reason why the changes are not known.
+    Changes below `SMALL_CHANGE` are not listed one by one.  If such a run failed, the text gives the reason why the
+    changes are not known.
     """
     changes = _play_changes(result)
     if not changes:
@@ -242,7 +243,7 @@ def _lacking_clauses(summed: SummedErrors) -> Iterator[str]:
 def _step_words(step: Mapping[str, object]) -> str:
     """Words before the error of the time step, which say whether it is a lower bound or that of the mean motion.
 
-    `step` is the entry of the time step in the summary's budget.  The words are empty if neither holds.
+    `step` is the entry ``step`` of the summary.  The words are empty if neither holds.
     """
     least = "at least " if not step.get("settled", True) else ""
     return f"{'of the mean motion, ' if step.get('by') == 'mean' else ''}{least}"
@@ -251,7 +252,8 @@ def _step_words(step: Mapping[str, object]) -> str:
 def _estimate_words(result: RunResult) -> str:
     """Clauses on the estimated error of the reduction: how it was made, its ratio to the true error, and probes.
 
-    If the error was neither estimated nor computed, the reason is given; without an estimate the text is empty.
+    If the error could be neither estimated nor computed, the text is the reason.  It is empty if no estimate was made,
+    or if only the true error is known.
     """
     estimate = result.summary.get("estimate")
     true = result.summary.get("errors", {}).get("reduced_vs_full", {}).get("beam")

@@ -265,7 +265,10 @@ def line_figure(
 
 
 def output_figure(result: RunResult, outputs: Sequence[Output]) -> Figure:
-    """Draw outputs of one unit over time in one panel; names are without the words that all of them begin with."""
+    """Draw one or more outputs of one unit over time in one panel.
+
+    Names in the legend are without the words that all of them begin with; a single output has no legend.
+    """
     words, response = [output.name.split(" ") for output in outputs], result.responses["reduced"]
     shared, unit = len(commonprefix(words)), outputs[0].unit
     lines = {" ".join(of[shared:]): response.other(output.name) for of, output in zip(words, outputs, strict=True)}

@@ -111,10 +111,10 @@ def singular_value_figure(result: RunResult, shapes: Shapes) -> Figure:
 
 
 def frequency_figure(result: RunResult) -> Figure:
-    """Draw the lowest natural frequencies in Hz over the slider's position, the boom's reach, or time.
+    """Draw the lowest natural frequencies in Hz over the slider position, the reach, or time if the reach is constant.
 
     For a body that slides out of a mouth, the abscissa is its length beyond the mouth.  Frequencies of a closed form
-    that exceed the highest frequency of the models are left out.
+    that exceed the highest frequency of the models are left out, and so are frequencies of 0.
     """
     lowest = result.frequencies
     # a boom past its buckling load has 0 Hz, which a logarithmic axis can't show

@@ -77,7 +77,8 @@ def _provenance_chapter(summary: Summary, studies: Sequence[FinishedStudy]) -> C
 def study_chapter(study: FinishedStudy, anchor: str) -> Chapter:
     """Build the chapter about a study; if a run has no result yet, the chapter is about the runs that have one.
 
-    `anchor` begins all identifiers in the chapter.
+    The table that compares the study with published statements comes last, unless a block has errors already.  `anchor`
+    begins all identifiers in the chapter.
     """
     build = CHAPTERS.get(study.kind, runs.build_chapter)
     content = (runs.build_chapter if study.unfinished_runs else build)(study, anchor)

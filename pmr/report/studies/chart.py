@@ -161,8 +161,8 @@ def _cell_text(study: FinishedStudy, table: LeastLoads, chart: LoadChart, error:
 def _key_numbers(study: FinishedStudy, chart: LoadChart, error: Array, lower: Array, parts: Parts) -> list[KeyNumber]:
     """Key numbers: the largest load of a `chart`, the load at its largest radius, and last the number of points.
 
-    Loads are rounded down as in the duty table.  The load at the largest radius has its lower bound beside it, from
-    `lower` (E, A) in kg, if it has an error bar.
+    Loads are rounded down as in the duty table.  The load at the largest radius is left out if no limit governs it.  It
+    has its lower bound beside it, from `lower` (E, A) in kg, if it has an error bar.
 
     If one of the error bars `error` (E, A), in kg at each point of the chart, is finite, two more stand before the last
     one: the largest error bar, with the errors that it contains, and the number of points at which another limit may
@@ -268,8 +268,9 @@ def _stops(study: FinishedStudy, stops: Array) -> list[Summary]:
     """Entries of the study's stops with results at one point: swing of the tip after the stop, and use of the limit.
 
     `stops` (stops, 5) has a row of five numbers for each stop.  The first is the swing of the tip as a multiple of the
-    displacement by a steady deceleration; it is NaN if not known.  The next three are the use of the limit at rest,
-    under the steady deceleration, and at most.  The last is the speed in rad/s.
+    displacement by a steady deceleration; it is NaN if not known, and then the stop is left out.  The next three are
+    the use of the limit at rest, under the steady deceleration, and at most.  The last is the speed in rad/s, which the
+    entries have in degrees/s.
     """
     return [
         stop | {"factor": factor, "rest": at_rest, "steady": steady, "most": most, "speed": np.rad2deg(speed)}
@@ -282,7 +283,8 @@ def _use_tables(names: list[str], n: int, arrays: Mapping[str, Array], sections:
     """Build tables of the used shares of the limits `names`, and of stresses, tip displacements and forces.
 
     The values are those under the largest load that limit number `n` governs, from `arrays` of the study's results;
-    `sections` are the names of the sections.
+    `sections` are the names of the sections.  Forces of 0 share one row.  Deflections or forces that are all 0 have no
+    table.
     """
     used = zip(names, arrays["at.used"][n], strict=True)
     tables = [Table("Used share of each limit", tuple((name, f"{100.0 * share:.3g}{SPACE}%") for name, share in used))]
