@@ -149,7 +149,8 @@ class Coupling:
             return sp.csr_matrix(_line_load_row(self.model, load) @ self.T)
         if isinstance(load, Warmth):
             if not is_beam(self.model):
-                raise InputError("scene", "loads.acts", load.name, "'force' is allowed on a body that is no beam")
+                allowed = "a force or wind is allowed on a body that is no beam: temperatures act on beams only"
+                raise InputError("scene", "loads.acts", load.name, allowed)
             return sp.csr_matrix(self.model.bending_load(load.direction, load.gradient) @ self.T)
         if isinstance(load, Inertia):
             return self._acceleration_row(load.name, moving.acceleration_load(load.name))
