@@ -206,7 +206,8 @@ def headline(study: FinishedStudy, least_loads: Array, lower: Array, points: int
 def terminal_grid(results: StudyResults, rows: int) -> Grid:
     """Build the terminal's table of a chart, with a row for each of at most `rows` extensions.
 
-    A row has the extensions, the boom length, the range of the radius, and the least and the largest allowed load.
+    A row has the extensions, the boom length, the range of the radius, and the least and the largest allowed load.  The
+    caption says where more is, or how many extensions are still missing.
     """
     names = list(dict.fromkeys(name for run in results.done for name in run.parameters))
     lines, empty = [], False
@@ -225,7 +226,11 @@ def terminal_grid(results: StudyResults, rows: int) -> Grid:
         )
     more = f"{len(results.done) - rows} more extensions, and all" if len(results.done) > rows else "All"
     sign = f"{NO_LOAD} is {NOT_PERMITTED}. " if empty else ""
-    caption = f"{sign}{more} points are in chart.csv, loads over radius in duty.csv, pages to print in report.pdf."
+    if len(results.done) == len(results.runs):
+        caption = f"{sign}{more} points are in chart.csv, loads over radius in duty.csv, pages to print in report.pdf."
+    else:
+        missing = f"{len(results.runs) - len(results.done)} of {len(results.runs)} extensions are missing"
+        caption = f"{sign}This chart is not complete: {missing}. Loads over radius are written when all are computed."
     heads = (*(f"{name.removeprefix('extension.')} out [m]" for name in names), "boom length [m]", "radius [m]")
     return Grid(caption, (*heads, "least load [kg]", "largest load [kg]"), tuple(lines))
 

@@ -297,8 +297,10 @@ class Study(StudyBase):
     def tables(self, results: StudyResults) -> Mapping[str, str | bytes]:
         """Return the contents of ``chart.csv``, ``duty.csv`` and ``duty.xlsx``; all three keys are always there.
 
-        ``chart.csv`` has a row for each point of the finished runs; the other two hold the duty table of these points
-        (`pmr.studies.duty`).  All are empty if no run is done, and ``duty.xlsx`` if the study does not ask for it.
+        ``chart.csv`` has a row for each point of the finished runs; the other two hold the duty table
+        (`pmr.studies.duty`).  They are empty until all runs are done: at the radius of an extension that is missing,
+        the table would have the load of a shorter boom alone.  ``chart.csv`` is empty if no run is done, and
+        ``duty.xlsx`` if the study does not ask for it.
         """
         if not results.done:
             return {"chart.csv": "", "duty.csv": "", "duty.xlsx": ""}
@@ -308,11 +310,11 @@ class Study(StudyBase):
         rows = [self._cells(table, loads, k, *point) for k, point in enumerate(points)]
         cells = [[_cell(value) for _, value in row] for row in rows]
         rows_of_chart = [run.parameters for run in results.done]
-        duty = DutyTable.from_loads(self._least_loads(results), self.up_to, rows_of_chart)
+        duty = DutyTable.from_loads(self._least_loads(results), self.up_to, rows_of_chart) if all(done) else None
         return {
             "chart.csv": csv_text([head for head, _ in rows[0]], cells),
-            "duty.csv": duty.csv(self.names),
-            "duty.xlsx": duty.workbook(self.title, self.names) if self.spreadsheet else "",
+            "duty.csv": duty.csv(self.names) if duty else "",
+            "duty.xlsx": duty.workbook(self.title, self.names) if duty and self.spreadsheet else "",
         }
 
     def _cells(

@@ -129,11 +129,14 @@ def test_no_load_is_called_zero_where_a_limit_is_passed_without_a_load() -> None
     assert 0.0 not in drawn[:, 1]
     arrays = [{"place": at, "load": of[:, None]} for at, of in zip(place, load, strict=True)]
     runs = [SimpleNamespace(key=k, parameters={"extension.fly": 1.0 + k}) for k in range(2)]
-    results: Any = SimpleNamespace(done=runs, arrays=lambda key: arrays[key])
+    results: Any = SimpleNamespace(done=runs, runs=runs, arrays=lambda key: arrays[key])
     grid = terminal_grid(results, 20)
     assert [row[-2:] for row in grid.rows] == [("600", "900"), ("—", "300")]
     assert grid.head == ("fly out [m]", "boom length [m]", "radius [m]", "least load [kg]", "largest load [kg]")
-    assert "— is not permitted, even empty." in grid.caption and "runs.csv" not in grid.caption
+    assert "— is not permitted, even empty." in grid.caption and "duty.csv" in grid.caption
+    results.runs = [*runs, SimpleNamespace(key=2)]
+    caption = terminal_grid(results, 20).caption
+    assert "This chart is not complete: 1 of 3 extensions are missing." in caption and "duty.csv" not in caption
 
 
 def test_the_first_sentence_names_the_case() -> None:
