@@ -156,7 +156,7 @@ def is_dense(model: FullModel, choice: str) -> bool:
 
 
 class DenseEigenSolver:
-    """Eigensolver that computes all modes by LAPACK on rank 0: reproducible, but O(n^3)."""
+    """Eigensolver that computes all modes by LAPACK on rank 0, and returns the lowest: reproducible, but O(n^3)."""
 
     def __init__(self, model: FullModel) -> None:
         self._model = model
@@ -164,7 +164,11 @@ class DenseEigenSolver:
         self._M, self._K = (None if A is None else A.toarray() for A in map(gather, (model.M, model.K)))
 
     def lowest(self, s: float, count: int) -> Modes:
-        """Compute the `count` lowest modes with the rows held at path coordinate `s` (m); collective."""
+        """Compute the `count` lowest modes with the rows held at path coordinate `s` (m); collective.
+
+        Raises a `DependentRowsError` if rigid rows depend on each other, and a `TooManyModesError` if fewer modes
+        exist.
+        """
         model = self._model
         C, compliance = model.rows.at(s), model.rows.compliance
         rigid, soft = np.flatnonzero(compliance == 0.0), np.flatnonzero(compliance)
@@ -198,7 +202,8 @@ class SlepcEigenSolver:
     def lowest(self, s: float, count: int) -> Modes:
         """Compute the `count` lowest modes with the rows held at path coordinate `s` (m); collective.
 
-        Not to be called for a model that has a row with compliance: all rows are taken as rigid.
+        All rows are taken as rigid, so the model must have no row with a compliance.  Raises a `DependentRowsError` if
+        rows depend on each other, and a `ConvergenceError` if fewer modes exist or converge.
         """
         model = self._model
         elimination = eliminate(model.rows.at(s), model.rows.names)
@@ -264,7 +269,11 @@ class OneFactorEigenSolver:
         free_objects(F)
 
     def lowest(self, s: float, count: int) -> Modes:
-        """Compute the `count` lowest modes with the rows held at path coordinate `s` (m); collective."""
+        """Compute the `count` lowest modes with the rows held at path coordinate `s` (m); collective.
+
+        Raises a `DependentRowsError` if rigid rows depend on each other, and a `ConvergenceError` if fewer modes exist
+        or converge.
+        """
         model, factor, C = self._model, self._factor, self._model.rows.at(s)
         rigid = np.flatnonzero(model.rows.compliance == 0.0)
         dimension = model.size - len(eliminate(C[rigid], [model.rows.names[i] for i in rigid]).pivots)
@@ -295,8 +304,8 @@ EigenSolver = DenseEigenSolver | SlepcEigenSolver | OneFactorEigenSolver
 def lowest_frequencies(model: FullModel, s: Array, count: int, solver: str) -> Array:
     """Lowest circular frequencies (S, f) in rad/s with the rows held at each path coordinate `s` (S,) m; collective.
 
-    The number f of frequencies is `count`, or the number of coordinates less the number of rows if that is smaller.
-    `solver` is the choice of `eigensolver`, whose errors are raised.
+    The number f of frequencies is `count`, or the number of coordinates less that of rows, soft ones too, if this is
+    smaller.  `solver` is the choice of `eigensolver`, whose errors are raised.
     """
     solver_of_model = eigensolver(model, solver)
     count = min(count, model.size - len(model.rows.names))

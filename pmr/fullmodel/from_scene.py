@@ -62,6 +62,9 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
     By default the observed stations are the nodes of a beam without the last one, which is the tip.  Of more than
     `MOST_OBSERVED` nodes every second, third and so on is taken.
 
+    The loads are those of the scene along each axis of the body, those of hoists last; then the weight, unless a frame
+    moves the body; then the acceleration by extensions; then the acceleration fields of a moving frame.
+
     Raises an `InputError` if the mesh can't be read or drawn or lacks a group, or if the model needs FEniCSx and that
     is not installed.
     """
@@ -113,7 +116,8 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
 def _load(member: Member, load: Load) -> Action | Warmth | LineLoad:
     """Description of a load of the scene: force or moment, difference of temperature, or polynomial of the wind.
 
-    The last word of the name of a wind's load is the degree of its polynomial.
+    A difference of temperature acts over the load's depth, or the width or height of the box if the load has none.  The
+    last word of the name of a wind's load is the degree of its polynomial.
     """
     if load.acts == "force":
         return Action(load.name, load.on, load.direction, point=load.point)
@@ -163,7 +167,7 @@ def _common_travel(pads: Pads) -> Interval:
 
 
 def _ring_pads(ring: PadRing, faces: tuple[str, ...], travel: tuple[float, float] | None) -> list[Pad]:
-    """Pads of a ring on the given faces.
+    """Pads of a ring on the given `faces`; those on other faces are left out.
 
     `travel` is the least and largest path coordinate in m of these pads; if it is None, the range of the body's path
     counts.
@@ -260,7 +264,10 @@ def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBo
 
 
 def _check_place(mesh: NamedMesh) -> None:
-    """Raise an InputError for a mesh that does not lie along x from x = 0 on, or is beside the axis y = z = 0."""
+    """Raise an InputError for a mesh that does not lie along x from x = 0 on, or is beside the axis y = z = 0.
+
+    Distances up to the share `AT_TAIL` of the mesh's length along x are allowed.
+    """
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
     slack = AT_TAIL * float(high[0] - low[0])
     if mesh.axis != 0 or abs(low[0]) > slack or np.any(low[1:] > slack) or np.any(high[1:] < -slack):

@@ -62,11 +62,12 @@ def largest_eigenpairs(
     Parameters
     ----------
     apply : callable
-        Applies H M^-1 to columns (n_local, b) in Fortran's order and returns such columns; rows are this rank's.
+        Applies H M^-1 to columns (n_local, b) in Fortran's order and returns new ones, which are overwritten; rows are
+        this rank's.
     M : PETSc.Mat
         Mass (n, n).
     start : (n_local, b) array
-        First block, in the range of H; overwritten.
+        First block, in the range of H.
     dimension : int
         Dimension of the range of H.
 
@@ -135,10 +136,10 @@ def _orthonormalise(W: Array, MW: Array, comm: MPI.Comm, most: int) -> _Block:
 
 
 def _border(T: Array, columns: Array) -> Array:
-    """Return T (k, k) with b more rows and columns, from the lowest rows `columns` (d, b) of the new columns.
+    """Return the symmetric matrix (k + b, k + b) that has T (k, k), b more columns and, transposed, b more rows.
 
-    The d >= b lowest rows include the new diagonal block (b, b), which is symmetrised; all higher rows of the new
-    columns are zero.  T, with k rows so far, and the result are symmetric.
+    `columns` (d, b) are the lowest d >= b rows of the new columns; the rows above them are zero.  The last b rows of
+    `columns` are the new block on the diagonal, which is symmetrised.
     """
     d, b = columns.shape
     m = len(T) + b
@@ -172,7 +173,10 @@ class Modes:
     is_cut: bool = False  # whether the first mode that is left out has the frequency of the last one
 
     def warn_if_cut(self, s: float) -> None:
-        """Log a warning if only one of two modes with the same frequency is included; s in m is for the message."""
+        """Log a warning, on each rank, if only one of two modes with the same frequency is included.
+
+        The path coordinate s in m is for the message.
+        """
         if self.is_cut:
             logger.warning(
                 "s = %g m: mode %d and the next one have the same frequency; the snapshot holds one of the two. "
@@ -185,8 +189,8 @@ class Modes:
 def lowest_mode_solver(K: PETSc.Mat, M: PETSc.Mat, sigma: float, count: int) -> SLEPc.EPS:
     """Set up SLEPc's Krylov-Schur solver with shift-and-invert at -sigma for the `count` lowest modes of (K, M).
 
-    The start vector is the same on any number of ranks.  The vector is random, so that no symmetry makes it orthogonal
-    to a mode.
+    The caller chooses the preconditioner that factorises K + sigma M.  The start vector is the same on any number of
+    ranks.  The vector is random, so that no symmetry makes it orthogonal to a mode.  Collective.
     """
     eps = SLEPc.EPS().create(comm=M.comm)
     eps.setOperators(K, M)
@@ -242,7 +246,7 @@ def check_count(count: int, dimension: int) -> None:
 
 
 def are_clustered(a: float, b: float) -> bool:
-    """Whether `a` and `b`, two values of omega^2, differ by no more than round-off."""
+    """Whether two values of omega^2 differ by at most the share `CLUSTER` of the larger magnitude."""
     return abs(b - a) <= CLUSTER * max(abs(a), abs(b))
 
 
@@ -254,7 +258,7 @@ def finish_modes(model: FullModel, s: float, omega2: Array, phi: Array, cut: boo
     s : float, m
         Path coordinate at which the rows are held.
     omega2, phi : (k,) and (n_local, k) arrays
-        Squared circular frequencies, and this rank's rows of the k modes.
+        Squared circular frequencies, and this rank's rows of the k modes.  Negative squares become frequencies of 0.
     cut : bool
         Whether the first mode that is left out has the frequency of the last mode in `phi`.
     """
@@ -270,7 +274,9 @@ def finish_modes(model: FullModel, s: float, omega2: Array, phi: Array, cut: boo
 def _residuals(model: FullModel, s: float, omega2: Array, phi: Array) -> Array:
     """Backward errors (k,) of k eigenpairs `omega2` (k,), `phi` (n_local, k) at path coordinate s in m; collective.
 
-    The part of a residual that is in equilibrium with forces of constraints does not count as an error.
+    The error of a mode is the largest entry of its residual K phi - omega^2 M phi over (k + omega^2 m) p, with the
+    infinity norms k of K and m of M and the largest entry p of phi.  It is 0 if the divisor is 0.  The part of a
+    residual that is in equilibrium with forces on the rows does not count as an error.
     """
     comm = model.comm
     first, last = model.M.getOwnershipRange()

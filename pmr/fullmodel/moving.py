@@ -55,9 +55,10 @@ class SingularError(InputError):
 
 
 def static_solver(model: FullModel, held_rows: Sequence[Row], choice: str) -> StaticSolver:
-    """Static solver of a model with the rows `held_rows` held, which must leave no rigid motion free.
+    """Static solver of a model with the rows `held_rows` held, which must leave no rigid motion free; collective.
 
-    `choice` is ``"dense"``, ``"slepc"`` (MUMPS) or ``"auto"``, as for the eigenmodes.
+    The rows are held rigidly, at the first path coordinate at which all of them are defined, even if they have a
+    compliance.  `choice` is ``"dense"``, ``"slepc"`` (MUMPS) or ``"auto"``, as for the eigenmodes.
 
     Raises
     ------
@@ -74,9 +75,10 @@ def static_solver(model: FullModel, held_rows: Sequence[Row], choice: str) -> St
 
 
 def solver_of(K: PETSc.Mat, elimination: Elimination, dense: bool) -> StaticSolver:
-    """Static solver of a stiffness K (n, n): by LAPACK if `dense`, else by a sparse factor.
+    """Static solver of a stiffness K (n, n): by LAPACK if `dense`, else by a sparse factor; collective.
 
-    `elimination` says which coordinates remain after the held ones are eliminated.
+    `elimination` says which coordinates remain after the held ones are eliminated.  Raises a `SingularError` if the
+    stiffness on these is not positive definite.
     """
     return (_DenseSolver if dense else _SparseSolver)(K, elimination)
 
@@ -205,8 +207,8 @@ class FrameAssembler:
         """Load f_S (n,) on all n coordinates by a unit acceleration field, the input `name`; collective.
 
         The field is a tensor S applied to a rigid motion u, and the load is the inertia with S times u
-        (`acceleration_field`).  `name` is a key of `CONSTANT` or `LINEAR`.  Point masses are left out.  Every rank has
-        all entries.
+        (`acceleration_field`).  `name` is a key of `CONSTANT` or `LINEAR`.  The load is zero if the model has no such
+        motion.  Point masses are left out.  Every rank has all entries.
         """
         S, motion = acceleration_field(name, self._model)
         if not S.any():
@@ -349,8 +351,8 @@ def cylinder_row(
 def direction_polynomial(cylinder: LuffingCylinder) -> PPoly:
     """Piecewise polynomial of the unit vector (2,) from a cylinder's foot to its lug, along x and z in the boom's axes.
 
-    Its argument is the luffing angle in rad from -pi to pi.  Intervals are halved until the error is at most `ACCURACY`
-    or the length of the interval at most `SHORTEST`.
+    Its argument is the luffing angle in rad from -pi to pi.  An interval is halved until the error in it is at most
+    `ACCURACY`, or its length at most `SHORTEST`.
     """
     breaks = np.linspace(-np.pi, np.pi, INTERVALS + 1)
     while True:

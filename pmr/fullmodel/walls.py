@@ -101,7 +101,8 @@ class Walls:
     def compliance_under(self, pad: str, x: float) -> float:
         """Compliance in m/N of the wall under a pad by the pad's own force; 0 if the wall is rigid.
 
-        The centre of the pad is at x (m) on the body.
+        x (m) is the place of the pad's centre on the body.  It does not matter for a fixed pad; for a sliding pad that
+        is beyond its path the compliance is that at the nearer end.
         """
         if pad in self.standing.pads:
             number = self.standing.pads.index(pad)
@@ -125,7 +126,7 @@ class Walls:
         return self._last_diagonal(masses * np.concatenate(sizes) * (self.stiffness_scale if self.count else 0.0), size)
 
     def pad_row(self, row: Row, centre: float) -> Row:
-        """Row of a pad with the dents of its wall as further carriers; `row` itself if the wall is rigid.
+        """Row of a pad with the dents of its wall as further carriers; `row` itself if the wall under it is rigid.
 
         The pad is centred at `centre` (m) on the body, or at s + `centre` if it moves with the path coordinate s.
         """
@@ -148,7 +149,11 @@ class Walls:
         return row
 
     def add_end_motion(self, motion: sp.csr_matrix, place: str | float, directions: tuple[str, ...]) -> sp.csr_matrix:
-        """Rows (k, n) of a place along k directions: `motion` (k, n), plus the motion of the walls if it is an end."""
+        """Rows (k, n) of a `place` along or about k `directions`, with the motion of its walls.
+
+        `motion` (k, n) are the rows without it, which are returned themselves unless the place is an end that gives way
+        in one of these directions.
+        """
         behind, pads = motion.shape[1] - self.count, len(self.standing.pads)
         ends = enumerate(self.standing.ends)
         pairs = [(directions.index(d), pads + j) for j, (end, d) in ends if end == place and d in directions]
@@ -213,10 +218,10 @@ def _root(C: Array) -> Array:
 
 
 def _add_dents(row: Row, dents: Array, carriers: Array, behind: int) -> Row:
-    """Return `row` with k more carrier rows, whose weights are interpolated between the b breaks of the row.
+    """Return `row` with k more carrier rows, whose weights at the b breaks of the row are `dents` (b, k).
 
-    `dents` (b, k) are the weights at the breaks.  The carrier rows `carriers` (k, c) act on the last c coordinates,
-    which follow `behind` others.
+    Between the breaks of a row that moves, a weight is a cubic spline; in a row that stays, it is constant.  The
+    carrier rows `carriers` (k, c) act on the last c coordinates, which follow `behind` others.
     """
     k = len(carriers)
     if row.moves:
