@@ -105,8 +105,8 @@ class Support:
     """
 
     name: str
-    on: str | float
-    direction: str = "x"
+    on: str | float  # a named place of the body, or a coordinate in m along its axis
+    direction: str = "x"  # x, y or z, or rx, ry or rz
     stiffness: float = np.inf
 
 
@@ -137,7 +137,7 @@ class Pads:
     def wall_compliance(self, pad: str, s: float) -> float:
         """Compliance in m/N of the wall under a pad for the pad's own force, at the path coordinate s (m).
 
-        The result is 0 if the wall is rigid.
+        The result is 0 if the wall is rigid.  For a fixed pad s does not matter.
         """
         centre = next((moving.at for moving in self.moving if moving.name == pad), 0.0)
         return self.walls.compliance_under(pad, s + centre)
@@ -180,10 +180,12 @@ class Restraints:
 def restrain(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Restraints:
     """Rows and springs of all pads, supports and sliders on the coordinates z of a structure, with q = T z.
 
-    Springs are the pads and supports that do not move, have a stiffness and hold both ways; all others are rows.  The
-    coordinates of walls that give way are the last ones of z.
+    Springs are the pads and supports that do not move, have a stiffness and hold both ways; all others are rows.  Rows
+    of fixed pads and of supports come first, then those of sliding points, moving pads, places that another body holds,
+    the luffing cylinder and straight stretches.  The coordinates of walls that give way are the last ones of z.
 
-    Raises an `InputError` if a face does not exist or a pad leaves its face somewhere on its travel.
+    Raises an `InputError` if a face does not exist, if a pad leaves its face somewhere on its travel, or if the model
+    lacks the direction of a support or a clamp holds its place already.
     """
     staying = [
         *(pads.walls.pad_row(fixed_pad(pad, model, T, pads.travel), pad.at) for pad in pads.fixed),
@@ -262,10 +264,10 @@ def under_even_pad(pad: Pad, model: StructuralModel) -> sp.csr_matrix:
     L and W are length and width of the pad, which is centred at `pad.at`.  So a force on this row is an even pressure,
     while one on that of `under_pad` is largest in the middle.  The row acts on the n coordinates of `model`; a beam's
     row is a mean along its line.  Points of quadrature next to a side of the pad count by the part of a step that is
-    inside.  Sum, centroid and spread along the axis are those of the area but for round-off; the spread across is so to
-    0.2 %, and to 8 % if sides of the pad are on edges of the face.
+    inside.  Sum, centroid and spread along the axis are those of the area but for round-off.  The spread across is off
+    by 0.2 %, or by 8 % if sides of the pad are on edges of the face.
 
-    Raises an `InputError` if the pad leaves its face by more than `under_pad` lets it.
+    Raises an `InputError` if the pad leaves its face by more than `under_pad` allows.
     """
     centre, size = np.array([pad.at, pad.across]), np.array([pad.length, pad.width])
     rim = _station_spacing(pad)
@@ -317,7 +319,8 @@ def _end_row(end: Support, model: StructuralModel, T: sp.csr_matrix, pads: Pads)
 def _point_row(slider: Slider, model: StructuralModel, T: sp.csr_matrix) -> Row:
     """Row of the sliding point `slider` on the coordinates z of a structure, with q = T z.
 
-    Raises an `InputError` if the model is neither a planar beam nor a mover.
+    On a mover the row is the coordinate of its wheel, wherever the point is, and T is not used.  Raises an `InputError`
+    if the model is neither a planar beam nor a mover.
     """
     if isinstance(model, Mover):
         weights = np.array([0.0, 1.0]).reshape(2, 1, 1)  # linear with a slope of 0, as a row that travels
@@ -380,7 +383,10 @@ def _nearby_points(points: Array, places: Array, step: float) -> sp.csc_matrix:
 
 
 def _check_extent(pad: Pad, places: tuple[float, float], extent: Extent) -> None:
-    """Raise an `InputError` if a pad with stations between two `places` (m) reaches beyond the extent of its face."""
+    """Raise an `InputError` if a pad with stations between two `places` (m) reaches beyond the extent of its face.
+
+    It may reach beyond by the share `SLACK` of the face's length or breadth.
+    """
     step, half = _station_spacing(pad), pad.width / 2.0
     spans = [("along the axis", (places[0] - step, places[1] + step), step, extent.along)]
     if extent.across is not None:

@@ -145,7 +145,7 @@ class HeldModel:
     """
 
     def __init__(self, model: StructuralModel, body: PlateBody) -> None:
-        """Assemble the structural `model` of the `body`, hold it and factorise its stiffness."""
+        """Assemble the structural `model` of the `body`, hold it and factorise its stiffness; on this rank alone."""
         structure = Structure(model, clamps=body.clamps, masses=body.masses)
         self._model, self._T = model, couple(structure).T
         full = structural_model(structure, MPI.COMM_SELF)
@@ -224,7 +224,7 @@ class HeldModel:
         return np.concatenate([of_pads.reshape(len(u), k, len(u), k)[p, :, p], at_fixed], axis=1)
 
     def _solve_rigid(self, g: Array) -> Array:
-        """Solve J x = g for the k free rigid motions, which have the inertia J (k, k)."""
+        """Solve J x = g for the k free rigid motions, which have the inertia J (k, k); return `g` if there are none."""
         return np.linalg.solve(self._J, g) if self._R.size else g
 
     def destroy(self) -> None:
@@ -235,8 +235,8 @@ class HeldModel:
 def places_along(span: float, layer: float) -> Array:
     """Distances (p,) in m from 0 to `span` at which a sliding ring of pads is evaluated.
 
-    There are `A_LAYER` distances for each `layer` of cells, which is a length in m, but at most `MOST_PLACES`.
-    Round-off in `span` does not add a distance.
+    There are `A_LAYER` distances for each `layer` of cells, which is a length in m, but at least two and at most
+    `MOST_PLACES`.  Round-off in `span` does not add a distance.
     """
     return np.linspace(0.0, span, min(MOST_PLACES, max(2, int(np.ceil(A_LAYER * span / layer - 1e-9)) + 1)))
 
@@ -331,7 +331,8 @@ class _PadGroups(NamedTuple):
 def _split_by_sliding(member: Member, pads: Sequence[Pad]) -> _PadGroups:
     """Split the pads of a body into pads that stay and groups of pads that slide together.
 
-    Pads that move, but by no distance, are at rest.  `at` of each returned pad is its first position along the body, m.
+    Pads of one joint, or of the ground, slide together.  Pads that move, but by no distance, stay.  `at` of each
+    returned pad is its first position along the body in m.
     """
     staying, sliding = list[Pad](), dict[int, Ring]()
     rings = {name: ring for ring in member.pads for name, _, _ in ring.named_pads}
@@ -368,9 +369,9 @@ def _end_volume(box: Box, direction: str) -> float:
 
 
 def _loaded_ends(part: BoomSection) -> set[str | float]:
-    """Places, such as ends, on which a body has a mass, a load or a support, and whose walls may give way there.
+    """Places, such as ``tip`` or a coordinate in m, at which a mass, a load or a support is attached to a body.
 
-    Places that a clamp or rigid mass keeps in shape are left out.
+    Places that a clamp or rigid mass keeps in shape are left out: their walls can't give way.
     """
     clamped = {support.on for support in part.supports if support.points == "all"}
     held_in_shape = clamped | {mass.on for mass in part.masses if mass.coupling == "rigid"}

@@ -105,7 +105,10 @@ def estimates_of_pads(coarse: RingStress, fine: RingStress) -> list[ByPressure]:
 
 
 def _largest(on_coarse: Array, on_fine: Array, fine: RingStress) -> Estimate:
-    """Largest of the stresses at the points of a coarse mesh and at those (P,) of a fine one, which `fine` has."""
+    """Largest stress, extrapolated from the stresses at the points of a coarse mesh and at those (P,) of a fine one.
+
+    `fine` has the points of the fine mesh.  The point with the largest stress decides the margin of the error bar.
+    """
     point = int(on_fine.argmax())
     return Estimate.from_meshes(float(on_coarse.max()), float(on_fine[point]), fine.margin(point))
 
@@ -146,9 +149,10 @@ class SectionPiece:
         return np.where(x < middle, x, np.where(ahead < middle, self.length - ahead, middle)).round(9)
 
     def stresses(self, pads: Sequence[Pad], place: float) -> list[RingStress]:
-        """Return the local stresses of pads at a place in m on the piece, on the coarser and the finer mesh.
+        """Return the local stresses of pads at a `place` in m on the piece, on the coarser and the finer mesh.
 
-        The stresses are stored in the user's cache folder.  Raises an `InputError` if a pad leaves its face.
+        The pads' own places `at` are not used.  Stresses are stored in the user's cache folder, and read from there if
+        they were computed before.  Raises an `InputError` if a pad leaves its face.
         """
         ring = [
             Pad("pad", pad.on, place, pad.across, length=pad.length, width=pad.width, stiffness=1.0) for pad in pads
@@ -177,7 +181,7 @@ class SectionPiece:
         return factors
 
     def destroy(self) -> None:
-        """Free the memory of the models."""
+        """Free the memory of the models, if they were made."""
         if "meshes" in self.__dict__:
             self.beam.destroy()
             for mesh in self.meshes:
@@ -257,7 +261,10 @@ class SectionStates:
     forces: Array  # (S, 6, X) N and N m, in the order of `FORCES`
 
     def at(self, state: int, x: Array) -> Array:
-        """Return the section forces (6, P) at time number `state` and at the places x (P,) in m, interpolated."""
+        """Return the section forces (6, P) at time number `state` and at the places x (P,) in m.
+
+        They are linear between the places `self.x`, and constant beyond the first and the last one.
+        """
         return np.array([np.interp(x, self.x, values) for values in self.forces[state]])
 
 
@@ -293,10 +300,11 @@ class WallPeak:
 def wall_peak(part: BoomSection, states: SectionStates, rings: Sequence[LoadedRing]) -> WallPeak | None:
     """Return the largest von Mises stress in the walls at the pads of a section at all times.
 
-    The time of the peak is found with each ring at the nearest of up to `PLACES` places along its way.  The stress at
-    this time is then computed with the ring at its true place.  Times are those of the largest stress with a pressure
-    that is largest in the middle of pads, as are `state` and `position`.  With an even pressure the stress is the
-    largest one of all rings, each at its time.  None is returned if there are no pads.  Not collective.
+    The time of each ring's peak is found with the ring at the nearest of up to `PLACES` places along its way, and with
+    the pressure largest in the middle of the pads.  The stress at this time is then computed with the ring at its true
+    place, under both pressures.  The result has the largest stress of all rings under each pressure.  Its `state` and
+    `position` belong to the pressure that is largest in the middle.  None is returned if there are no pads.  Not
+    collective.
 
     Raises an `InputError` as `SectionPiece` and its method `stresses` do.
     """
@@ -329,7 +337,7 @@ def wall_peak(part: BoomSection, states: SectionStates, rings: Sequence[LoadedRi
 
 
 def _by_size(rings: Iterable[AnyRing]) -> dict[tuple[float, float], list[AnyRing]]:
-    """Return the rings by the length and the width in m of their pads."""
+    """Return the rings grouped by the length and the width in m of their pads, which are taken from the first pad."""
     by_size = dict[tuple[float, float], list[AnyRing]]()
     for ring in rings:
         by_size.setdefault((ring.pads[0].length, ring.pads[0].width), []).append(ring)
@@ -436,7 +444,10 @@ def largest_pad_stresses(scene: Scene, number: int) -> Iterator[PadStress]:
 
 
 def _seated_rings(member: Member) -> Iterator[SeatedRing]:
-    """Yield the rings of pads on a section: of joints if the section has one, else those on the ground."""
+    """Yield the rings of pads on faces of a section: those of its joints, or those on the ground if it has no joint.
+
+    Rings of joints without faces are left out.
+    """
     for seat in seats(member.scene, member.number):
         if seat.ring.faces is not None:
             name = name_in_scene(member.scene.names[seat.joint], seat.key, seat.ring)
