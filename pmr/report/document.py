@@ -61,7 +61,10 @@ def write_page(text: str, folder: Path) -> ReportFiles:
 
 
 def with_date(kind: str, summaries: Sequence[Mapping[str, object]]) -> str:
-    """Return `kind`, the name of a kind of report, with the date of the summaries or the range of their dates."""
+    """Return `kind`, the name of a kind of report, with the date of the summaries or the range of their dates.
+
+    If no summary has a date, `kind` is returned alone.
+    """
     dates = sorted({str(summary["date"]) for summary in summaries if summary.get("date")})
     return f"{kind} · {' to '.join(dict.fromkeys([dates[0], dates[-1]]))}" if dates else kind
 
@@ -100,7 +103,10 @@ def render(template: str, title: str, chapters: Sequence[Chapter], **more: Any) 
 
 @cache
 def templates() -> jinja2.Environment:
-    """Environment of all templates; each template is compiled when it is first loaded."""
+    """Environment of all templates, always the same one; each template is compiled when it is first loaded.
+
+    Plain text is escaped, and a template with a variable that it does not get raises jinja2's UndefinedError.
+    """
     return jinja2.Environment(
         loader=jinja2.PackageLoader("pmr.report"),
         autoescape=True,

@@ -48,8 +48,8 @@ def rows(result: RunResult) -> list[Row]:
 def error_notes(result: RunResult, table: Sequence[Row]) -> list[str]:
     """Sentences below the error table: one for each row whose value rounds to the published one, then notes of the run.
 
-    If other rows deviate by more than 5 % from published values and the run has no notes, a sentence takes their place
-    that says that no reason is recorded.
+    If the run has no notes, but other rows deviate by more than 5 % from published values, the last sentence says that
+    no reason is recorded.
     """
     explanations = [
         f"{row.comparison}, {row.place}: the published {row.published} is a rounded figure; "
@@ -128,7 +128,10 @@ def _section_rows(result: RunResult) -> Iterator[Row]:
 
 
 def _estimate_rows(result: RunResult) -> Iterator[Row]:
-    """Yield rows with the errors that were estimated without the full model, and a row with the allowed error."""
+    """Yield rows with the errors that were estimated without the full model, and a row with the allowed error.
+
+    Errors without an estimate have no row, nor has the allowed error of a run without a tolerance.
+    """
     estimates = result.summary.get("estimate", {})
     for kind in COMPARED[:5]:
         if estimates.get(kind) is not None:

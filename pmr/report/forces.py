@@ -72,7 +72,10 @@ def cylinder_block(result: RunResult, prefix: str) -> Block | None:
 
 
 def rope_forces(summary: Summary) -> list[Measured]:
-    """Extremes of the force of each rope in a `summary`; an elastic rope is named with its length and stiffness."""
+    """Extremes of the force of each rope in a `summary`, and of each cylinder that pulls ropes.
+
+    An elastic rope is named with its length and stiffness.
+    """
     forces = list[Measured]()
     for rope in summary.get("ropes", ()):
         elastic = ""

@@ -94,7 +94,10 @@ def _driven_rows(result: RunResult) -> LargestValues:
 
 
 def _allowed_forces_words(result: RunResult) -> str:
-    """Words for the forces that the luffing cylinder bears: push, pull, and the least force that buckles its rod."""
+    """Words for the forces that the luffing cylinder bears: push, pull, and the force that buckles its rod.
+
+    The buckling force is that at the greatest length of the run.  Limits that the scene does not state are left out.
+    """
     cylinder, greatest = result.scene.present_frame.cylinder, result.summary["luffing_cylinder"]["length"]["max"]
     assert cylinder is not None  # as its force is known
     forces = {"push": cylinder.allowed_push, "pull": cylinder.allowed_pull}
@@ -203,7 +206,10 @@ def _indentation_rows(result: RunResult) -> LargestValues:
 
 
 def _hoist_rows(result: RunResult) -> LargestValues:
-    """Yield rows with the range of the hook's height and with its largest swing; nothing without a hoist."""
+    """Yield rows with the range of the hook's height and its largest swing, along or across the boom.
+
+    Nothing is yielded without a hoist.
+    """
     if (hoist := result.summary.get("hoist")) is None:
         return
     height = " to ".join(format_quantity(hoist["height"][end], "m") for end in ("min", "max"))
@@ -272,7 +278,10 @@ def _factor_words(row: Summary) -> str:
 
 
 def _rest_text(row: Summary) -> str:
-    """Text of the value at rest in `row`, an entry of the dynamic factors in a summary."""
+    """Text of the value at rest in `row`, an entry of dynamic factors in a summary: an amount, or a share for tipping.
+
+    Amounts are in N, without their sign.
+    """
     return format_percent(row["rest"]) if row["kind"] == "tipping" else format_quantity(abs(row["rest"]), "N")
 
 

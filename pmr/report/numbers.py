@@ -29,7 +29,7 @@ class Unit:
     name: str
 
     def after(self, text: str) -> str:
-        """Return a number, as `text`, with the unit after it."""
+        """Return a number, as `text`, with the unit after it; only a degree sign follows without a space."""
         gap = "" if self.name.startswith("°") else SPACE
         return f"{text}{gap}{self.name}".rstrip(SPACE)
 
@@ -191,7 +191,7 @@ def enlargement(largest: float, target: float) -> float:
 def share_captured(kappa: float, count: int) -> str:
     """Format the share kappa (0 to 1) that `count` vectors capture.
 
-    If kappa is very close to 1, the missing share 1 - kappa is formatted.
+    If kappa is less than 1e-6 below 1, the missing share 1 - kappa is formatted.
     """
     missing = 1.0 - kappa
     if missing < 1e-15:

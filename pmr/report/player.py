@@ -122,7 +122,7 @@ def frame_shots(shots: Sequence[Shot], width: int, margin: float = 0.12) -> list
 
 
 def render_shot(shot: Shot) -> bytes:
-    """Draw a shot and return it as PNG."""
+    """Draw a shot and return it as PNG of `COLOURS` colours."""
     view, pieces, light = shot.view, shot.pieces, np.array([-0.5, 0.7, 1.0])
     if np.dot(shot.direction, shot.up) < 0.0:
         light[1] *= -1.0  # if the camera is below the body, the light is below too
@@ -326,8 +326,8 @@ def encode_array(values: Array) -> dict[str, Any]:
 def playback_speeds(duration: float) -> dict[str, Any]:
     """Playback speeds of a motion of `duration` s, as multiples of real time.
 
-    ``first`` is a round speed that plays the motion in about `PLAYING` s; ``choices`` are this speed, real time and
-    four others, from a fifth to four times of the first, in ascending order.
+    ``first`` is the largest round speed at which the motion plays for at least `PLAYING` s; ``choices`` are this speed,
+    real time and four others, from a fifth to four times of the first, in ascending order.
     """
     first = round_number(max(duration / PLAYING, 1e-6))
     choices = {float(f"{choice * first:.3g}") for choice in (0.2, 0.5, 1.0, 2.0, 4.0)}

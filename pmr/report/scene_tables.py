@@ -153,7 +153,10 @@ def key_words(key: str) -> str:
 
 
 def describe_plain(value: object, unit: str) -> str:
-    """Describe a number with its `unit`, a word, a switch, a list of these, or a mapping to these."""
+    """Describe a number with its `unit`, a word, a switch, a file by its name, or a list or mapping of these.
+
+    A switch is yes or no; an empty list is none.
+    """
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, int | float):
@@ -247,7 +250,10 @@ def size_rows(result: RunResult) -> Rows:
 
 
 def time_rows(seconds: Summary) -> Rows:
-    """Yield a row with the wall time in s of each part of the run; `seconds` are these times, in nested mappings."""
+    """Yield a row with the wall time in s of each part of the run; `seconds` are these times, in nested mappings.
+
+    A row has the name of the innermost mapping's key alone.
+    """
     for name, value in seconds.items():
         if isinstance(value, Mapping):
             yield from time_rows(value)

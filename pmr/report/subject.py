@@ -68,7 +68,7 @@ def play_summary(result: RunResult) -> Summary:
 
 
 def play_words(gap: float) -> str:
-    """Words for a play of pads of `gap` m from face to face."""
+    """Words for a play of pads of `gap` m from face to face; a gap of 0 means that the play was taken away."""
     return f"with {format_input(1e3 * gap, 'mm')} of play of pads" if gap else "without the play of pads"
 
 

@@ -181,7 +181,10 @@ def _circle_style(edge: str, fill: str, size: float) -> dict[str, Any]:
 
 
 def gain_figure(response: FrequencyResponse, load: int) -> Figure:
-    """Draw the gain over frequency for the load number `load`, with a curve for each position of the sliders."""
+    """Draw the gain over frequency for the load number `load`, with a curve for each position on the path.
+
+    Gains below a millionth of the largest one are beyond the axis.
+    """
     figure, ax = make_axes(HALF, 2.15, "Frequency in Hz", f"Gain in {response.units[load]}")
     values = response.gain[:, :, load]
     for k, s in enumerate(response.s):

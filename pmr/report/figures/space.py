@@ -54,7 +54,10 @@ RING: Mapping[str, Any] = {"marker": "o", "linestyle": "none", "markersize": 9.0
 
 
 def side_view(result: RunResult) -> Figure:
-    """Draw the structure from the side at a few moments: height over the radius from the pivot, or from its tail."""
+    """Draw the structure from the side at the moments of `drawn_steps`, with ground, supports, pads, rope and loads.
+
+    The axes are the radius and the height from the pivot, or without a frame x from the tail and the height.
+    """
     labels = ("x in m", "Height in m")
     if result.frame is not None:
         labels = ("Radius from the pivot in m", "Height over the pivot in m")
@@ -62,12 +65,15 @@ def side_view(result: RunResult) -> Figure:
 
 
 def plan_view(result: RunResult) -> Figure:
-    """Draw the boom from above at a few moments."""
+    """Draw the boom and the rope of its hoist from above, at the moments of `drawn_steps`."""
     return _draw_boom(result, "plan", "X in m", "Y in m")
 
 
 def buckling_figure(result: RunResult) -> Figure:
-    """Draw the buckling factor during the run over the boom's length, or over its angle if the length is constant."""
+    """Draw the buckling factor during the run over the boom's length, or the luffing angle if the length is constant.
+
+    The result has to be of a boom in a frame.  Moments without a factor are gaps.
+    """
     over_way, frame, times = result.summary["buckling"]["over"], result.frame, result.responses["reduced"].t
     assert frame is not None  # only a boom in a frame has a factor
     t, factor = np.array(over_way["t"]), np.array([np.nan if value is None else value for value in over_way["factor"]])

@@ -333,7 +333,8 @@ def _curve_points(group: Sequence[RunRecord], name: str, places: Mapping[str, fl
 def _value_axis(ax: Axes, name: str) -> None:
     """Set up the y-axis for values called `name`: logarithmic for errors that differ much, else linear from 0.
 
-    Curves that are already drawn are scaled to the unit of the axis.
+    Errors differ much if one is more than `LOGARITHMIC` times another.  The curves, which have to be drawn already, are
+    scaled to the unit of the axis.
     """
     what, values = quantity_of(name), np.concatenate([curve.get_ydata() for curve in ax.lines])
     largest, positive = float(np.abs(values).max()), values[values > 0.0]
