@@ -210,8 +210,8 @@ def lagrange_rule(cell: str, order: int, degree: int, parts: int = 1) -> Lagrang
 
     The reference cell has d dimensions; a ``"point"`` has one function, which is 1.  `order` is the polynomial degree
     of the element, and `degree` the one that the rule integrates exactly.  The rule is repeated in the `parts`^d equal
-    pieces of the cell; its weights then add up to the size of the whole cell, as before.  The result is cached and
-    shared, so its arrays must not be changed.  Raises a `ValueError` for tetrahedra in several pieces.
+    pieces of the cell; all weights together add up to the size of the cell.  The result is cached and shared, so its
+    arrays must not be changed.  Raises a `ValueError` for tetrahedra in several pieces.
     """
     if cell == "point":
         return LagrangeRule(np.ones(1), np.ones((1, 1)), np.zeros((0, 1, 1)))
@@ -418,7 +418,7 @@ def _compile_once(comm: MPI.Comm, signature: str, create: Callable[..., Compiled
     the same code waits for this code and fails.  Therefore `create` compiles in a folder that is used only once it is
     complete.
 
-    Raises an `InputError` if the folder can't be written to, and an `OSError` if its disk is full.
+    Raises, on rank 0 alone, an `InputError` if the folder can't be written to, and an `OSError` if its disk is full.
     """
     keyword = "jit_params" if VERSION < (0, 6) else "jit_options"
     if keyword not in inspect.signature(create).parameters:

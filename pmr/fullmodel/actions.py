@@ -104,9 +104,9 @@ class PadForce:
 
 @dataclass(frozen=True)
 class Weight:
-    """A load that accelerates the structure and its attached masses along `direction` (3,); its input is in m/s^2.
+    """A load of mass times acceleration along `direction` (3,), on the structure and its attached masses, as gravity.
 
-    The length of `direction` is not used.
+    Its input is the acceleration in m/s^2.  The length of `direction` is not used.
     """
 
     direction: tuple[float, float, float] = (0.0, 0.0, -1.0)

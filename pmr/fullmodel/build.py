@@ -247,7 +247,10 @@ def _null_space(C: Array) -> Array:
 
 
 def describe_motions(motions: Array) -> list[str]:
-    """Describe f free motions (6, f) in words, one phrase each: translations first, then rotations about axes."""
+    """Describe f independent free motions (6, f) in words, one phrase each: translations first, then rotations.
+
+    Phrases are such as ``move along x`` and ``turn about z through (2, 0, 0) m``.
+    """
     theta = motions[3:]
     _, sigma, Vt = np.linalg.svd(theta, full_matrices=True)
     turns = int(np.sum(sigma > FREE * np.abs(motions).max(initial=0.0)))

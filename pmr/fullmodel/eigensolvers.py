@@ -190,9 +190,9 @@ class DenseEigenSolver:
 class SlepcEigenSolver:
     """Eigensolver by Krylov-Schur with shift-and-invert on factors by MUMPS, which misses no mode.
 
-    The inertia of K - x M proves that no mode was missed.  A single Krylov sequence finds one vector of each multiple
-    eigenvalue.  By Sylvester's law of inertia, the number of negative pivots of K - x M is the number of modes with
-    omega^2 below x.  Where modes are missing, the solver runs again in the complement of the modes that it has found.
+    A single Krylov sequence finds only one vector of each multiple eigenvalue, so modes may be missing at first.  By
+    Sylvester's law of inertia, the number of negative pivots of K - x M is the number of modes with omega^2 below x.
+    If this number is larger than that of the modes found, the solver runs again in the complement of these modes.
     """
 
     def __init__(self, model: FullModel) -> None:

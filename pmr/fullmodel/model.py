@@ -199,7 +199,10 @@ class FullSystem(BodySystem[FullModel]):
 
     @classmethod
     def of(cls, model: FullModel) -> FullSystem:
-        """System of a single body, with the rows of its model as contacts with the ground."""
+        """System of a single body, with the rows of its model as contacts with the ground.
+
+        Rows of supports that hold a single coordinate are left out.
+        """
         return cls({ALONE: model}, ground_contacts(model))
 
     @property
@@ -308,7 +311,10 @@ def rayleigh(damping: Damping) -> Rayleigh:
 
 
 def operators_of(model: StructuralModel, comm: MPI.Comm) -> Operators:
-    """Mass, stiffness and damping of a model, assembled from its weak forms or as given by matrices; collective."""
+    """Mass, stiffness and damping of a model, assembled from its weak forms or as given by matrices; collective.
+
+    Only given matrices may have a damping here; Rayleigh's is added later.
+    """
     if is_assembled(model):
         return assemble_model(model, model.domain(comm))
     assert isinstance(model, Matrices | Mover)

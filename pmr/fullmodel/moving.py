@@ -314,7 +314,7 @@ def cylinder_row(
     .. math:: c(\varphi)\, q = d_x(\varphi)\, (u_x + z\, \theta_y) + d_z(\varphi)\, u_z
 
     with the row c on the coordinates q of the boom.  Between two breaks d is the polynomial of fifth degree that has
-    the exact values and first two derivatives at both.
+    the exact values and first two derivatives at both.  A cylinder without a stiffness is rigid.
 
     Parameters
     ----------

@@ -66,7 +66,10 @@ class Structure:
 
 @dataclass(frozen=True)
 class Coupling:
-    """Coordinates z (n',) that remain of a structure without clamps and rigid couplings: the model's are q = T z."""
+    """Coordinates z (n',) that remain once a structure's clamps and rigid couplings are eliminated.
+
+    The n coordinates of its model are q = T z.
+    """
 
     model: StructuralModel
     # (n, n'): the model's free coordinates in their order, then the motions of rigidly coupled masses, dents of walls

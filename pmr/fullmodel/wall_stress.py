@@ -66,9 +66,9 @@ class Estimate(NamedTuple):
 
     @classmethod
     def from_meshes(cls, coarse: float, fine: float, margin: float) -> Estimate:
-        """Extrapolate from the values on a `coarse` and a `fine` mesh; the error bar is the last change and a `margin`.
+        """Extrapolate from the values on a `coarse` and a `fine` mesh.
 
-        The margin is a share of the value.
+        The error bar is the change from the fine mesh to the extrapolated value, plus the share `margin` of this value.
         """
         change = (fine - coarse) / ((FINENESS[1] / FINENESS[0]) ** ORDER - 1.0)
         return cls(fine + change, abs(change) + margin * abs(fine + change))
@@ -91,7 +91,7 @@ class RingStress:
     on_edge: Array  # (P,): 1 where two walls meet, else 0
 
     def margin(self, point: int) -> float:
-        """Share of the stress that an error bar has on top if the stress is the largest one at this point."""
+        """Share of the largest stress that is added to its error bar, if point number `point` has this stress."""
         return EDGE_MARGIN if self.on_edge[point] else MARGIN
 
 
@@ -428,7 +428,8 @@ class PadStress:
 def largest_pad_stresses(scene: Scene, number: int) -> Iterator[PadStress]:
     """Yield the largest stress of each pad of a scene on section `number`, at each of up to `PLACES` places.
 
-    The places are spread evenly over the range along which the pad slides on this section.
+    The places are spread evenly over the range along which the pad slides on this section, but lie at least half a
+    pad's length from the ends of the section.  Places that stand for the same one on the section's piece count once.
 
     Raises an `InputError` as `SectionPiece` and its method `stresses` do.
     """
