@@ -416,7 +416,7 @@ Progress = Callable[[str, float], None]
 
 #: Words for the stages of a run that need them, and for simulators, by their names in progress and in summaries.
 STAGE_WORDS = {
-    "assemble": "full model",
+    "assemble": "assembly of the full model",
     "reduce": "reduction",
     "pod": "basis and projection",
     "estimate": "error estimate",

@@ -123,7 +123,9 @@ def _section_rows(result: RunResult) -> Iterator[Row]:
     for section in result.summary.get("sections", ()):
         if "errors" in section:
             yield Row(
-                "reduced against full", section["name"], _format_error(section["errors"]["reduced_vs_full"]["beam"])
+                "reduced against full",
+                f"along {section['name']}",
+                _format_error(section["errors"]["reduced_vs_full"]["beam"]),
             )
 
 

@@ -89,11 +89,11 @@ def _left_out_rows(result: RunResult) -> Rows:
         opened = [force.size for force in forces if force.lowest.value == 0.0]
         idle = sum(size <= result.responses["reduced"].force_floor for size in opened)
         numbers = ((len(opened) - idle, "at times"), (idle, "at all times"))
-        counts = ", ".join(f"{number} {when}" for number, when in numbers if number)
-        counts = f" (of {len(forces)} pads, open are {counts})" if counts else ""
+        counts = " and ".join(f"{number} {when}" for number, when in numbers if number)
+        counts = f" (open of {len(forces)} pads: {counts})" if counts else ""
         values = ["natural frequencies"] if result.frequencies.models else []
         values += ["buckling factor"] if "factor" in result.summary.get("buckling", {}) else []
-        open_pads = f"open pads, which lower {' and '.join(values)}{counts}"
+        open_pads = f"that open pads lower {' and '.join(values)}{counts}"
         rows["pads"] = ", ".join(filter(None, (rows.get("pads"), open_pads)))
     if recovery is not None and "reduced" in result.summary.get("max_von_mises", {}):
         walls = ", in walls also where the force of a pad or support is largest" if wall_stress(result.summary) else ""

@@ -145,8 +145,11 @@ def ground_block(result: RunResult, prefix: str) -> Block | None:
     }
     panels = [Panel(f"ground-{kind}", caption, _of_kind(result, kind)) for kind, caption in captions.items()]
     measured = [
-        Measured.from_summary(of["name"], quantity, of)
-        for key, quantity in (("outriggers", "outrigger_force"), ("margins", "tipping_margin"))
+        Measured.from_summary(f"{of_what}{of['name']}", quantity, of)
+        for key, quantity, of_what in (
+            ("outriggers", "outrigger_force", "outrigger "),
+            ("margins", "tipping_margin", "edge from "),
+        )
         for of in ground[key]
     ]
     grid = extremes_grid(

@@ -43,8 +43,8 @@ OIL_SIDES = {"bore": "in the bore", "rod": "on the rod side"}
 ROPES = "which pulls the ropes"
 #: What the force of a lug takes for granted; the distance between both lugs is to be filled in.
 LUGS = (
-    "; the two lugs of this pin, {} apart, share the force across the pin half and half, and bear the moment as two "
-    "opposite forces; each is taken to bear all of the force along the pin"
+    "; a lug of the two, {} apart, is taken to bear half of the force across the pin, one of the two opposite forces "
+    "that make up the moment, and all of the force along the pin"
 )
 #: Labels of the quantities whose errors are those of the boom's moment on its machine.
 MARGIN_ERRORS = (QUANTITIES["reaction"].label, QUANTITIES["support_force"].label)
@@ -318,12 +318,10 @@ def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestVal
         pad = max(shares, key=lambda name: shares[name][0])
         share, limit = shares[pad]
         force, bar = format_quantity(limit["force"], "N"), format_quantity(limit["error"], "N", 2)
-        note = (
-            f"{pad}, {extreme_clause(result, forces[pad].largest)}; at {force} the walls of {limit['section']} begin "
-        )
-        note += "to yield at their weakest place if this pad presses alone and most in its middle, at "
-        note += f"{format_quantity(limit['even'], 'N')} (without its error bar) if it presses evenly; ± is by the mesh "
-        note += "of the walls; without the bending of the whole section"
+        note = f"{pad}, {extreme_clause(result, forces[pad].largest)}; {force} of this pad alone, most in its middle, "
+        note += f"make the walls of {limit['section']} begin to yield at their weakest place; if it presses evenly, "
+        note += f"{format_quantity(limit['even'], 'N')} do (without its error bar); ± is by the mesh of the walls; "
+        note += "without the bending of the whole section"
         least, name = 1.0 - limit["error"] / limit["force"], "largest use of the pad force at which walls yield"
         row = _use_row(result, "pad_force", share, f"{force} ± {bar}", note, "pad_force", least)
         yield row._replace(name=name)

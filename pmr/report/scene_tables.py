@@ -223,9 +223,9 @@ def size_rows(result: RunResult) -> Rows:
         yield f"coordinates of {part['name']}", f"{format_input(counts['full'])} → {format_input(counts['reduced'])}"
     for name, body in result.bodies.items():
         if (fields := body.fields) is not None:
-            yield qualified_name(name, "mesh"), f"{format_input(len(fields.cells))} {CELLS[fields.kind]}"
-            yield qualified_name(name, "vertices"), format_input(len(fields.points))
-            yield qualified_name(name, "fields and stresses"), f"at {format_input(len(fields.t))} times"
+            cells, vertices = format_input(len(fields.cells)), format_input(len(fields.points))
+            yield qualified_name(name, "mesh"), f"{cells} {CELLS[fields.kind]}, {vertices} vertices"
+            yield qualified_name(name, "fields"), f"at {format_input(len(fields.t))} times"
     if pads := sum(len(ring.named_pads) for of in result.scene.bodies.values() for ring in of.pads):
         yield "pads", format_input(pads)
     if contact := result.summary.get("contact"):
@@ -242,11 +242,11 @@ def size_rows(result: RunResult) -> Rows:
     basis = result.summary.get("basis", {})
     if basis.get("carriers"):
         yield (
-            "shape vectors of the forces of pads and sliders, by position along the path",
+            "shapes that follow pads and sliders along the path",
             format_input(basis["carriers"]),
         )
     if basis.get("rows_left_out"):
-        yield "pads and supports at which all shapes of the reduced model are 0", ", ".join(basis["rows_left_out"])
+        yield "pads and supports that no shape of the reduced model moves", ", ".join(basis["rows_left_out"])
 
 
 def time_rows(seconds: Summary) -> Rows:

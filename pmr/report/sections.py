@@ -120,7 +120,7 @@ def input_block(result: RunResult, prefix: str) -> Block | None:
         )
 
     if moves and is_alone(result):
-        ahead = {f"s {with_sign(offset)} m" if offset else "s": offset for offset in slider_offsets(result)}
+        ahead = {f"{moves} {with_sign(offset)} m" if offset else moves: offset for offset in slider_offsets(result)}
         lines = {name: result.abscissa + offset for name, offset in ahead.items()}
         draw("position", f"{moves.capitalize()} position along the body", lines, "m", "Position")
     elif np.ptp(result.paths.values, axis=0).any():

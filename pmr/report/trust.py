@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, log10
 
@@ -64,7 +64,7 @@ def trust_table(result: RunResult) -> Table:
     if sums := (summed := summed_errors(summary)).by_label:
         of_largest = dict(sorted(sums.items(), key=lambda item: -item[1]))
         without = ", ".join([*(["play of pads"] if play else []), *_lacking_clauses(summed)])
-        texts["added up"] = _list_without_round_off(of_largest) + (f"; not included: {without}" if without else "")
+        texts["added up"] = _list_without_round_off(of_largest, 2) + (f"; not included: {without}" if without else "")
     stressed = "reduced" in summary.get("max_von_mises", {})
     walls = [WALLS] if stressed and any(traits_of(of).is_beam for of in members(result.scene)) else []
     missing = {
@@ -79,8 +79,13 @@ def trust_table(result: RunResult) -> Table:
     top = format_input(round(100.0 * LEAST * 10**decades, 6), "%")
     note = f"A bar shows the largest error of its row, from {format_input(100.0 * LEAST, '%')} to {top}; each mark "
     note += f"is ten times the mark before it. Displacements are those {scope_words(result)}; "
-    note += "stresses may be further off."
-    gaps = {NOT_IN_ERROR.format(name): "; ".join(dict.fromkeys(of)) for name, of in missing.items() if of}
+    in_walls = "error" in (wall_stress(summary) or {})
+    stress = "the error of the stress in walls stands under How sure the values are"
+    note += f"{stress if in_walls else 'stresses may be further off'}."
+    sources = dict[str, list[str]]()
+    for name, of in missing.items():
+        sources.setdefault("; ".join(dict.fromkeys(of)), []).append(name)
+    gaps = {NOT_IN_ERROR.format(_list_names(names)): text for text, names in sources.items() if text}
     rows = tuple((name, with_shown_label(result, text)) for name, text in (texts | gaps).items())
     return Table("How far to trust this run", rows, bars, decades, note if bars else "")
 
@@ -141,7 +146,7 @@ def _play_text(result: RunResult) -> str:
     listed += [f"all others less than {format_percent(SMALL_CHANGE)}"] if len(listed) < len(changes) else []
     gap, (first, *further) = play_summary(result)["gap"], listed
     further += ["the play is from face to face, assumed as the scene states no clearance"] if gap else []
-    return f"{play_words(gap)}: {first}\n{'; '.join(further)}".rstrip("\n")
+    return ";\n".join(filter(None, (f"{play_words(gap)}: {first}", "; ".join(further))))
 
 
 def _stress_certainty(result: RunResult) -> str:
@@ -153,7 +158,7 @@ def _stress_certainty(result: RunResult) -> str:
     share = f"{format_percent(by_cells + (by_pads or 0.0), 2)} in walls at pads\n"
     share += f"{format_percent(by_cells, 2)} by the mesh of the walls, "
     share += "without the error of the pad forces" if by_pads is None else "the rest by the error of the pad forces"
-    return f"± {share}; the effect of uneven pressure under pads is not included; elsewhere {unknown}"
+    return f"± {share}; not included: pads that press otherwise than most in their middle; elsewhere {unknown}"
 
 
 def _stress_gaps(result: RunResult) -> Iterator[str]:
@@ -196,9 +201,7 @@ class SummedErrors:
 
     def sources_clause(self, label: str) -> str:
         """Clause that names the sources in the sum of the quantity `label`, and the sources that are not in it."""
-        *names, last = self.sources[label]
-        first = f"{', '.join(names)} and " if names else ""
-        return f"by {first}{last}{self.lacking_clause(label)}"
+        return f"by {_list_names(self.sources[label])}{self.lacking_clause(label)}"
 
     def lacking_clause(self, *labels: str) -> str:
         """Clause that names the sources that are not in the sum of one of several quantities.
@@ -289,10 +292,15 @@ def _errors_by_label(part: Mapping[str, float | None]) -> dict[str, float]:
     return dict(sorted(errors.items(), key=lambda item: -item[1]))
 
 
-def _list_without_round_off(errors: Mapping[str, float]) -> str:
-    """List the errors that are at least `LEAST`, in words.
+def _list_names(names: Sequence[str]) -> str:
+    """List one or more names, with ``and`` before the last one."""
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+
+
+def _list_without_round_off(errors: Mapping[str, float], digits: int = 3) -> str:
+    """List the errors that are at least `LEAST`, in words, with `digits` digits.
 
     If all errors are smaller, the text says so; if there are no errors, it is empty.
     """
-    parts = [f"{name} {format_percent(error)}" for name, error in errors.items() if error >= LEAST]
+    parts = [f"{name} {format_percent(error, digits)}" for name, error in errors.items() if error >= LEAST]
     return ", ".join(parts) or (f"less than {format_percent(LEAST, 1)}" if errors else "")

@@ -123,7 +123,7 @@ def test_each_slider_has_its_force_and_each_load_its_unit(written) -> None:
     assert {"slider 1", "slider 2", "Force in N"} <= set(written.texts(BARE, "forces-1"))
     assert {"Force in kN", "F", "G"} <= set(written.texts(BARE, "loads-0"))
     assert {"Moment in N m", "M"} <= set(written.texts(BARE, "loads-1"))
-    assert {"s", "s − 0.5 m"} <= set(written.texts(BARE, "position"))
+    assert {"slider", "slider − 0.5 m"} <= set(written.texts(BARE, "position"))
 
 
 def test_singular_values_say_what_is_taken(written) -> None:

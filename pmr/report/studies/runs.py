@@ -76,7 +76,7 @@ def _opening_sentence(runs: Sequence[RunRecord]) -> str:
             unit = unit_of(key)
             parts.append(f"{key_words(key)} ({', '.join(values)}{f'{SPACE}{unit}' if unit else ''})")
         elif len(values) > 1:
-            parts.append(f"{key_words(key)} ({len(values)} values)")
+            parts.append(f"{key_words(key)}{f' ({len(values)} values)' * (len(values) < len(runs))}")
     count = f"{len(runs)} runs" if len(runs) != 1 else "One run"
     return f"{count} over {list_words(parts)}." if parts else ""
 

@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from math import floor
 from pathlib import Path
 from typing import get_args
 
@@ -87,6 +88,7 @@ class ValueLabel:
     label: str
     unit: str = "–"
     missing: bool = False  # whether 1 minus the value is printed in place of the value
+    whole: bool = False  # whether the value is rounded down to a whole number, as allowed loads are
 
     def cell(self, value: Scalar) -> str:
         """Format a value for a table; None is printed as a dash."""
@@ -96,6 +98,8 @@ class ValueLabel:
             return value_words(value)
         if self.missing:
             return significant(max(1.0 - cell_number(value), 0.0), 2)
+        if self.whole:
+            return f"{format_input(floor(cell_number(value)))}{SPACE}{self.unit}"
         return format_input(value) if isinstance(value, int) else format_in_unit(cell_number(value), self.unit)
 
 
@@ -189,6 +193,8 @@ def quantity_of(name: str) -> ValueLabel:
         return ValueLabel(f"range of {name[7:-6]}", "Pa" if " stress " in name else "–")
     return {
         "utilisation": ValueLabel("largest stress over yield stress", "%"),
+        "load.least": ValueLabel("least load", "kg", whole=True),
+        "load.most": ValueLabel("largest load", "kg", whole=True),
         "largest_force": ValueLabel("largest force", "N"),
         "max_displacement": ValueLabel("largest displacement", "m"),
         "max_error": ValueLabel("largest difference", "m"),
