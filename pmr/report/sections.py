@@ -295,8 +295,8 @@ def stress_block(result: RunResult, prefix: str) -> Block | None:
 def section_force_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block on forces and moments of beams' cross-sections: envelopes over time and a table of extremes.
 
-    Forces and moments that are at most the share `NOTHING` of the largest value are left out.  The block is None if no
-    beam has such forces.  `prefix` begins the identifiers of the figures.
+    Forces and moments that are at most the share `NOTHING` of the largest one of all, be it in N or N m, are left out.
+    The block is None if no beam has such forces.  `prefix` begins the identifiers of the figures.
     """
     largest = dict[str, float]()
     for part in summaries_by_section(result.summary).values():

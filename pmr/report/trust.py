@@ -111,10 +111,10 @@ def certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
 
 
 def _play_changes(result: RunResult) -> dict[str, float]:
-    """Relative change of each largest value of a run if its pads have the play ``compare.play``, by the value's name.
+    """Relative change of each largest value of a run if its pads have another play, by the value's name.
 
-    A name is in plain words, such as ``pad forces``.  The largest change comes first; the result is empty if no second
-    run with that play was made.
+    A name is in plain words, such as ``pad forces``.  A change is negative if the value gets smaller.  The largest
+    change, whatever its sign, comes first; the result is empty if there was no run with another play.
     """
     names = {"luffing_force": "luffing cylinder", "probe": "stress at probes", "pad_force": "pad forces",
              "cylinder_force": "extension cylinders", "wall_stress": "stress in walls"}  # fmt: skip

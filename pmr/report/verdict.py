@@ -27,8 +27,8 @@ MOTIONS = ("boom length", "length beyond the mouth", "slider at", "raised by", "
 def verdict(result: RunResult) -> Verdict:
     """Return the verdict on a run: the values above their limits, or the one that is closest to its limit.
 
-    A value that is above its limit with its known errors alone counts as kept, and is named.  The notes say which
-    quantities have no limit, and which effects on strength are not checked.
+    If all limits are kept, values that exceed theirs together with the known errors are named, too.  The notes say
+    which quantities have no limit, and which effects on strength are not checked.
     """
     rows = first_page.largest_values(result)
     limited = [row for row in rows if row.share is not None]

@@ -50,7 +50,7 @@ class FinishedStudy:
 
     @property
     def study_file(self) -> Summary:
-        """Content of the study file, without the names of files in it."""
+        """Keys that the study's kind has, with their values; without names of files and keys of all studies."""
         return dict(self.summary["asked"])
 
     @property
