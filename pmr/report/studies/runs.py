@@ -67,7 +67,8 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
 def _opening_sentence(runs: Sequence[RunRecord]) -> str:
     """Sentence on the number of runs and on the varied parameters, each with its values or the number of its values.
 
-    Up to `MOST_VALUES` values are listed.  The text is empty if no parameter varies.
+    Up to `MOST_VALUES` values are listed.  The number of more values is left out if each run has its own.  The text is
+    empty if no parameter varies.
     """
     parts = []
     for key in dict.fromkeys(key for run in runs for key in run.parameters):
