@@ -200,8 +200,8 @@ class GivenMatrices:
     def _check_matrix(self, name: str, A: sp.csr_matrix, n: int) -> None:
         """Raise an InputError unless the matrix A is (n, n) with n > 0, finite and symmetric with a positive diagonal.
 
-        Asymmetry is allowed up to the share `SYMMETRY` of the largest entry.  The diagonal of D is not checked.  `name`
-        is the name of the matrix in the message.
+        Asymmetry is allowed up to the share `SYMMETRY` of the largest entry.  The diagonal of D is not checked here;
+        `negative_damping` looks at its eigenvalues.  `name` is the name of the matrix in the message.
         """
         if A.shape != (n, n) or n == 0:
             raise self._refusal(name, list(A.shape), f"a square matrix of the size of K, {n}, is allowed")

@@ -342,7 +342,7 @@ def _station_spacing(pad: Pad) -> float:
 def _station_means(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_matrix:
     """Rows (K, n), each the weighted mean of the normal displacement around one of the `places` (K,) in m on the axis.
 
-    Raises an `InputError` if the pad leaves its face.
+    The places ascend.  Raises an `InputError` if the pad leaves its face.
     """
     step, knot = _station_spacing(pad), pad.width / 4.0
     window = Window(
@@ -374,7 +374,8 @@ def _station_means(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_ma
 def _nearby_points(points: Array, places: Array, step: float) -> sp.csc_matrix:
     """Sparse matrix (q, K) with ones where a point of `points` (q,) is near a lattice point of `places` (K,).
 
-    A point is near if the distance is less than `step`, all in m.  Row numbers ascend in each column.
+    A point is near if the distance is less than `step`, all in m.  The places ascend, and so do row numbers in each
+    column.
     """
     first, last = (np.searchsorted(places + reach, points, side="right") for reach in (step, -step))
     ends = np.concatenate([[0], np.cumsum(last - first)])

@@ -115,11 +115,18 @@ class Walls:
         return 0.0
 
     def stiffness(self, size: int) -> sp.csr_matrix:
-        """Stiffness of the walls on the body's `size` coordinates, (size, size) N/m."""
+        """Stiffness (size, size) in N/m of the walls on the body's `size` coordinates.
+
+        It has k_0 on the diagonal of the walls' own coordinates, which are the last ones, and zeros elsewhere.
+        """
         return self._last_diagonal(np.full(self.count, self.stiffness_scale if self.count else 0.0), size)
 
     def mass(self, size: int) -> sp.csr_matrix:
-        """Mass of the walls on the body's `size` coordinates, (size, size) kg."""
+        """Mass (size, size) in kg of the walls on the body's `size` coordinates.
+
+        It has entries on the diagonal of the walls' own coordinates, which are the last ones.  An entry is the mass at
+        a pad or an end times k_0 and times the compliance there, which for a sliding pad is the mean over its path.
+        """
         sizes = [np.diagonal(self.standing.compliance)]
         sizes += [np.diagonal(sliding.compliance, axis1=1, axis2=2).mean(axis=0) for sliding in self.sliding]
         masses = np.concatenate([self.standing.masses, *(sliding.masses for sliding in self.sliding)])
