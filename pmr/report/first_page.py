@@ -69,7 +69,7 @@ def first_page_tables(result: RunResult) -> tuple[Table, ...]:
     all_tables = (
         first,
         Table("How sure the values are", tuple(trust.certainty_rows(result))),
-        Table("What is not in these figures", tuple(_left_out_rows(result))),
+        Table("What these values leave out", tuple(_left_out_rows(result))),
         *further,
         Table("What was asked", (*overview.system_rows(result), *_second_order_rows(result, True))),
         trust.trust_table(result),

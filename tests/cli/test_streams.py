@@ -77,7 +77,7 @@ def test_a_long_run_says_each_stage_once_and_a_short_one_nothing(
 ) -> None:
     unmeasured(True)
     found = stages(monkeypatch, capsys, tmp_path, quiet=0.0)
-    assert found[0] == "boom_beam: now full model" and found[-1] == "report: now pages and figures"
+    assert found[0] == "boom_beam: now assembly of the full model" and found[-1] == "report: now pages and figures"
     assert len(found) == len(set(found)) > 4
     assert not stages(monkeypatch, capsys, tmp_path, quiet=1000.0)
 

@@ -193,7 +193,7 @@ def test_what_is_not_known_is_said(make_space: MakeSpace) -> None:
     assert (
         trust["added up"] == f"displacements 41{SPACE}%; not included: the error of the time step"
     )  # the mesh states nothing else
-    stressed = rows(make_space(recovery={"every": 0.05}, summary=known), "What is not in these figures")
+    stressed = rows(make_space(recovery={"every": 0.05}, summary=known), "What these values leave out")
     assert f"(every 0.05{SPACE}s)" in stressed["strength"] and "fatigue" in stressed["strength"]
 
 
@@ -363,7 +363,7 @@ def test_shares_of_forces_that_cylinder_and_pin_bear_stand_first(
     said = verdict(page)
     assert said.text.startswith("1 of 2 limits is exceeded. Largest use of a support, 125")
     assert "Without a limit: displacements of the tip" in said.notes[0] and "cylinder" not in said.notes[0]
-    titles = ["Largest values that have a limit", "How sure the values are", "What is not in these figures", LARGEST]
+    titles = ["Largest values that have a limit", "How sure the values are", "What these values leave out", LARGEST]
     titles = [*titles, "What was asked", "How far to trust this run"]
     shown = [table.title for table in first_page_tables(page)]
     assert shown == [title for title in titles if title in shown] and {*titles[:1], *titles[2:5]} <= {*shown}
@@ -739,7 +739,7 @@ def test_pads_that_lift_off_stand_once_in_what_is_not_in_the_figures(make_space:
     pads.append(pads[0] | {"max": 0.0})
     times = {"t_max": 0.1, "s_max": 1.0, "t_min": 0.2, "s_min": 1.0}
     lifting = make_space(summary=SUMMARY | {"pads": [pad | times for pad in pads]}, pads=[ring])
-    left, texts = rows(lifting, "What is not in these figures")["pads"], " ".join(rows(lifting, LARGEST).values())
+    left, texts = rows(lifting, "What these values leave out")["pads"], " ".join(rows(lifting, LARGEST).values())
     assert left.endswith("that open pads lower natural frequencies (open of 4 pads: 2 at times and 1 at all times)")
     assert texts.count("with every pad closed") == 1 and "lift off" not in texts
 
