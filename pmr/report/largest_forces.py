@@ -369,7 +369,7 @@ def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
         )
     elsewhere = {*luffing_support_names(result), *(cylinder_name(rope["name"]) for rope in summary.get("ropes", ()))}
     for key, kind in OF_KINDS.items():
-        if by_key[key]:
+        if by_key[key] and kind != "cylinder":  # the summary has only those cylinders that pull ropes, or are pulled
             continue
         for number, output in enumerate(response.outputs):
             name, values = output.name.replace(FORCE_OF, "", 1), response.column(number)

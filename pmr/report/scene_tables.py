@@ -210,9 +210,8 @@ def software_versions(summary: Summary) -> list[str]:
 def size_rows(result: RunResult) -> Rows:
     """Yield rows with the sizes of models, meshes and fields, and with the numbers of carriers and of pads.
 
-    Pads of joints are not counted.  If pads only push, a row states the number of parts into which steps are divided
-    for them.  Further rows are on the largest violations of constraints, and on pads and supports that no vector of the
-    basis moves.
+    If pads only push, a row states the number of parts into which steps are divided for them.  Further rows are on the
+    largest violations of constraints, and on pads and supports that no vector of the basis moves.
     """
     coordinates = result.summary.get("coordinates", {})
     if "full" in coordinates:
@@ -226,7 +225,7 @@ def size_rows(result: RunResult) -> Rows:
             cells, vertices = format_input(len(fields.cells)), format_input(len(fields.points))
             yield qualified_name(name, "mesh"), f"{cells} {CELLS[fields.kind]}, {vertices} vertices"
             yield qualified_name(name, "fields"), f"at {format_input(len(fields.t))} times"
-    if pads := sum(len(ring.named_pads) for of in result.scene.bodies.values() for ring in of.pads):
+    if pads := sum(output.kind == "pad" for output in result.responses["reduced"].outputs):
         yield "pads", format_input(pads)
     if contact := result.summary.get("contact"):
         parts_text = f"{format_input(contact['parts'])}, h ω = {format_input(round(contact['h_omega'], 3))} in each "

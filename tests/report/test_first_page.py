@@ -237,6 +237,12 @@ def test_a_cylinder_that_pulls_ropes_bears_theirs_too(result: RunResult) -> None
     expected = f"31.3{SPACE}kN, cylinder of first, which pulls the ropes\nat 0.5{SPACE}s, 4{SPACE}m beyond the mouth"
     assert carries["largest force of an extension cylinder"] == expected
     assert carries["largest rope force"].startswith(f"16.9{SPACE}kN, rope of second, all strands\nat ")
+    response = result.responses["reduced"]
+    forces = response.slider_force.copy()
+    forces[:, response.force_names.index("force of cylinder of fly")] = 40e3  # which pulls no ropes
+    both = {"reduced": replace(response, slider_force=forces)}
+    carries = rows(replace(result, responses=both, summary=result.summary | {"ropes": ropes}), LARGEST)
+    assert carries["largest force of an extension cylinder"].startswith(f"40.0{SPACE}kN, cylinder of fly ")
     winch = [{"name": "first", "follows": None, "force": force, "length": 9.0, "stiffness": 1e6}]
     carries = rows(replace(result, summary=result.summary | {"ropes": winch}), LARGEST)
     assert carries["largest rope force"].startswith(f"31.3{SPACE}kN, rope of first, ")
