@@ -407,9 +407,12 @@ def _missing_masses(scene: Scene) -> list[str]:
     """
     if not any(part.body.box for part in scene.sections):
         return []
+    has_hoses = any(part.body.attached_mass_per_length for part in scene.sections)
+    others = "stiffeners, pads and fittings" if has_hoses else "stiffeners, pads, hoses and fittings"
+    attached = ", what is attached along them" if has_hoses else ""
     joined = any(part.joint is not None and part.joint.cylinder is not None for part in scene.sections)
     cylinders = ["cylinders"] if joined or scene.frame is not None and scene.frame.cylinder is not None else []
-    return [*cylinders, "stiffeners, pads, hoses and fittings (only walls and the scene's masses have weight)"]
+    return [*cylinders, f"{others} (only walls{attached} and the scene's masses have weight)"]
 
 
 def _load_effects(scene: Scene) -> list[str]:

@@ -167,8 +167,8 @@ class PointMass(SceneTable):
     inertia: PrincipalMoments = Field(
         default=(0.0, 0.0, 0.0), description="Moments of inertia about x, y, z through its own centre"
     )
-    at: Annotated[Point, Usual(0.0, 5.0, "length")] | None = Field(
-        default=None, description="Place of its centre (by default the group's centroid)"
+    at: Annotated[Point, Usual(0.0, 1.5, "length")] | None = Field(
+        default=None, description="Place of its centre in the section's axes (by default the group's centroid)"
     )
     coupling: Literal["average", "rigid"] = Field(
         default="average", description="Whether the group may deform (average) or moves rigidly with the mass (rigid)"

@@ -397,20 +397,24 @@ def _check_pads(scene: Scene, still: Scene, key: str) -> None:
 def check_slewing(scene: Scene, slewing: Sequence[float]) -> None:
     """Raise InputError if an angle of `slewing` is not 0, but the scene has no `frame.slewing` and would need it.
 
-    The scene needs it if the ground has a slope, the frame has a base, or wind or a load acts along axes of the ground,
-    except along z.
+    The scene needs it if the ground has a slope, the frame has a base, a mass of the machine slews, or wind or a load
+    acts along axes of the ground, except along z.
     """
-    key = next(_keys_of_ground(scene), "")
+    key = next(_keys_of_slewing(scene), "")
     if scene.present_frame.slewing is None and key and any(slewing):
         angle = next(filter(None, slewing))
-        allowed = f"0 is allowed, or a scene with frame.slewing, such as 0: {key} acts on the boom as it is slewed"
+        allowed = f"0 is allowed, or a scene with frame.slewing, such as 0: {key} counts as the boom is slewed"
         raise InputError("study", "slewing", angle, allowed)
 
 
-def _keys_of_ground(scene: Scene) -> Iterator[str]:
-    """Yield the keys of the scene for what acts on the boom along axes of the ground, not of the slewed boom."""
-    if scene.present_frame.ground is not None and any(scene.present_frame.ground.slope):
+def _keys_of_slewing(scene: Scene) -> Iterator[str]:
+    """Yield the keys of the scene for what acts along axes of the ground, and for masses that slew with the boom."""
+    ground = scene.present_frame.ground
+    if ground is not None and any(ground.slope):
         yield "frame.ground.slope"
+    for number, mass in enumerate(ground.masses if ground is not None else ()):
+        if mass.slews:
+            yield f"frame.ground.masses[{number}].slews"
     if scene.present_frame.base is not None:
         yield "frame.base"
     for number, part in enumerate(scene.sections):

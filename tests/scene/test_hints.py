@@ -35,6 +35,7 @@ WRONG = [
     ("boom_two", ["sections.fly.masses.payload.mass=0.25"], "sections[1].masses[0].mass", "t"),
     ("boom_two", ["sections.fly.masses.payload.mass=1.2"], "sections[1].masses[0].mass", "t"),
     ("boom_beam", ["masses.payload.at=[6000.0,0.0,0.0]"], "masses[0].at[0]", "mm"),
+    ("boom_beam", ["masses.payload.at=[9.4,0.0,-0.4]"], "masses[0].at[0]", "mm"),  # a place in axes of a longer boom
     ("boom_beam", ["masses.payload.at=[6.0,0.0,-400.0]"], "masses[0].at[2]", "mm"),
     ("boom_beam", ["masses.payload.inertia=[5e6,5e6,5e6]"], "masses[0].inertia[0]", "kg mm^2"),
     ("boom_beam", ["pads.tail.stiffness=3e5"], "pads[0].stiffness", "N/mm"),

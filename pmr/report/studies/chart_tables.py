@@ -136,9 +136,13 @@ def payload_sentences(figures: Mapping[str, Any]) -> str:
 
 
 def _acting_forces(case: LoadCase) -> str:
-    """List the loads of the scene that act in a case, with their values, and forces of wind on areas; empty without."""
-    forces = case.loads | (case.wind.forces if case.wind else {})
-    return ", ".join(f"{name} {force:.5g}{SPACE}N" for name, force in forces.items())
+    """List the loads of the scene that act in a case, with their values, and forces of wind on areas; empty without.
+
+    A study file does not tell forces from moments, so that both units are named.
+    """
+    words = [f"{name} {value:.5g}{SPACE}N (N{SPACE}m of a moment)" for name, value in case.loads.items()]
+    forces = case.wind.forces if case.wind else {}
+    return ", ".join([*words, *(f"{name} {force:.5g}{SPACE}N" for name, force in forces.items())])
 
 
 def _wind_size(case: LoadCase) -> str:

@@ -146,7 +146,8 @@ def test_the_first_sentence_names_the_case() -> None:
     assert dict(case_rows(asked)) == {"load cases": plain}
     asked["cases"][0] |= {"load": 1.25, "loads": {"gust": 400.0}}
     assert dict(case_rows(asked)) == {
-        "load case rest": "boom at rest, factor of load 1.25, of the boom's weight 1, gust 400\u00a0N",
+        "load case rest": "boom at rest, factor of load 1.25, of the boom's weight 1, "
+        "gust 400\u00a0N (N\u00a0m of a moment)",
         "not in the loads": "wind beyond these loads, hoisting, luffing, slewing, telescoping",
     }
     asked["cases"][0] |= {"machine": 0.9}
