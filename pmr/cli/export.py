@@ -227,7 +227,8 @@ def simulate(model: Model, scene: MotionScene, out_dir: Folder = None, overrides
     """Simulate a saved body or boom; FEniCSx is not needed.
 
     The scene may differ from that of the file in paths, signals of loads (with the same names), time and simulators.
-    Other bodies or joints are refused.  DIR then has summary.json, scene.json and trajectories.npz, as after `pmr run`.
+    Other bodies or joints are refused.  DIR then has summary.json, scene.json, trajectories.npz and tables/*.csv, as
+    after `pmr run`.  It must not be the folder of the model.
 
     For example:
 

@@ -76,9 +76,10 @@ def dynamic_factors_part(scene: Scene, system: System | SystemForm, response: Re
 
 
 def _histories_of_kind(scene: Scene, response: Response, kind: str) -> dict[str, Array]:
-    """Return the histories (T,) of the outputs of one `kind` of `KINDS`, by name: forces in N, or shares without unit.
+    """Return the histories (T,) of one `kind` of `KINDS`, by name: forces in N, or shares without unit.
 
-    Forces on the machine are left out.
+    They are outputs, except for the kind `RESULTANT`: its histories are the resultants of the supports that have forces
+    along two or more directions.  Moments are left out, and so are forces on the machine.
     """
     if kind == RESULTANT:
         return support_forces(scene, response, directions=2)

@@ -177,7 +177,7 @@ def _contact_measures(
     """Values (T, m, 6 b) that m contacts take at T positions under the six rigid motions of each of b bodies.
 
     `shifts` are matrices (T, 6, 6) by body, as `_shifts` returns them.  A row is set to zero if it is a sum of terms
-    that cancel up to round-off.
+    that cancel up to the share `ROUND_OFF`.
     """
     names, x = list(bodies), system.side_coordinates(positions.s)
     rows, terms = np.zeros((2, len(positions.labels), len(system.contacts), 6 * len(names)))
@@ -446,9 +446,10 @@ def _free_motion_sentence(built: Mapping[str, AssembledBody], free: FreeMotions)
 def _check_facing(scene: Scene, built: Mapping[str, AssembledBody]) -> None:
     """Raise an `InputError` if a pad joins faces of two of the bodies `built` that are not parallel; collective.
 
-    This happens if the file of a mesh has another axis upwards.  A normal is the direction along which the pad measures
-    displacements of a body at the first of the checked positions.  Its length does not matter: next to a clamp the pad
-    measures less.  Directions along which one of the bodies can't move are left out.
+    Faces count as parallel if the angle between their normals is at most `TURNED`.  It is larger if, for example, the
+    file of a mesh has another axis upwards.  The normal of a face is the direction along which the pad measures
+    displacements of the face's body, at the first of the checked positions.  Directions along which one of the bodies
+    of the scene can't move are left out.
     """
     models, structural = models_of(built), {name: body.structure.model for name, body in built.items()}
     system, positions = FullSystem(models, contacts_of(scene, models)), _checked_positions(scene)

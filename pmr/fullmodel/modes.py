@@ -124,8 +124,9 @@ class _Block:
 def _orthonormalise(W: Array, MW: Array, comm: MPI.Comm, most: int) -> _Block:
     """Return M-orthonormal vectors that span the columns of W (n_local, k), from M W, `MW` (n_local, k); collective.
 
-    Directions shorter than `SPANNED` times the longest are left out, and only the `most` longest directions are taken.
-    `lengths` of the result covers all directions.
+    Directions shorter than `SPANNED` times the longest are left out; of the others, at most the `most` longest are
+    taken.  `lengths` (k, k) of the result has a row for each direction, also for those left out, the shortest first:
+    the components of W's columns along it.
     """
     values, turned = np.linalg.eigh(inner(W, MW, comm))
     is_spanned = values > SPANNED**2 * np.max(values, initial=0.0)

@@ -201,7 +201,8 @@ def join_ties(deck: Deck, points: Array) -> Indices:
     """Numbers (N,) of the nodes that stand for the nodes at `points` (N, 3) m, after the ties of `deck` are joined.
 
     A node that is not tied stands for itself.  Raises an `InputError` if a tie names a surface that is not read, or if
-    a node of its first surface has no node of the second one at its place.
+    a node of its first surface has no node of the second one at its place, within the share `COINCIDENT` of the largest
+    extent of all points.
     """
     number, joined = {node: k for k, node in enumerate(deck.nodes)}, np.arange(len(points))
     for card in deck.further.ties:
@@ -231,7 +232,8 @@ def join_ties(deck: Deck, points: Array) -> Indices:
 def _check_edges(block: Elements, points: Array, nodes: Indices) -> None:
     """Raise an `InputError` for the first element that has a node which is not amid a straight edge.
 
-    `nodes` (e, k) are the nodes of the elements of `block`, and `points` the places of all nodes.
+    A node may be off the middle of its edge by the share `STRAIGHT` of the edge's length.  `nodes` (e, k) are the nodes
+    of the elements of `block`, and `points` the places of all nodes.
     """
     if nodes.shape[1] == CORNERS[block.kind]:
         return

@@ -149,7 +149,9 @@ class Bodies:
     def simulate(self, checkpoint: Checkpoint | None) -> Motions:
         """Simulate the reduced system by all simulators, and the references, and estimate the error; collective.
 
-        If `checkpoint` is not None, a full-order simulation that was interrupted continues.
+        References that several runs share are not simulated again.  If the scene has a `recovery`, stresses and fields
+        of the bodies are computed, too.  If `checkpoint` is not None, a full-order simulation that was interrupted
+        continues.
         """
         steps = self.scene.recovered_steps.tolist()
         simulations = call_on_first_rank(

@@ -335,8 +335,10 @@ def with_held_coordinates(model: ReducedModel) -> ReducedModel:
 def _check_rank(model: ReducedModel) -> None:
     """Raise an InputError if rigid rows depend on each other at a path coordinate; warn if they nearly do.
 
-    The warning is logged.  The ends of the path are not checked: there a slider may be on a support.  Rows of pads with
-    a stiffness may depend on each other: these pads share the force according to their stiffness.
+    Rows depend on each other if their measure of dependence (`dependence_of_rows`) is below `INDEPENDENT`, and nearly
+    do if it is below `NEARLY_DEPENDENT`.  The warning is logged.  The ends of the path are not checked: there a slider
+    may be on a support.  Rows of pads with a stiffness may depend on each other: these pads share the force according
+    to their stiffness.
     """
     rigid = np.flatnonzero(model.row_compliance == 0.0)
     names = [model.row_names[i] for i in rigid]

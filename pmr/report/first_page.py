@@ -389,9 +389,10 @@ def _frequency_rows(result: RunResult) -> LargestValues:
 
 
 def _locked_words(result: RunResult) -> str:
-    """Words that a computed luffing angle is locked in natural frequencies; empty if the angle is prescribed.
+    """Words that natural frequencies are those with the luffing cylinder locked; empty unless its angle is computed.
 
-    If a given length or oil drives the cylinder, the words add that on its spring or oil the boom swings more slowly.
+    If a given length or oil drives the cylinder, the words add that the boom swings more slowly on the cylinder's
+    spring or oil, and with the payload, if there is a hoist.
     """
     if not has_free_luffing(result):
         return ""

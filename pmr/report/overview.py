@@ -37,7 +37,12 @@ Rows = Iterator[tuple[str, str]]
 
 
 def system_rows(result: RunResult) -> Rows:
-    """Yield rows (name, text) about bodies, masses, pads, loads, weight, machine, angles, extensions, tip and time."""
+    """Yield rows (name, text) that describe the system of a run.
+
+    The rows are about bodies, masses, pads, loads, hoist, weight of the boom, machine and motion of its base, angles,
+    luffing cylinder, ground with outriggers and masses of the machine, computed extensions, boom length or place of
+    what moves along the body, tip, and time.  Rows about parts that the scene lacks are left out.
+    """
     yield from _body_rows(result)
     yield from _mass_rows(result)
     yield from _pad_rows(result)

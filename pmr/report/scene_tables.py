@@ -87,8 +87,9 @@ class SceneWords:
     def _rows_of_value(self, table: BaseModel, key: str, value: object, name: str, defaults: bool) -> Rows:
         """Yield a row with the value of a key under `name`; for a list of tables, a row for each of these.
 
-        Nothing is yielded for a value without a description.  If `defaults` is false, the tables of a list are
-        described without keys that have their default values.
+        The row of a table in a list is called by the singular of `name` and the name of the table, if it has one.  It
+        is there even if its description is empty; no row is yielded for any other value without a description.  If
+        `defaults` is false, the tables of a list are described without keys that have their default values.
         """
         if isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
             single = name.removesuffix("es" if name.endswith("sses") else "s")

@@ -353,7 +353,8 @@ def _check_drive(scene: Scene, frame: Frame) -> None:
 def _check_cylinder(scene: Scene, frame: Frame) -> None:
     """Refuse a luffing cylinder whose arm about the pivot is zero, or nearly so, at some time.
 
-    Such a cylinder carries no moment.
+    Such a cylinder carries no moment.  An arm is nearly zero below the share `IN_LINE` of the lug's distance from the
+    pivot.
     """
     if frame.cylinder is None:
         return
@@ -373,8 +374,8 @@ def _check_holding_cylinder(scene: Scene, frame: Frame) -> None:
     """Refuse a luffing cylinder with a stiffness unless it can hold the base.
 
     The base has to be a beam of a boom of several sections with a luffing angle.  The lug has to be on the base, and no
-    support may be at the lug.  A pin has to be at the pivot: elsewhere the cylinder would have another arm about the
-    pin.
+    support may be at the lug.  A pin has to be within `NEAR` of the pivot: elsewhere the cylinder would have another
+    arm about the pin.
     """
     key, base = "frame.cylinder.stiffness", members(scene)[0]
     assert frame.cylinder is not None

@@ -354,10 +354,10 @@ def hung_force_remark(scene: Scene) -> str:
 
 
 def _strength_effects(scene: Scene, at_rest: bool) -> list[str]:
-    """List the effects on strength that no stress contains; if `at_rest`, fatigue is always one of these.
+    """List the effects on strength that no stress contains.
 
-    The list is empty if all sections are planar beams given by their stiffnesses, or masses on wheels: they have no
-    stresses.
+    Fatigue is one of these if `at_rest`, or if the scene does not ask for it.  The list is empty if all sections are
+    planar beams given by their stiffnesses, or masses on wheels: they have no stresses.
     """
     if all(part.body.profile is not None or part.body.mover is not None for part in scene.sections):
         return []  # lines without a section, which have no stress
@@ -384,9 +384,11 @@ def _wall_effects(scene: Scene) -> list[str]:
 
 
 def _pad_effects(scene: Scene, at_rest: bool, play_in_bars: bool) -> list[str]:
-    """List the effects in pads that the scene does not use; if `at_rest`, friction is always one of these.
+    """List the effects in pads that are left out.
 
-    `play_in_bars` says whether error bars contain a play of pads.  The list is empty if there are no pads.
+    Friction is one of these if `at_rest`, or if no pad of the scene has it.  Play is one of these if no pad of the
+    scene has it; `play_in_bars` says that error bars contain some play, so that only more than this is left out.  The
+    list is empty if there are no pads.
     """
     rings = [ring for part in scene.sections for ring in part.rings]
     if not rings:

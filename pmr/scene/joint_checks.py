@@ -101,7 +101,9 @@ def _check_frames(scene: Scene, number: int, inner: Box, outer: Box) -> None:
 def _check_clearance(seat: Seat, key: str, inner: tuple[str, Box], outer: tuple[str, Box]) -> None:
     """Refuse pads on faces that a box lacks or that are not parallel, and clearances that exceed the gap.
 
-    `inner` and `outer` are the name and the box of the two sections; `key` is the key of the ring of pads.
+    Faces are parallel if the cosine of the angle between their normals is at least `PARALLEL`.  A clearance may exceed
+    the gap by the share `SLACK` of it.  `inner` and `outer` are the name and the box of the two sections; `key` is the
+    key of the ring of pads.
     """
     (name, section), (around, tube) = inner, outer
     inner_faces, outer_faces = section.faces, tube.faces

@@ -50,9 +50,10 @@ class ListSignal(SignalBase):
 
 
 def critical_luffing(scene: Scene) -> float:
-    """Luffing angle in rad at which gravity compresses the boom most: the steepest one in the scene's time.
+    """Luffing angle in rad at which gravity compresses the boom most: the one with the largest sine.
 
-    It is one of `ANGLES` angles between the smallest and the largest.  Not to be called for a scene without a frame.
+    It is one of `ANGLES` evenly spaced angles from the smallest to the largest in the scene's time.  Beyond 90 degrees
+    the largest angle is not the steepest.  Not to be called for a scene without a frame.
     """
     angles = np.linspace(*scene.present_frame.angles.luffing.bounds(0.0, scene.time.end), ANGLES)
     return float(angles[np.argmax(np.sin(angles))])

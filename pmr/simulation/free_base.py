@@ -267,14 +267,16 @@ def base_equations(
 class FreeBase:
     """Inertia of a boom of S sections on n coordinates, in the order of `pmr.system.assembly.Assembly`.
 
-    Raises InputError for planar sections, for a scene without a frame that turns the boom out of its vertical plane,
-    and if points of a body are clamped, so that the work of its loads on rigid motions is not known.
+    Raises InputError for planar sections, for a body that is not reduced, for a scene without a frame that turns the
+    boom out of its vertical plane, and if points of a body are clamped, so that the work of its loads on rigid motions
+    is not known.
     """
 
     def __init__(self, scene: Scene, system: System, assembly: Assembly | None = None) -> None:
         """Collect the inertia of the scene's boom from the reduced models of `system`.
 
-        If `assembly` is None, the system is assembled here.
+        If `assembly` is None, the system is assembled here.  Raises InputError if the scene has no frame that turns the
+        boom out of its vertical plane, if a body is planar or not reduced, or if points of a body are clamped.
         """
         assembly = Assembly(system) if assembly is None else assembly
         if scene.frame is None or scene.frame.out_of_plane_key is None or not scene.frame.has_angles:

@@ -36,10 +36,11 @@ def first_load(
 
     The result is 0 if the share is 1 or more without a load, and NaN if the share is below 1 at all loads tried.
 
-    If `guess` is a load in kg close to the expected result, loads around `guess` are tried first; if the share reaches
-    1 between two of these, no others are tried.  NaN means no guess.  Which loads are tried after that depends on
-    `grows`, which says that the share never falls while the load grows.  If it is true, they are 0 and `top`.  If not,
-    they are `NODES` evenly spaced loads, all together if `at_once` is true and one after the other if it is false.
+    If `guess` is a load in kg close to the expected result, loads around `guess` are tried first; if the share is below
+    1 at the least of these and not at the largest, the result is searched between them.  NaN means no guess.  Which
+    loads are tried after that depends on `grows`, which says that the share never falls while the load grows.  If it is
+    true, they are 0 and `top`.  If not, they are `NODES` evenly spaced loads, all together if `at_once` is true and one
+    after the other if it is false.
     """
     if 0.0 < guess < top:
         points = _share_points(used, dict.fromkeys(min(guess * factor, top) for factor in FACTORS_AROUND_GUESS))
@@ -62,10 +63,14 @@ def _share_points(used: UsedShares, loads: Iterable[float]) -> list[Point]:
 
 
 def _find_root(used: UsedShares, points: list[Point], tolerance: float) -> float:
-    """Return the first load in kg between `points` at which the share is 1, to about `tolerance` kg.
+    """Return the first load in kg between `points` at which the share is 1.
 
-    The `points` ascend by load.  The share of the first one is below 1, that of a later one 1 or more; it may be
-    infinite.  The function `used` gives shares at further loads.
+    Each of the `points` is a load in kg and its share minus 1.  They ascend by load.  The share of the first one is
+    below 1, that of a later one 1 or more; it may be infinite.  The function `used` gives shares at further loads.
+
+    The search ends when the two loads around the root differ by at most 2 (`tolerance` + `LOAD_TOLERANCE` times the
+    upper load), or when one of them has a share within `SHARE_TOLERANCE` of 1.  The one whose share is nearer to 1 is
+    returned, so its share may be slightly above 1.
 
     The method is inverse interpolation: the load is a polynomial in share - 1; the polynomial of one degree less gives
     an estimate of its error.  The interval around the root should be halved by each step.  If it is not, its quarters

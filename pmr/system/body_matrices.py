@@ -150,7 +150,7 @@ class Reactions:
         return replace(self, inertia=inertia, damping=damping, stiffness=stiffness, matrices=matrices)
 
     def with_rows(self, numbers: list[int]) -> Reactions:
-        """Reactions of the body if it has only the rows with these `numbers`."""
+        """Reactions of the body if it has only the rows `numbers`, in this order and numbered anew from 0."""
         return replace(self, rows=select_columns(self.rows, numbers))
 
 

@@ -53,7 +53,7 @@ class Flexibility:
     energy: Array  # B^T R B (i, i) m/N: twice the residual strain energy under unit inputs
 
     def with_rows(self, numbers: Sequence[int]) -> Flexibility:
-        """Return the flexibility of the body with only the rows that have these `numbers`."""
+        """Return the flexibility of the body with only the rows `numbers`, in this order and numbered anew from 0."""
         rows, inputs = (select_rows(table, numbers) for table in (self.rows, self.inputs))
         outputs = select_columns(self.outputs, numbers)
         return replace(self, rows=select_columns(rows, numbers), inputs=inputs, outputs=outputs)
@@ -245,7 +245,7 @@ class CarrierRows:
         return replace(self, values=self.values @ X)
 
     def with_rows(self, numbers: Sequence[int]) -> CarrierRows:
-        """Return the same carriers with only the rows that have these `numbers`."""
+        """Return the same carriers with only the rows `numbers`, in this order and numbered anew from 0."""
         return replace(
             self,
             breaks={str(k): self.breaks[str(number)] for k, number in enumerate(numbers)},

@@ -266,8 +266,9 @@ class ReducedModel:
         return multiply_matrix(self.rows, V)
 
     def with_rows(self, numbers: Sequence[int]) -> ReducedModel:
-        """Return the model with only the rows of these `numbers`; all other rows are dropped and hold nothing any more.
+        """Return the model with only the rows `numbers`, in this order and numbered anew from 0.
 
+        All other rows are dropped and hold nothing any more.
         If rows are left out or their order changes, the result has no enrichment modes, and its errors can't be
         estimated.  Otherwise the model itself is returned.
         """

@@ -446,8 +446,8 @@ class RowPolynomials:
     def quadratic_form(self, R: Array) -> PPoly:
         """Table C(s) Q C(s)^T = b(s) R b(s)^T with values (m, m), of a symmetric matrix Q on the coordinates.
 
-        R = U Q U^T (K, K) has the values of Q between the carriers U.  On each interval, only its entries between the w
-        carriers are used that the rows touch there.
+        R = U Q U^T (K, K) has the values of Q between the carriers U.  On each interval the rows touch w carriers; only
+        the entries (w, w) of R between these are used.
         """
         m, powers, k, w = self.coefficients.shape
         if not m:

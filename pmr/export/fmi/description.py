@@ -189,9 +189,10 @@ class Reference:
 
     @property
     def start_values(self) -> Array:
-        """Start values (4 + 4 n,) of time, drivers, the drivers' rates, and the parameters step, rho_inf, start.
+        """Start values (4 + 4 n,): of time, the n drivers, their n first, n second and n third rates, and 3 parameters.
 
-        Rates of inputs are zero; the parameter start is the number of the kind of start (`STARTS`).
+        All rates are zero, except the first rate of a free luffing angle or extension.  The parameters are step,
+        rho_inf and start, the number of the kind of start (`STARTS`).
         """
         step = self.stepping.step
         start = STARTS["static" if self.static else "at rest"]

@@ -222,10 +222,10 @@ def variables(
 ) -> list[Variable]:
     """All variables of the FMU of a system with N drivers and r modes.
 
-    `start` (4 + 4 N,) are start values of time, drivers and parameters, and `nominal` (2 r,) the nominal values of the
-    states, as described for `pmr.export.fmi.system_file`.  The variables are in ascending order of their value
-    references.  The last variables are those that `further`, unless it is None, yields; their value references begin
-    with its second argument.
+    `start` (4 + 4 N,) are start values of time, drivers, their rates and parameters, and `nominal` (2 r,) the nominal
+    values of the states, as described for `pmr.export.fmi.system_file`.  The variables are in ascending order of their
+    value references.  The last variables are those that `further`, unless it is None, yields; their value references
+    begin with its second argument.
     """
     names = Identifiers()
     listed = list(_inputs_and_parameters(drivers, names, start))
@@ -323,8 +323,9 @@ def _driver_variables(drivers: Drivers) -> Iterator[Variable]:
 def _inputs_and_parameters(drivers: Drivers, names: Identifiers, start: Array) -> Iterator[Variable]:
     """Yield time, the inputs with their rates of order one to three, and the parameters, as variables.
 
-    They are in the order of their value references.  Of a start there is the first rate alone.  `start` (4 + 4 N,), for
-    N drivers, has their start values in the same order, and `names` makes identifiers from names.
+    They are in the order of their value references.  The start of a free luffing angle or extension has the first rate
+    alone.  `start` (4 + 4 N,), for N drivers, has the start values of time, of the drivers, of their first, second and
+    third rates, and of three parameters; `names` makes identifiers from names.
     """
     fixed = [names(name) for name in ("internal_step", "rho_inf", "start")]  # before those of loads
     yield Variable(names("time"), 0, "time", Role("independent", initial=""), "s")

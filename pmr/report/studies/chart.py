@@ -195,9 +195,10 @@ def _key_numbers(study: FinishedStudy, chart: LoadChart, error: Array, lower: Ar
 
 
 def covered_parts(parts: Parts) -> str:
-    """Text that lists the parts of the error bars, then the parts that are not known of a limit that governs.
+    """Text that lists the parts that the error bars contain, then, after "without", those that they lack.
 
-    Play is left out of both if no pad of the scene can have it, and where an earlier version computed the chart.
+    A part is lacking if, at any position, it is not known for the limit that governs there.  Play is in neither list if
+    no pad of the scene can have it, or if an earlier version computed the chart.
     """
     which = governing_limit(np.concatenate([part["load"] for part in parts]))
     rows = np.flatnonzero(which >= 0)

@@ -246,7 +246,7 @@ class Pads:
     def answers(self, rows: PadRows, f: Array) -> Array:
         """Forces F^-1 H f (m',) in N that the loads f (i,) cause in the m' contacts that give way, in bodies at q = 0.
 
-        F and H, flexibility of these contacts and their displacements by loads, are those of `rows`.
+        `rows` has the flexibility F (m', m') of these contacts, and H (m', i), their displacements by unit loads.
         """
         displacements = rows.giving.H @ f
         return np.asarray(np.linalg.solve(rows.giving.F, displacements)) if f.any() else displacements

@@ -141,11 +141,11 @@ class ExtendingBoom:
         return ForcesAndStiffness(total, K)
 
     def gap(self, s: Array, q: Array) -> Array:
-        """Gaps C(s) q (m,) in m of m rigid contacts, at extensions s (S,) in m and coordinates q (n,)."""
+        """Gaps C(s) q (k,) in m of the k rigid contacts, at extensions s (S,) in m and coordinates q (n,)."""
         return np.asarray(self._along.evaluate(s).rows.C[self.rigid] @ q)
 
     def gap_derivative(self, s: Array, q: Array) -> Array:
-        """Derivative (m, n + S) of the gaps of rigid contacts by coordinates q (n,) and extensions s (S,), at these."""
+        """Derivative (k, n + S) of the gaps of k rigid contacts by coordinates q (n,) and extensions s (S,) in m."""
         near, numbers = self._along.evaluate(s), self._numbers
         derivative = np.hstack([near.rows.C[self.rigid], np.zeros((len(self.rigid), len(s)))])
         derivative[:, len(q) + numbers] = (near.slopes.C[numbers][:, self.rigid] @ q).T
@@ -221,7 +221,7 @@ class Base:
         """Prepare the boom on the rigid body that `on` names in the mbs, driven by `inputs` and `paths`.
 
         `equations` are those of the boom's system.  Raises InputError for another body, for a node whose rotations are
-        not known, and for a luffing cylinder that holds the base.
+        not known, and for a luffing cylinder that holds the base; also as `FreeBase`.
         """
         if LUFFING in equations.system.paths:
             allowed = "a support of the base in its place is allowed where a body of Exudyn carries the boom"

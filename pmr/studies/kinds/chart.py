@@ -396,9 +396,10 @@ class Study(StudyBase):
         return self._with_winds(scene.with_keys(frame={"second_order": True}))
 
     def _with_winds(self, scene: Scene) -> Scene:
-        """The scene with a load on its sections for each wind of the cases that acts on no areas.
+        """The scene with loads on its sections for the winds of the cases, except winds for which areas are given.
 
-        Raises InputError if no section can have it, and for wind from the side on a planar boom.
+        Raises InputError if no section can have such a load, for wind from the side on a planar boom, and for an
+        azimuth of more than 2 pi if the frame does not set the unit of angles.
         """
         frame, winds = scene.present_frame, dict[str, tuple[str, Wind]]()
         for k, case in enumerate(self.cases):

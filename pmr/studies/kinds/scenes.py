@@ -154,9 +154,10 @@ class Study(StudyBase):
 
 
 def _varied_scene(file: Path, point: ScenePoint, key: str) -> Scene:
-    """Return the scene of the run `key`: the scene of the file with the changes of the point.
+    """Return the scene of the file with the changes of the point.
 
-    An InputError for a value that the study sets names the key of the study.
+    Every InputError ends with the name of the run, `key`.  One for a value that the study sets names the key of the
+    study.
     """
     try:
         return scenes.vary(file, point.changes)
