@@ -257,7 +257,7 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
             by_pads = trust.pad_force_error(result.summary)
             upper = (shell["value"] * (1.0 + (by_pads or 0.0)) + shell["error"]) / allowed
             text += f", {format_percent(upper)} with "
-            text += "known errors" if by_pads is not None else "the error by the mesh of the walls alone"
+            text += "all known errors" if by_pads is not None else "the error by the mesh of the walls alone"
     text += f"\n{wall_place_clause(result, shell)}"
     if "even" in shell:  # which files of earlier versions lack
         error = format_quantity(shell["even_error"], "Pa", 2)

@@ -176,7 +176,7 @@ def _use_row(
     """
     error = trust.summed_errors(result.summary).by_label.get(QUANTITIES[of_force].label)
     upper = None if error is None else share * (1.0 + error) / least
-    text = f"{format_percent(share)} of {of}" + (f", {format_percent(upper)} with known errors" if upper else "")
+    text = f"{format_percent(share)} of {of}" + (f", {format_percent(upper)} with all known errors" if upper else "")
     return largest_value(key, f"{text}\n{note}", share)._replace(upper=upper)
 
 

@@ -40,7 +40,7 @@ def verdict(result: RunResult) -> Verdict:
         text = f"All {len(limited)} limits are kept. Closest: " if len(limited) > 1 else "The only limit is kept: "
         text += f"{_in_brief(limited[0])}."
         if doubtful := [row.name for row in limited if (row.upper or 0.0) > 1.0]:
-            text += f" With known errors these may be above their limits: {', '.join(doubtful)}."
+            text += f" With all known errors these may be above their limits: {', '.join(doubtful)}."
     else:
         text = "Nothing was compared with a limit: the scene states none."
     return Verdict(text, tuple(_unchecked(result, rows)), bool(above))
