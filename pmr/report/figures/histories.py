@@ -116,15 +116,16 @@ class Timeline:
     def difference_clause(self, signals: Mapping[str, Array]) -> str:
         """Clause that the difference of `signals` (T,), by simulator, to the reference is drawn below.
 
-        The clause is empty if all differences are 0 or there is no reference.  It says if the difference is less than
-        the error of the time step.
+        The clause is empty if all differences are 0 or there is no reference.  It says if the largest difference, as a
+        share of the largest value, is less than the error of the time step in displacements.
         """
         if not (apart := largest_of(self.differences(signals))):
             return ""
         step = self.result.summary.get("step") or {}
         error = max(step.get(place) or 0.0 for place in ("tip", "beam"))
-        small = ", which is less than the error of the time step" if apart <= error * largest_of(signals) else ""
-        return f". Below: the difference to {'ANCF' if self.reference == 'ancf' else 'the full model'}{small}"
+        small = ", in percent less than the error of the time step in displacements"
+        other = "ANCF" if self.reference == "ancf" else "the full model"
+        return f". Below: the difference to {other}{small if apart <= error * largest_of(signals) else ''}"
 
     def trace(self, ax: Axes, curves: Mapping[str, Array], size: float, weight: float = 1.0) -> None:
         """Draw `curves` (T,), by simulator, divided by the `size` of their unit.
