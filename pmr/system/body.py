@@ -279,11 +279,11 @@ def project(body: SlidingBody, V: Array) -> ReducedModel:
     The result has no carriers, no enrichment modes, no provenance and no matrices of a moving frame.  An InputError is
     raised unless V has real, finite entries and a row for each of the body's n coordinates.
     """
-    vectors = np.asarray(V)
-    if vectors.dtype.kind not in "biuf" or vectors.shape[:1] != (body.size,) or vectors.ndim != 2:
+    V = np.asarray(V)
+    if V.dtype.kind not in "biuf" or V.shape[:1] != (body.size,) or V.ndim != 2:
         allowed = f"vectors of real numbers as columns, with {body.size} rows, one for each coordinate, are allowed"
-        raise InputError("pmr.project", "V", list(vectors.shape), allowed)
-    if not np.isfinite(vectors).all():
+        raise InputError("pmr.project", "V", list(V.shape), allowed)
+    if not np.isfinite(V).all():
         raise InputError("pmr.project", "V", None, "finite numbers are allowed")
     M, D, K = (symmetric_part(V.T @ (A @ V)) for A in (body.M, body.D, body.K))
     clearance = body.row_clearance

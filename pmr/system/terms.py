@@ -127,11 +127,12 @@ class TermSum:
     def __init__(self, A: sp.csr_matrix, terms: Sequence[Term], key: str) -> None:
         """Store A (n, n) and the matrices of the `terms` that `key` names, ``stiffness`` or ``damping``."""
         self._A, n = A, A.shape[0]
-        matrices = [A, *(sp.csr_matrix(A.shape) if (of := getattr(term, key)) is None else of for term in terms)]
-        parts = [matrix.tocoo() for matrix in matrices]
+        matrices = [getattr(term, key) for term in terms]
+        self._has_matrix = np.array([matrix is not None for matrix in matrices], bool)
+        parts = [matrix.tocoo() for matrix in (A, *matrices) if matrix is not None]
         numbers = [part.row.astype(np.int64) * n + part.col for part in parts]
         places = np.unique(np.concatenate(numbers))
-        self._entries = np.zeros((len(parts), len(places)))  # of A, then of each term
+        self._entries = np.zeros((len(parts), len(places)))  # of A, then of each term that has a matrix
         for entries, part, number in zip(self._entries, parts, numbers, strict=True):
             np.add.at(entries, np.searchsorted(places, number), part.data)
         self._indices, self._indptr = places % n, np.searchsorted(places, n * np.arange(n + 1))
@@ -146,7 +147,7 @@ class TermSum:
 
     def _sum(self, share: float, c: Sequence[float] | Array) -> sp.csr_matrix:
         """Matrix `share` A + sum_k c_k A_k (n, n), without stored zeros."""
-        entries = np.array([share, *c]) @ self._entries
+        entries = np.array([share, *np.asarray(c)[self._has_matrix]]) @ self._entries
         total = sp.csr_matrix((entries, self._indices, self._indptr), shape=self._A.shape, copy=True)
         total.eliminate_zeros()
         return total
