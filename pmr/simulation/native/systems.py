@@ -299,11 +299,11 @@ def simulate(
 ) -> SystemTrajectory:
     """Simulate all bodies from t = 0 on, and return the trajectory of each `every`-th step.
 
-    Arguments and errors as `pmr.simulation.SystemSimulator`; without `initial` bodies start at rest.  `progress`, if
-    not None, is called with the share of the run that is done.  The trajectory's `seconds` are the wall time of the
-    steps in modal coordinates, without diagonalisation and transformation to q.
+    Arguments and errors as `pmr.simulation.SystemSimulator`.  `progress`, if not None, is called with the share of the
+    run that is done.  The trajectory's `seconds` are the wall time of the steps in modal coordinates, without
+    diagonalisation and transformation to q.
     """
-    return simulate_form(SystemForm.of(system), excitation, initial or {}, progress, every)
+    return simulate_form(SystemForm.of(system), excitation, initial, progress, every)
 
 
 def simulate_form(
