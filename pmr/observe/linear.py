@@ -240,21 +240,23 @@ def linearize(
         steps.reference + gravity,
         steps.matrices,
         tuple(system.input_units[system.input_names.index(name)] for name in inputs),
-        {name: displacements_along(system, name) for name in inputs},
+        displacements_along(system, inputs),
     )
 
 
-def displacements_along(system: System, load: str) -> tuple[str, ...]:
-    """Names of the outputs that are the displacement along a load of a system, at the place where it acts.
+def displacements_along(system: System, loads: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Names of the outputs that are the displacement along a load at its place, by the names of the `loads`.
 
     By the principle of virtual work, the row of such an output equals the forces of a unit load on the coordinates.
     Rows that differ by at most `SAME_PLACE` of their length count as equal, so that a neighbouring place will do.
     """
-    assembly = Assembly(system)
-    forces = assembly.B.toarray()[:, system.input_names.index(load)]
-    distances = np.linalg.norm(assembly.outputs.toarray() - forces, axis=1)
-    near = distances <= SAME_PLACE * np.linalg.norm(forces)
-    return tuple(name for name, at_load in zip(system.output_names, near, strict=True) if at_load)
+    assembly, by_load = Assembly(system), dict[str, tuple[str, ...]]()
+    forces, outputs = assembly.B.toarray(), assembly.outputs.toarray()
+    for load in loads:
+        force = forces[:, system.input_names.index(load)]
+        near = np.linalg.norm(outputs - force, axis=1) <= SAME_PLACE * np.linalg.norm(force)
+        by_load[load] = tuple(name for name, at_load in zip(system.output_names, near, strict=True) if at_load)
+    return by_load
 
 
 def gravity_of(scene: Scene, chosen: Selection) -> Array:

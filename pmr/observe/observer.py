@@ -244,7 +244,10 @@ class Observer:
             at_load = self.model.displacements.get(self.payload.input)
             rate = next((words for words in RATE_ORDERS if self.payload.acceleration.startswith(words)), "")
             if at_load is not None and self.payload.acceleration.removeprefix(rate) not in at_load:
-                places = " or ".join(rate + name for name in at_load) or "that of an output where the load acts"
+                places = (
+                    " or ".join(rate + name for name in at_load)
+                    or "that of an output at its place, which the scene has to observe,"
+                )
                 allowed = f"{places} is allowed, as the load {self.payload.input!r} acts there"
                 raise InputError("observe", "payload.acceleration", self.payload.acceleration, allowed)
             of = self.payload
