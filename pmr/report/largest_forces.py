@@ -172,11 +172,14 @@ def _use_row(
 
     The known errors are those of the force with the key `of_force` from all sources, and that of the limit, which may
     be as small as `least` times its value.  `note` stands below.  If the errors of the force are not known, the row has
-    the `share` alone.
+    the `share` alone.  If `least` is not above 0, the share with errors is infinite.
     """
     error = trust.summed_errors(result.summary).by_label.get(QUANTITIES[of_force].label)
-    upper = None if error is None else share * (1.0 + error) / least
-    text = f"{format_percent(share)} of {of}" + (f", {format_percent(upper)} with all known errors" if upper else "")
+    upper = None if error is None else share * (1.0 + error) / least if least > 0.0 else np.inf
+    text = f"{format_percent(share)} of {of}"
+    if upper is not None:
+        most = format_percent(upper) if np.isfinite(upper) else "no bound"
+        text += f", {most} with all known errors"
     return largest_value(key, f"{text}\n{note}", share)._replace(upper=upper)
 
 

@@ -18,8 +18,8 @@ from pmr.scene.hints import left_out
 from pmr.scene.members import members
 
 #: Keys of quantities that have no limit unless a row on the use of the second one is on the page; some never have one.
-LIMITED_BY = {"support": "support_use", "luffing_force": "luffing_use", "cylinder_force": "", "rope_force": "",
-              "pad_pressure": "pad_use", "tip": "", "frequency": "", "buckling": ""}  # fmt: skip
+LIMITED_BY = {"stress": "", "support": "support_use", "luffing_force": "luffing_use", "cylinder_force": "",
+              "rope_force": "", "pad_pressure": "pad_use", "tip": "", "frequency": "", "buckling": ""}  # fmt: skip
 #: Rows of the table of what was asked that say how the boom moves.
 MOTIONS = ("boom length", "length beyond the mouth", "slider at", "raised by", "luffing", "slewing")
 
@@ -54,12 +54,11 @@ def _in_brief(row: LargestValue) -> str:
 
 def _unchecked(result: RunResult, rows: Sequence[LargestValue]) -> Iterator[str]:
     """Yield a sentence on the quantities of `rows` without a limit, and one on what is not checked."""
-    names, reported = [row.name for row in rows], {key: QUANTITIES[key].reported for key in LIMITED_BY}
-    without_limit = [
-        QUANTITIES[key].label
-        for key, use in LIMITED_BY.items()
-        if any(name.startswith(reported[key]) for name in names) and (not use or QUANTITIES[use].reported not in names)
-    ]
+    names, without_limit = [row.name for row in rows], list[str]()
+    for key, use in LIMITED_BY.items():
+        shares = [row.share for row in rows if row.name.startswith(QUANTITIES[key].reported)]
+        if shares and set(shares) == {None} and (not use or QUANTITIES[use].reported not in names):
+            without_limit.append(QUANTITIES[key].label)
     if without_limit:
         yield f"Without a limit: {', '.join(without_limit)}."
     effects = left_out(result.scene).get("strength", "").split(", ")

@@ -126,6 +126,10 @@ def test_the_pad_nearest_to_yielding_walls_stands_first_and_warns(result: RunRes
     said = verdict(pressed)
     assert said.text == f"1 of 1 limits is exceeded. {name.capitalize()}, {figure}; {place}."
     assert said.is_exceeded and not verdict(boom).is_exceeded
+    rough = {pad: limit | {"error": limit["force"]} for pad, limit in limits.items()}
+    model = budget["model"] | {"pad_yield": rough, "pad_force": 0.02}
+    unbounded = replace(boom, summary=result.summary | {"budget": {"model": model}})
+    assert f"N ± 3.2{SPACE}kN, no bound with all known errors\n" in next(iter(largest_value_rows(unbounded)))[1]
 
 
 def test_what_a_chief_looks_for_besides_has_a_row(make_space: MakeSpace) -> None:
@@ -368,7 +372,7 @@ def test_shares_of_forces_that_cylinder_and_pin_bear_stand_first(
     assert second[1].endswith(f"{allowed}{1e-6 * euler:.2f}{SPACE}MN, which buckles the rod at 2.00{SPACE}m")
     said = verdict(page)
     assert said.text.startswith("1 of 2 limits is exceeded. Largest use of a support, 125")
-    assert "Without a limit: displacements of the tip" in said.notes[0] and "cylinder" not in said.notes[0]
+    assert "Without a limit: stresses, displacements of the tip" in said.notes[0] and "cylinder" not in said.notes[0]
     titles = ["Largest values that have a limit", "How sure the values are", "What these values leave out", LARGEST]
     titles = [*titles, "What was asked", "How far to trust this run"]
     shown = [table.title for table in first_page_tables(page)]

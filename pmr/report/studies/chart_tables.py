@@ -37,9 +37,9 @@ def load_step(largest: float) -> float:
     return STEP if largest <= 0.0 else min(float(10.0 ** (np.floor(np.log10(largest)) - 2.0)), STEP)
 
 
-def round_down(load: float, step: float) -> float:
-    """Round a load in kg down to a multiple of `step` in kg."""
-    return float(np.floor(load / step + 1e-9) * step)
+def round_down(value: float, step: float) -> float:
+    """Round a load or a radius down to a multiple of `step`, which has the same unit."""
+    return float(np.floor(value / step + 1e-9) * step)
 
 
 def format_load(load: float | np.floating) -> str:
@@ -418,11 +418,12 @@ def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Itera
         bounds += f"above. Errors that they do not contain: {not_covered}."
         tables.append(("Lower bounds", bounds, duty.lower))
     parts_of_columns = np.array_split(columns, -(-len(columns) // LENGTHS_BESIDE))
+    digit = 0.01 if np.diff(duty.radii).min(initial=np.inf) >= 0.01 - 1e-9 else 1e-4
     for name, text, values in tables:
         for n, part in enumerate(parts_of_columns):
             head = ("radius in m", *(_length_head(duty, int(e)) for e in part))
             rows = [
-                (f"{np.floor(100.0 * radius) / 100.0:g}", *(cell(r, int(e), values) for e in part))
+                (f"{round_down(radius, digit):g}", *(cell(r, int(e), values) for e in part))
                 for r, radius in enumerate(duty.radii)
             ]
             caption = f"{name} for longer booms." if n else text

@@ -194,6 +194,12 @@ def test_tables_of_loads_have_all_boom_lengths_and_are_not_wider_than_paper() ->
     assert heads == [f"{length:.2f}\u00a0m" for length in lengths] and len(first.head) == 7
     assert [len(grid.rows) for grid in (first, second)] == [1, 2]
     assert second.rows[1] == ("14", *["·"] * 5, "550\u00a0A")
+    for fine in (
+        np.array([0.29, 0.58]),
+        np.array([0.005, 0.01]),
+    ):  # also where a radius times 100 is just below a number
+        grid = next(duty_grids(study, DutyTable(fine, lengths[:1], load[:, :1], load, np.zeros((2, 1), int), 2e4), ""))
+        assert grid.rows[0][0] == f"{fine[0]:g}"
 
 
 def test_loads_of_tables_are_rounded_down() -> None:
