@@ -15,6 +15,7 @@ from pmr.report.sentences import LargestValue, LargestValues, extreme_clause, la
 from pmr.report.subject import (
     drive_of,
     has_free_luffing,
+    luffing_stand_ins,
     luffing_support_names,
     play_clause,
     shown_force_name,
@@ -24,6 +25,7 @@ from pmr.results.quantities import FORCE_OF, QUANTITIES, REACTION_OF, resultant_
 from pmr.results.response import Extreme, Extremes
 from pmr.scene.keys import cylinder_name, qualified_name
 from pmr.scene.mechanism import AT_GROUND, AT_PIVOT
+from pmr.scene.members import members
 
 #: Where the hook is beside its head for a swing below and above 0, along and across the boom.
 SWING_SIDES = {"along": ("inwards of", "outwards of"), "across": ("to the right of", "to the left of")}
@@ -46,8 +48,8 @@ LUGS = (
     "; a lug of the two, {} apart, is taken to bear half of the force across the pin, one of the two opposite forces "
     "that make up the moment, and all of the force along the pin"
 )
-#: Labels of the quantities whose errors are those of the boom's moment on its machine.
-MARGIN_ERRORS = (QUANTITIES["reaction"].label, QUANTITIES["support_force"].label)
+#: Keys of the quantities whose errors are those of the boom's moment on its machine.
+MARGIN_ERRORS = ("reaction", "support_force")
 
 
 def force_rows(result: RunResult) -> LargestValues:
@@ -83,7 +85,10 @@ def _driven_rows(result: RunResult) -> LargestValues:
         if use := cylinder.get("use"):
             most = Extremes.from_summary(use).highest
             note = f"{extreme_clause(result, most)}; allowed: {_allowed_forces_words(result)}"
-            yield _use_row(result, "luffing_use", most.value, "the allowed force", note, "support_force")
+            supports = luffing_stand_ins(result.scene) or members(result.scene)[0].part.supports
+            gives = result.scene.holding_cylinder is not None or any(of.stiffness != "rigid" for of in supports)
+            of_force = "support_force" if gives else "reaction"
+            yield _use_row(result, "luffing_use", most.value, "the allowed force", note, of_force)
         pressures = {side: Extremes.from_summary(of) for side in OIL_SIDES if (of := cylinder.get(f"pressure_{side}"))}
         for side in sorted(pressures, key=lambda side: pressures[side].highest.value)[-1:]:
             yield largest_value("driven_pressure", value_at(result, pressures[side].largest, "Pa", OIL_SIDES[side]))
@@ -117,19 +122,20 @@ def _support_use_rows(result: RunResult) -> LargestValues:
     """
     extremes = {of["name"]: Extremes.from_summary(of.get("lug", of)) for of in result.summary.get("supports", ())}
     limited = {
-        name: (support.allowed_force, support.lug_spacing)
+        name: (support.allowed_force, support)
         for body, part in result.scene.bodies.items()
         for support in part.supports
         if support.allowed_force is not None and (name := resultant_name(body, support)) in extremes
     }
     if limited:
         name = max(limited, key=lambda name: extremes[name].size / limited[name][0])
-        allowed, spacing = limited[name]
+        allowed, support = limited[name]
+        spacing, of_force = support.lug_spacing, "reaction" if support.stiffness == "rigid" else "support_force"
         share = extremes[name].size / allowed
         of = f"the allowed {format_quantity(allowed, 'N')}{'' if spacing is None else ' of a lug'}"
         note = f"{_bearer_words('support', name)}, {extreme_clause(result, extremes[name].largest)}"
         note += _moment_clause(result, name) if spacing is None else LUGS.format(format_input(spacing, "m"))
-        yield _use_row(result, "support_use", share, of, note, "reaction")
+        yield _use_row(result, "support_use", share, of, note, of_force)
 
 
 def _moment_clause(result: RunResult, name: str) -> str:
@@ -174,7 +180,7 @@ def _use_row(
     be as small as `least` times its value.  `note` stands below.  If the errors of the force are not known, the row has
     the `share` alone.  If `least` is not above 0, the share with errors is infinite.
     """
-    error = trust.summed_errors(result.summary).by_label.get(QUANTITIES[of_force].label)
+    error = trust.summed_errors(result.summary).by_key.get(of_force)
     upper = None if error is None else share * (1.0 + error) / least if least > 0.0 else np.inf
     text = f"{format_percent(share)} of {of}"
     if upper is not None:
@@ -442,12 +448,12 @@ def _margin_error(result: RunResult) -> str:
     given places.  The clause says that the error is not known if a part of it is missing.
     """
     summed, names = trust.summed_errors(result.summary), [f"{PIVOT}{axis}" for axis in ("rx", "ry")]
-    labels = [label for label in MARGIN_ERRORS if label in summed.by_label]
+    keys = [key for key in MARGIN_ERRORS if key in summed.by_key]
     moments = [Extremes.from_summary(of).size for of in result.summary.get("reactions", ()) if of["name"] in names]
-    if not labels or not moments or any({"model", "mesh"} & {*summed.lacking[label]} for label in labels):
+    if not keys or not moments or any({"model", "mesh"} & {*summed.lacking[key]} for key in keys):
         return "; its error is not known"
-    size = format_quantity(max(summed.by_label[label] for label in labels) * max(moments), "N m", 2)
+    size = format_quantity(max(summed.by_key[key] for key in keys) * max(moments), "N m", 2)
     return (
-        f"; ± {size} by the errors of the boom's moment{summed.lacking_clause(*labels)}, without those of the masses "
+        f"; ± {size} by the errors of the boom's moment{summed.lacking_clause(*keys)}, without those of the masses "
         "of the machine"
     )

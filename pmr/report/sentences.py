@@ -48,7 +48,7 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
     or its estimate.  Numbers that are not known are left out.
     """
     totals = trust.summed_errors(result.summary)
-    if totals.by_label:
+    if totals.by_key:
         yield _total_error(totals)
     else:
         yield from _error_key_numbers(result)
@@ -62,10 +62,10 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
 
 def _total_error(totals: trust.SummedErrors) -> KeyNumber:
     """Key number of the largest error after errors of all sources are added up."""
-    label = max(totals.by_label, key=lambda name: totals.by_label[name])
-    note, probed = f"in {label}, {totals.sources_clause(label)}", QUANTITIES["probe"].label in totals.by_label
+    key = max(totals.by_key, key=lambda name: totals.by_key[name])
+    note, probed = f"in {QUANTITIES[key].label}, {totals.sources_clause(key)}", "probe" in totals.by_key
     what = f"largest sum of errors, without stresses{' away from probes' if probed else ''}"
-    return KeyNumber(format_percent(totals.by_label[label], 2), what, note)
+    return KeyNumber(format_percent(totals.by_key[key], 2), what, note)
 
 
 def _error_key_numbers(result: RunResult) -> Iterator[KeyNumber]:

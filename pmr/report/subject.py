@@ -14,14 +14,14 @@ from pmr.files.arrays import Array, Summary
 from pmr.report.numbers import format_input, format_percent, format_quantity
 from pmr.results import BodyResult, RunResult
 from pmr.results.quantities import QUANTITIES
-from pmr.scene.built import Load, PadRing
+from pmr.scene.built import Load, PadRing, Support
 from pmr.scene.choice import input_directions
 from pmr.scene.joints import JointPads
 from pmr.scene.keys import ALONE, LUFFING_CYLINDER, input_name, qualified_name
 from pmr.scene.mechanism import AT_PIVOT, pin_and_cylinder, supports_at_lug
 from pmr.scene.members import members
 from pmr.scene.model_traits import model_traits
-from pmr.scene.scene import BoomSection
+from pmr.scene.scene import BoomSection, Scene
 from pmr.scene.signals import SignalBase
 
 #: Words for the directions across the axis.
@@ -290,9 +290,14 @@ def luffing_support_names(result: RunResult) -> set[str]:
     frame = result.scene.frame
     if frame is None or frame.cylinder is None or result.summary.get("luffing_cylinder") is None:
         return set()
-    body, held = next(iter(result.scene.bodies)), pin_and_cylinder(result.scene)
-    stand_ins = supports_at_lug(result.scene) if held is None else (held.stand_in,)
-    return {qualified_name(body, name) for name in (LUFFING_CYLINDER, *(of.row_name("z") for of in stand_ins))}
+    body, names = next(iter(result.scene.bodies)), (of.row_name("z") for of in luffing_stand_ins(result.scene))
+    return {qualified_name(body, name) for name in (LUFFING_CYLINDER, *names)}
+
+
+def luffing_stand_ins(scene: Scene) -> tuple[Support, ...]:
+    """Supports of the base that stand in the place of the luffing cylinder; empty if there are none."""
+    held = pin_and_cylinder(scene)
+    return supports_at_lug(scene) if held is None else (held.stand_in,)
 
 
 def fixtures(result: RunResult) -> list[Fixture]:

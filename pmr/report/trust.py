@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, log10
 
+from pmr.compare.trust import UNSETTLED_KINDS
 from pmr.files.arrays import Summary
 from pmr.report.blocks import Table
 from pmr.report.numbers import format_input, format_percent, times_the_true_error
@@ -21,8 +22,10 @@ from pmr.scene.model_traits import model_traits
 NOT_COMPARED = "not known: no full model was simulated to compare with"
 #: Relative error at which the scale of the bars begins.
 LEAST = 1e-5
-#: Sources that a quantity does not depend on, by its label.
-UNAFFECTED = {QUANTITIES["frequency"].label: ("time step",)}
+#: Sources that a quantity does not depend on, by its key.
+UNAFFECTED = {"frequency": ("time step",)}
+#: Keys of the quantities whose errors are listed.
+STATED = ("beam", "largest", *COMPARED[2:], "probe", "tip")
 #: Change of a largest value by the play of pads below which it is not stated by itself.
 SMALL_CHANGE = 0.01
 #: Name of the row on what the error of a source does not contain.
@@ -42,7 +45,7 @@ def trust_table(result: RunResult) -> Table:
     budget, step, estimate = (summary.get(name) or {} for name in ("budget", "step", "estimate"))
     model, (source, reduction) = budget.get("model") or {}, reduction_error(summary)
     parts = _errors_by_source(summary)
-    texts = {name: _list_without_round_off(errors) for name, errors in parts.items()}
+    texts = {name: _list_without_round_off(_by_label(errors)) for name, errors in parts.items()}
     texts["model"] = (
         f"compared with {model_traits(model['beside']).words}: {texts['model']}"
         if model.get("beside")
@@ -61,17 +64,18 @@ def trust_table(result: RunResult) -> Table:
         name, change = next(iter(play.items()))  # the largest change comes first
         varied = play_words(play_summary(result)["gap"])
         texts["play of pads"] = f"{varied}, largest values change by up to {format_percent(abs(change))} ({name})"
-    if sums := (summed := summed_errors(summary)).by_label:
-        of_largest = dict(sorted(sums.items(), key=lambda item: -item[1]))
+    if sums := (summed := summed_errors(summary)).by_key:
+        of_largest = _by_label(dict(sorted(sums.items(), key=lambda item: -item[1])))
         without = ", ".join([*(["play of pads"] if play else []), *_lacking_clauses(summed)])
         texts["added up"] = _list_without_round_off(of_largest, 2) + (f"; not included: {without}" if without else "")
     stressed = "reduced" in summary.get("max_von_mises", {})
     walls = [WALLS] if stressed and any(traits_of(of).is_beam for of in members(result.scene)) else []
+    compared = [UNSETTLED_KINDS[key] for key in parts["reduction"] if key in UNSETTLED_KINDS]
     missing = {
         "model": model.get("not_covered") or walls,
         "mesh": budget.get("mesh_not_covered") or (),
         "time step": step.get("not_covered") or (),
-        "reduction": [of for of in estimate.get("not_covered") or () if of.partition(",")[0] not in parts["reduction"]],
+        "reduction": [of for of in estimate.get("not_covered") or () if of not in compared],
     }
     largest = {name: most for name, errors in parts.items() if (most := max(errors.values(), default=0.0))}
     decades = max(ceil(log10(max(largest.values(), default=1.0) / LEAST) - 1e-9), 5)
@@ -103,9 +107,9 @@ def certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
     for key in ("tip", "pad_force", "reaction", "support_force", "frequency"):
         if key == "reaction" and reactions and not any(Extremes.from_summary(of).size for of in reactions):
             continue
-        if (error := summed.by_label.get(label := QUANTITIES[key].label)) is not None:
-            text = f"± {format_percent(error, 2)}\n{summed.sources_clause(label)}"
-            yield with_shown_label(result, label), text + without_play * (key != "frequency")
+        if (error := summed.by_key.get(key)) is not None:
+            text = f"± {format_percent(error, 2)}\n{summed.sources_clause(key)}"
+            yield with_shown_label(result, QUANTITIES[key].label), text + without_play * (key != "frequency")
     if text := _play_text(result):
         yield "play of pads", text
 
@@ -172,43 +176,43 @@ def _stress_gaps(result: RunResult) -> Iterator[str]:
 
 
 def _errors_by_source(summary: Summary) -> dict[str, dict[str, float]]:
-    """Relative errors in a run's `summary` by source, then by label of the quantity.
+    """Relative errors in a run's `summary` by source, then by key of the quantity, the largest first.
 
     The sources are ``model``, ``mesh``, ``time step`` and ``reduction``; one without an estimate has an empty mapping.
     """
     budget = summary.get("budget") or {}
     mesh = budget.get("mesh")
     return {
-        "model": _errors_by_label(budget.get("model") or {}),
-        "mesh": _errors_by_label(mesh if isinstance(mesh, dict) else {"beam": mesh}),
-        "time step": _errors_by_label(summary.get("step") or {}),
-        "reduction": _errors_by_label(reduction_error(summary).by_kind),
+        "model": _errors_by_key(budget.get("model") or {}),
+        "mesh": _errors_by_key(mesh if isinstance(mesh, dict) else {"beam": mesh}),
+        "time step": _errors_by_key(summary.get("step") or {}),
+        "reduction": _errors_by_key(reduction_error(summary).by_kind),
     }
 
 
 @dataclass(frozen=True)
 class SummedErrors:
-    """Relative errors added up over their sources, by the label of a quantity.
+    """Relative errors added up over their sources, by the key of a quantity.
 
     `sources` are the sources in the sum of a quantity, `lacking` are those that state no error in this quantity.  A
     quantity is left out if the model or the mesh states errors, but none in this quantity.  There are no sums unless
     two sources or more state errors.
     """
 
-    by_label: Mapping[str, float]
+    by_key: Mapping[str, float]
     sources: Mapping[str, tuple[str, ...]]
     lacking: Mapping[str, tuple[str, ...]]
 
-    def sources_clause(self, label: str) -> str:
-        """Clause that names the sources in the sum of the quantity `label`, and the sources that are not in it."""
-        return f"by {_list_names(self.sources[label])}{self.lacking_clause(label)}"
+    def sources_clause(self, key: str) -> str:
+        """Clause that names the sources in the sum of the quantity `key`, and the sources that are not in it."""
+        return f"by {_list_names(self.sources[key])}{self.lacking_clause(key)}"
 
-    def lacking_clause(self, *labels: str) -> str:
-        """Clause that names the sources that are not in the sum of one of several quantities.
+    def lacking_clause(self, *keys: str) -> str:
+        """Clause that names the sources that are not in the sum of one of several quantities, given by their `keys`.
 
         The clause is empty if no source is missing.
         """
-        names = dict.fromkeys(name for label in labels for name in self.lacking[label])
+        names = dict.fromkeys(name for key in keys for name in self.lacking[key])
         return f", without the error of the {' and '.join(names)}" if names else ""
 
 
@@ -217,30 +221,31 @@ def summed_errors(summary: Summary) -> SummedErrors:
     parts = _errors_by_source(summary)
     stated = {name: errors for name, errors in parts.items() if errors}
     needed = [stated[source] for source in ("model", "mesh") if source in stated]
-    labels = dict.fromkeys(label for errors in parts.values() for label in errors)
-    complete = [label for label in labels if all(label in errors for errors in needed)] if len(stated) > 1 else []
-    sources = {label: tuple(name for name in parts if label in parts[name]) for label in complete}
+    keys = dict.fromkeys(key for errors in parts.values() for key in errors)
+    complete = [key for key in keys if all(key in errors for errors in needed)] if len(stated) > 1 else []
+    sources = {key: tuple(name for name in parts if key in parts[name]) for key in complete}
     return SummedErrors(
-        {label: sum(parts[name][label] for name in sources[label]) for label in complete},
+        {key: sum(parts[name][key] for name in sources[key]) for key in complete},
         sources,
         {
-            label: tuple(name for name in parts if name not in (*sources[label], *UNAFFECTED.get(label, ())))
-            for label in complete
+            key: tuple(name for name in parts if name not in (*sources[key], *UNAFFECTED.get(key, ())))
+            for key in complete
         },
     )
 
 
 def pad_force_error(summary: Summary) -> float | None:
     """Return the relative error of pad forces in a `summary`, added up over its sources; None if not known."""
-    return summed_errors(summary).by_label.get(QUANTITIES["pad_force"].label)
+    return summed_errors(summary).by_key.get("pad_force")
 
 
 def _lacking_clauses(summed: SummedErrors) -> Iterator[str]:
     """Yield a clause for each source that some sums lack; it names the quantities of these sums unless all lack it."""
     for source in dict.fromkeys(name for names in summed.lacking.values() for name in names):
-        labels = [label for label, names in summed.lacking.items() if source in names]
-        stated = [label for label in summed.by_label if label not in labels and source in summed.sources[label]]
-        yield f"the error of the {source}" + (f" in {' and '.join(labels)}" if stated else "")
+        keys = [key for key, names in summed.lacking.items() if source in names]
+        stated = [key for key in summed.by_key if key not in keys and source in summed.sources[key]]
+        labels = " and ".join(QUANTITIES[key].label for key in keys)
+        yield f"the error of the {source}" + (f" in {labels}" if stated else "")
 
 
 def _step_words(step: Mapping[str, object]) -> str:
@@ -281,15 +286,18 @@ def _reason_without_model_error(model: Mapping[str, object]) -> str:
     return reason if reason.startswith("not ") else f"not known: {reason}"
 
 
-def _errors_by_label(part: Mapping[str, float | None]) -> dict[str, float]:
-    """Relative errors of one source, the largest first, by the labels of the quantities, such as that of the tip.
+def _errors_by_key(part: Mapping[str, float | None]) -> dict[str, float]:
+    """Relative errors of one source, the largest first, by the keys of the quantities, such as ``tip``.
 
-    `part` holds these errors in a summary by the kind of quantity, such as ``tip``.  Keys that are no such kinds, and
-    errors that are None, are left out.
+    `part` holds these errors in a summary.  Keys that are not in `STATED`, and errors that are None, are left out.
     """
-    kinds = ("beam", "largest", *COMPARED[2:], "probe", "tip")
-    errors = {QUANTITIES[kind].label: error for kind in kinds if (error := part.get(kind)) is not None}
+    errors = {key: error for key in STATED if (error := part.get(key)) is not None}
     return dict(sorted(errors.items(), key=lambda item: -item[1]))
+
+
+def _by_label(errors: Mapping[str, float]) -> dict[str, float]:
+    """Errors by the label of their quantity instead of its key."""
+    return {QUANTITIES[key].label: error for key, error in errors.items()}
 
 
 def _list_names(names: Sequence[str]) -> str:
