@@ -216,7 +216,7 @@ def _stress_rows(result: RunResult) -> LargestValues:
     summary = result.summary
     largest = summary.get("max_von_mises", {}).get("reduced")
     if largest is None:
-        yield largest_value("stress", "not computed (table [recovery] of the scene)", name="stress")
+        yield LargestValue("stress", "not computed (table [recovery] of the scene)", place="section")
         return
     peak, used = (summary.get(name, {}).get("reduced") for name in ("stress_peak", "utilisation"))
     stress_text, local, of_beams = format_quantity(largest, "Pa"), "", bool(stress_remark(result.scene))

@@ -50,7 +50,7 @@ def system_rows(result: RunResult) -> Rows:
         yield qualified_name(load.body, load.name), _load_text(load)
     scene, gravity = result.scene, result.scene.gravity
     if scene.hoist is not None:
-        yield "hoist", _describe_hoist(scene.hoist, scene.time.end)
+        yield "hoist", describe_hoist(scene.hoist, scene.time.end)
     weight = "left out" if gravity is None else f"included, {significant(gravity.acceleration)}{SPACE}m/s²"
     weight += f", in full from {format_input(gravity.rise, 's')} on" if gravity is not None and gravity.rise else ""
     yield "weight of the boom", weight
@@ -59,11 +59,8 @@ def system_rows(result: RunResult) -> Rows:
         for name, part in (("machine", scene.frame.machine), ("motion of the base", scene.frame.base)):
             if part is not None:
                 yield name, words.describe(part)
-        for name, angle in zip(("luffing", "slewing"), result.frame.angles, strict=True):
-            low, high = np.rad2deg(angle.bounds(0.0, scene.time.end))
-            if low or high:
-                free = name == "luffing" and scene.frame.computed_key == "luffing"
-                yield name, format_range(low, high, "°") + (_drive_clause(scene.frame.cylinder) if free else "")
+    yield from angle_rows(result)
+    if scene.frame is not None:
         if scene.frame.cylinder is not None:
             foot, lug = (_place_from_pivot(x, z) for x, z in (scene.frame.cylinder.foot, scene.frame.cylinder.lug))
             yield "luffing cylinder", f"foot on the machine {foot}; lug on the boom {lug} while the boom lies level"
@@ -74,23 +71,42 @@ def system_rows(result: RunResult) -> Rows:
             weights = [f"{of.name} {_format_mass(of.mass)} {format_place(of.at)}" for of in ground.masses]
             if weights:
                 yield "masses of the machine, x, y, z from the pivot", "; ".join(weights)
-    elif gravity is not None:
-        raised = f"{format_input(round(gravity.elevation, 1))}°" if is_raised(result) else "0°, it lies level"
-        yield "raised by", raised
     for number, extension in scene.free_extensions.items():
         low, high = extension.stroke
         yield f"extension of {scene.names[number]}", format_range(low, high, f"{SPACE}m") + _drive_clause(extension)
+    yield from length_rows(result)
+    yield from _tip_rows(result)
+    yield "time", format_input(scene.time.end, "s")
+
+
+def angle_rows(result: RunResult) -> Rows:
+    """Yield rows with the ranges of luffing and slewing angle, without those that are 0 at all times.
+
+    Without a frame, a row says by how much the boom is raised; without weight there is none.
+    """
+    scene, gravity = result.scene, result.scene.gravity
+    if scene.frame is not None and result.frame is not None:
+        for name, angle in zip(("luffing", "slewing"), result.frame.angles, strict=True):
+            low, high = np.rad2deg(angle.bounds(0.0, scene.time.end))
+            if low or high:
+                free = name == "luffing" and scene.frame.computed_key == "luffing"
+                yield name, format_range(low, high, "°") + (_drive_clause(scene.frame.cylinder) if free else "")
+    elif gravity is not None:
+        raised = f"{format_input(round(gravity.elevation, 1))}°" if is_raised(result) else "0°, it lies level"
+        yield "raised by", raised
+
+
+def length_rows(result: RunResult) -> Rows:
+    """Yield a row with the range of the boom's length or, for other scenes, of the place of what moves along it."""
     if result.reach is not None and (mover := crossing(result)):
         yield f"way of {mover}", format_range(float(result.reach.min()), float(result.reach.max()), f"{SPACE}m")
     elif result.reach is not None:
         yield "boom length", format_range(float(result.reach.min()), float(result.reach.max()), f"{SPACE}m")
     elif moving_part(result) == "mouth":
-        low, high = scene.path_bounds
+        low, high = result.scene.path_bounds
         yield "length beyond the mouth", format_range(reach(result) - high, reach(result) - low, f"{SPACE}m")
     elif moving_part(result) == "slider":
-        yield "slider at", f"s = {format_range(*scene.path_bounds, f'{SPACE}m')}"
-    yield from _tip_rows(result)
-    yield "time", format_input(scene.time.end, "s")
+        yield "slider at", f"s = {format_range(*result.scene.path_bounds, f'{SPACE}m')}"
 
 
 def format_place(at: Sequence[float]) -> str:
@@ -104,7 +120,7 @@ def _place_from_pivot(x: float, z: float) -> str:
     return f"{format_input(abs(x), 'm')} {along} the pivot and {format_input(abs(z), 'm')} {up} it"
 
 
-def _describe_hoist(hoist: Hoist, end: float) -> str:
+def describe_hoist(hoist: Hoist, end: float) -> str:
     """Describe the payload on a hoist, the number of falls of its rope, and the payload's wind until `end` in s."""
     hook = f" with a hook of {format_input(hoist.hook, 'kg')}" if hoist.hook else ""
     falls = "one fall" if hoist.falls == 1 else f"{hoist.falls} falls"

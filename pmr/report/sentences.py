@@ -154,7 +154,8 @@ class LargestValue(NamedTuple):
     The first line of `text` is the figure, beside its limit if it has one; a second line, in small type, begins with
     place and time and says what holds for the figure.  `share` is the share of the allowed value, None if there is
     none; `place` is the part of the boom that the value belongs to, as `pmr.results.quantities.Quantity` names it.  It
-    is empty for a row that stands after those of the whole boom.
+    is empty for a row that stands after those of the whole boom.  `key` is that of the quantity, empty if there is
+    none.
     """
 
     name: str
@@ -162,6 +163,7 @@ class LargestValue(NamedTuple):
     share: float | None = None
     place: str = ""
     upper: float | None = None  # share of the allowed value that is used with the known errors, if these are known
+    key: str = ""
 
 
 LargestValues = Iterator[LargestValue]
@@ -174,7 +176,7 @@ def largest_value(key: str, text: str, share: float | None = None, name: str = "
     `share` is the share of the allowed value, None if there is none.
     """
     quantity = QUANTITIES[key]
-    return LargestValue(name or quantity.reported, text + end, share, quantity.place)
+    return LargestValue(name or quantity.reported, text + end, share, quantity.place, key=key)
 
 
 class Measured(NamedTuple):

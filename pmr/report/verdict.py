@@ -14,14 +14,13 @@ from pmr.report.subject import acting_loads, is_alone, reduced_size, structural_
 from pmr.results import RunResult
 from pmr.results.quantities import QUANTITIES, wall_stress
 from pmr.scene.choice import model_of
-from pmr.scene.hints import left_out
+from pmr.scene.hints import strength_effects
 from pmr.scene.members import members
 
-#: Keys of quantities that have no limit unless a row on the use of the second one is on the page; some never have one.
-LIMITED_BY = {"stress": "", "support": "support_use", "luffing_force": "luffing_use", "cylinder_force": "",
-              "rope_force": "", "pad_pressure": "pad_use", "tip": "", "frequency": "", "buckling": ""}  # fmt: skip
-#: Rows of the table of what was asked that say how the boom moves.
-MOTIONS = ("boom length", "length beyond the mouth", "slider at", "raised by", "luffing", "slewing")
+#: Keys of quantities, each with those of further rows that state a share of its limit; some never have a limit.
+LIMITED_BY = {"stress": ("wall_stress", "utilisation"), "support": ("support_use",), "luffing_force": ("luffing_use",),
+              "cylinder_force": (), "rope_force": (), "pad_pressure": ("pad_use",), "tip": (), "frequency": (),
+              "buckling": ()}  # fmt: skip
 
 
 def verdict(result: RunResult) -> Verdict:
@@ -54,31 +53,26 @@ def _in_brief(row: LargestValue) -> str:
 
 def _unchecked(result: RunResult, rows: Sequence[LargestValue]) -> Iterator[str]:
     """Yield a sentence on the quantities of `rows` without a limit, and one on what is not checked."""
-    names, without_limit = [row.name for row in rows], list[str]()
-    for key, use in LIMITED_BY.items():
-        shares = [row.share for row in rows if row.name.startswith(QUANTITIES[key].reported)]
-        if shares and set(shares) == {None} and (not use or QUANTITIES[use].reported not in names):
-            without_limit.append(QUANTITIES[key].label)
-    if without_limit:
-        yield f"Without a limit: {', '.join(without_limit)}."
-    effects = left_out(result.scene).get("strength", "").split(", ")
-    if wall_stress(result.summary) is not None:
-        effects = [of for of in effects if "in stresses of beams" not in of]
+    stated, limited = {row.key for row in rows}, {row.key for row in rows if row.share is not None}
+    unlimited = [key for key, uses in LIMITED_BY.items() if key in stated and not limited & {key, *uses}]
+    if unlimited:
+        yield f"Without a limit: {', '.join(QUANTITIES[key].label for key in unlimited)}."
+    effects = strength_effects(result.scene, in_walls=wall_stress(result.summary) is not None)
     if result.frame is not None and "ground" not in result.summary:
         effects.append("tipping")
-    if any(effects):
-        yield f"Not checked: {', '.join(filter(None, effects))}."
+    if effects:
+        yield f"Not checked: {', '.join(effects)}."
 
 
 def run_sentence(result: RunResult) -> str:
     """Sentence on what was run: machine, model, motion and time, masses and loads."""
-    asked, scene = dict(overview.system_rows(result)), result.scene
+    scene = result.scene
     bodies = "a body alone" if is_alone(result) else f"boom of {', '.join(scene.bodies)}"
     models = dict.fromkeys(
         structural_model_words(model_of(of), part.body.walls)
         for of, part in zip(members(scene), scene.bodies.values(), strict=True)
     )
-    motions = [f"{name} {asked[name]}" for name in MOTIONS if name in asked]
+    motions = [f"{name} {text}" for of in (overview.length_rows, overview.angle_rows) for name, text in of(result)]
     masses = [f"{of.name} {format_input(of.mass, 'kg')}" for part in scene.sections for of in part.masses]
     loads = [
         f"{load.name} up to {format_quantity(float(np.abs(load.values).max()), load.source.unit)}"
@@ -87,7 +81,7 @@ def run_sentence(result: RunResult) -> str:
     parts = [f"{bodies}, modelled as {'; '.join(models)} with {reduced_size(result)} coordinates", *motions]
     parts += [f"{format_input(scene.time.end, 's')} of motion"]
     parts += [" and ".join(masses)] if masses else []
-    parts += [asked["hoist"]] if "hoist" in asked else []
+    parts += [overview.describe_hoist(scene.hoist, scene.time.end)] if scene.hoist is not None else []
     parts += [", ".join(loads)] if loads else []
-    parts += [f"weight {asked['weight of the boom'].partition(',')[0]}"]
+    parts += [f"weight {'left out' if scene.gravity is None else 'included'}"]
     return f"Computed: {'; '.join(parts)}."

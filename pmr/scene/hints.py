@@ -306,7 +306,7 @@ def left_out(scene: Scene, at_rest: bool = False, play_in_bars: bool = False) ->
     `play_in_bars` says whether the chart's error bars have a part for the play of pads.
     """
     clauses = {
-        "strength": _strength_effects(scene, at_rest),
+        "strength": strength_effects(scene, at_rest),
         "walls": _wall_effects(scene),
         "pads": _pad_effects(scene, at_rest, play_in_bars),
         "masses": _missing_masses(scene),
@@ -353,16 +353,17 @@ def hung_force_remark(scene: Scene) -> str:
     )
 
 
-def _strength_effects(scene: Scene, at_rest: bool) -> list[str]:
+def strength_effects(scene: Scene, at_rest: bool = False, in_walls: bool = False) -> list[str]:
     """List the effects on strength that no stress contains.
 
-    Fatigue is one of these if `at_rest`, or if the scene does not ask for it.  The list is empty if all sections are
-    planar beams given by their stiffnesses, or masses on wheels: they have no stresses.
+    Fatigue is one of these if `at_rest`, or if the scene does not ask for it; bending of walls under pads is none
+    if `in_walls`, that is if a shell beside the beam has the stress in its walls.  The list is empty if all sections
+    are planar beams given by their stiffnesses, or masses on wheels: they have no stresses.
     """
     if all(part.body.profile is not None or part.body.mover is not None for part in scene.sections):
         return []  # lines without a section, which have no stress
     clauses, boxes = list[str](), [member for member in members(scene) if member.part.body.box is not None]
-    if any(traits_of(member).is_beam and member.pads for member in boxes):
+    if not in_walls and any(traits_of(member).is_beam and member.pads for member in boxes):
         clauses.append("bending of walls under pads (in stresses of beams)")
     if boxes:
         clauses += ["buckling of plates", "entry of loads into walls (at lugs, hinges and the head)"]

@@ -81,6 +81,13 @@ def test_the_first_lines_say_what_was_run_and_that_nothing_was_compared_with_a_l
     assert f"; 1{SPACE}s of motion; payload 250{SPACE}kg; tip force up to 2.00{SPACE}kN, gust up to" in sentence
 
 
+def test_a_load_with_the_name_of_a_motion_is_no_motion(make_space: MakeSpace) -> None:
+    """The sentence said "hoist" of it, and that the boom luffs up to 300 N."""
+    loads = [{"name": name, "on": "tip", "direction": "z", "signal": -300.0} for name in ("luffing", "hoist")]
+    sentence = run_sentence(make_space(loads=loads))
+    assert sentence.count("luffing up to") == sentence.count("hoist up to") == sentence.count("300") / 2 == 1
+
+
 def test_each_kind_of_force_has_its_largest_with_when_and_where(result: RunResult) -> None:
     bears = rows(result, LARGEST)
     assert bears["largest pad force"].startswith(f"5.00{SPACE}kN, pad 4\nat 0{SPACE}s")
@@ -599,6 +606,7 @@ def test_beams_above_yield_warn_by_their_own_stress(make_space: MakeSpace) -> No
     of_wall = replace(found, summary=found.summary | {"utilisation": {"reduced": used | {"stress": 48e6}}})
     over = verdict(of_wall).text.removeprefix("1 of 1 limits is exceeded. ")
     assert over.startswith(f"Largest stress over yield stress, {share}; 3{SPACE}m from the tail")
+    assert "Without a limit: stresses" in verdict(found).notes[0] and "stresses" not in verdict(of_wall).notes[0]
 
 
 def test_two_forces_of_the_luffing_cylinder_have_a_row_each_where_their_errors_differ(make_space: MakeSpace) -> None:
