@@ -225,7 +225,7 @@ def tables_or_empty(file: Path) -> dict[str, object]:
         return {}
 
 
-def run_summary(model: Path) -> Any:
+def summary_beside(model: Path) -> Any:
     """Return the content of the ``summary.json`` that a run left beside its `model`; an empty table if there is none.
 
     Raises InputError if the file is not JSON.

@@ -95,7 +95,7 @@ def read_unit_observer(file: Path, model: Path) -> UnitObserver:
     if scene.frame is not None or system.hoist:
         allowed = "a system without a moving frame and without a hoist is allowed"
         raise InputError("command line", "--observer", None, allowed)
-    observer = description.observer(scene, system, console.run_summary(model))
+    observer = description.observer(scene, system, console.summary_beside(model))
     chosen = select_outputs(scene, system, observer.model.outputs)
     return UnitObserver(
         data=observer.filter_data(),

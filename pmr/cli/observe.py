@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 from rich.table import Table
 from typer import Argument, Option
 
-from pmr.cli.console import Folder, Model, MotionScene, Overrides, out, prepare_folder, run_summary, scene_file
+from pmr.cli.console import Folder, Model, MotionScene, Overrides, out, prepare_folder, scene_file, summary_beside
 from pmr.errors import InputError, escape_controls
 from pmr.files.whole import finish_swap, write_text
 
@@ -54,7 +54,7 @@ def observe(
     finish_swap(model.parent)
     description, system = ObserverFile.read(observer), System.load(model)
     loaded = load_any(scene_file(scene), overrides or ())
-    estimator = description.observer(loaded, system, run_summary(model))
+    estimator = description.observer(loaded, system, summary_beside(model))
     data = read_measurements(measured, estimator.units)
     true = {} if truth is None else read_measurements(truth, estimator.units)
     folder = out_dir or Path("reports", result_name(scene))

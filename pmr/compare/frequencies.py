@@ -317,15 +317,16 @@ def response_on_way(scene: Scene, system: System, excitation: Excitation) -> Fre
         allowed = "false is allowed: bodies move freely or buckle, so that a static load moves them without limit"
         raise InputError("scene", "observe.frequency_response", True, allowed)
     names, tips = system.output_names, tip_names(scene)
-    which = [k for k, name in enumerate(names) if name in tips]
+    tip_outputs = [k for k, name in enumerate(names) if name in tips]
     f = np.geomspace(0.1 * np.nanmin(natural), 1.2 * np.nanmax(natural), RESPONSE_FREQUENCIES)
     omega = 2.0 * np.pi * np.append(0.0, f)
-    answers = np.array([assembly.frequency_responses(rows.at_time(k), omega, c[k])[:, which] for k in range(len(c))])
+    all_answers = (assembly.frequency_responses(rows.at_time(k), omega, c[k]) for k in range(len(c)))
+    answers = np.array([of_outputs[:, tip_outputs] for of_outputs in all_answers])
     static = answers[:, 0].real
     furthest = np.abs(static).max(axis=0).argmax(axis=0)  # for each load: direction in which it moves the tip most
     inputs = np.arange(len(system.input_names))
     gain, damped = np.abs(answers[:, 1:])[:, :, furthest, inputs], bool(assembly.D.count_nonzero())
-    outputs = tuple(names[which[k]] for k in furthest)
+    outputs = tuple(names[tip_outputs[k]] for k in furthest)
     units = tuple(_UNITS.get(unit, f"m/({unit})") for unit in system.input_units)
     return FrequencyResponse(at.along, f, gain, static[:, furthest, inputs], damped, outputs, system.input_names, units)
 

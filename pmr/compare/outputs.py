@@ -196,13 +196,13 @@ BESIDE_KINK = 2.0
 
 
 def boom_quantities(excitation: Excitation, response: Response) -> Mapping[str, ResponseFunction]:
-    """Functions of a response, by name, each of which returns a compared quantity of a boom, k columns (T, k).
+    """Functions of a boom's response by key of the quantity, in which models are compared; each returns columns (T, k).
 
-    ``tip`` returns the displacements of the last section's tip in m, and ``beam`` all displacements in m.  Under the
-    name of each kind of forces in `response`, such as ``pad_force``, there are the forces of that kind in N.  If an
-    extension has a kink before the end, there is also ``<kind>_between_kinks`` for each kind of forces, without all
-    times within `BESIDE_KINK` steps of a kink, unless all times are.  The force at a kink has no limit: it grows as the
-    step gets shorter or the cylinder stiffer.
+    The key ``tip`` has the displacements in m of the last section's tip, ``beam`` those of all sections, and each kind
+    of forces in `response`, such as ``pad_force``, its forces in N.  If an extension has a kink before the end, a
+    further key ``<kind>_between_kinks`` has the forces of a kind at those times only that are more than `BESIDE_KINK`
+    steps away from every kink.  A force at a kink has no limit: it grows as the step gets shorter or the cylinder
+    stiffer.  If no time is far enough from all kinks, this key is left out.
     """
     last = response.outputs[len(response.output_names) - 1].body
     away = away_from_kinks(excitation, response.t, excitation.stepping.step)

@@ -126,7 +126,7 @@ def run(
     with _keys_as_written(scene):
         check_installed(scene)
         chosen = decide_models(scene, comm, clock, cache)
-        scene, stresses, of_mesh, richer = chosen.scene, None, None, None
+        scene, stresses, other_mesh, richer = chosen.scene, None, None, None
         if helper is not None and measures is not None:
             stresses = start_stresses(scene, helper)
         with clock.stage("assemble"):
@@ -140,7 +140,7 @@ def run(
         scene = bodies.scene  # with the chosen step
         measured = None if measures is None else cache_in(measures, next(iter(built.values())).model)
         if helper is not None and measured is not None:
-            of_mesh = start_other_mesh(bodies.written_scene, measured, helper)
+            other_mesh = start_other_mesh(bodies.written_scene, measured, helper)
             if chosen.budget_part is None:
                 richer = start_richer(bodies.written_scene, measured, helper)
         with clock.stage("frequencies"):
@@ -152,12 +152,12 @@ def run(
         if keep is not None:
             call_on_first_rank(comm, lambda: outcome and keep(outcome))
         budget = {} if chosen.budget_part is None else {"model": chosen.budget_part}
-        budget |= _measure(bodies, motions, frequencies, budget, measured, stresses, of_mesh, richer)
+        budget |= _measure(bodies, motions, frequencies, budget, measured, stresses, other_mesh, richer)
         if outcome is not None and budget:
             result, written = outcome.result, bodies.written_scene
             complete: dict[str, Any] = budget | result.summary.get("budget", {})
-            if isinstance(of_mesh := complete.get("mesh"), Mapping):
-                complete["mesh_not_covered"] = quantities_not_covered(written, result.responses["reduced"], of_mesh)
+            if isinstance(errors := complete.get("mesh"), Mapping):
+                complete["mesh_not_covered"] = quantities_not_covered(written, result.responses["reduced"], errors)
             result.summary["budget"] = complete
             result.summary["warnings"][outcome.grave : outcome.grave] = budget_warnings(written, complete)
         return outcome

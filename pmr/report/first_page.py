@@ -249,14 +249,14 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
 
     `shell` is what `pmr.results.quantities.wall_stress` returns.
     """
-    allowed, text, share, upper = shell.get("yield"), wall_stress_words(shell), None, None
+    allowed, text, share, with_errors = shell.get("yield"), wall_stress_words(shell), None, None
     if allowed is not None:
         share = shell["value"] / allowed
         text += f": {format_percent(share)} of the yield stress of {format_quantity(allowed, 'Pa')}"
         if "error" in shell:
             by_pads = trust.pad_force_error(result.summary)
-            upper = (shell["value"] * (1.0 + (by_pads or 0.0)) + shell["error"]) / allowed
-            text += f", {format_percent(upper)} with "
+            with_errors = (shell["value"] * (1.0 + (by_pads or 0.0)) + shell["error"]) / allowed
+            text += f", {format_percent(with_errors)} with "
             text += "all known errors" if by_pads is not None else "the error by the mesh of the walls alone"
     text += f"\n{wall_place_clause(result, shell)}"
     if "even" in shell:  # which files of earlier versions lack
@@ -264,7 +264,8 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
         text += f"; {format_quantity(shell['even'], 'Pa')} ± {error} if pads press evenly"
     text += play_clause(result, "wall_stress")
     text += f"; {WALL_STRESS_PARTS}{'; ± is by the mesh of the walls' if 'error' in shell else ''}"
-    return largest_value("wall_stress", f"{text}{_missing_clause(result.summary)}", share)._replace(upper=upper)
+    text += _missing_clause(result.summary)
+    return largest_value("wall_stress", text, share)._replace(share_with_errors=with_errors)
 
 
 #: What the stress in walls at pads takes for granted, and what it contains.

@@ -181,12 +181,12 @@ def _use_row(
     the `share` alone.  If `least` is not above 0, the share with errors is infinite.
     """
     error = trust.summed_errors(result.summary).by_key.get(of_force)
-    upper = None if error is None else share * (1.0 + error) / least if least > 0.0 else np.inf
+    with_errors = None if error is None else share * (1.0 + error) / least if least > 0.0 else np.inf
     text = f"{format_percent(share)} of {of}"
-    if upper is not None:
-        most = format_percent(upper) if np.isfinite(upper) else "no bound"
+    if with_errors is not None:
+        most = format_percent(with_errors) if np.isfinite(with_errors) else "no bound"
         text += f", {most} with all known errors"
-    return largest_value(key, f"{text}\n{note}", share)._replace(upper=upper)
+    return largest_value(key, f"{text}\n{note}", share)._replace(share_with_errors=with_errors)
 
 
 def _push_or_pull(force: Extreme) -> str:

@@ -162,7 +162,7 @@ class LargestValue(NamedTuple):
     text: str
     share: float | None = None
     place: str = ""
-    upper: float | None = None  # share of the allowed value that is used with the known errors, if these are known
+    share_with_errors: float | None = None  # share together with the known errors, None if there are none
     key: str = ""
 
 

@@ -38,7 +38,7 @@ def verdict(result: RunResult) -> Verdict:
     elif limited:
         text = f"All {len(limited)} limits are kept. Closest: " if len(limited) > 1 else "The only limit is kept: "
         text += f"{_in_brief(limited[0])}."
-        if doubtful := [row.name for row in limited if (row.upper or 0.0) > 1.0]:
+        if doubtful := [row.name for row in limited if (row.share_with_errors or 0.0) > 1.0]:
             text += f" With all known errors these may be above their limits: {', '.join(doubtful)}."
     else:
         text = "Nothing was compared with a limit: the scene states none."

@@ -40,17 +40,6 @@ class Equilibrium(NamedTuple):
     description: str
 
 
-@dataclass(frozen=True)
-class RestingResponse(Response):
-    """Response whose times 0, 1, 2, ... are the numbers of equilibria; `words` describe each equilibrium."""
-
-    words: tuple[str, ...] = ()
-
-    def when(self, t: float, s: float | None = None) -> str:
-        """Return the description of equilibrium number `t`; the path coordinate `s` is ignored."""
-        return self.words[int(t)]
-
-
 def stable_equilibria(place: Place, load: float, reach: float) -> list[Equilibrium]:
     """Return the stable equilibria at a place: without a load, and slightly below `load` in kg if `load` is positive.
 
@@ -94,7 +83,7 @@ def warnings_of_row(
     response = _response_at_equilibria(equilibria, models.reduced)
     exceeded = exceeded_limits([*pulled_pads(scene, contacts), *pushed_ropes(scene)], history_by_name(scene, response))
     return (
-        *exceeded_warnings(exceeded, response.when),
+        *exceeded_warnings(exceeded, lambda k: equilibria[k].description),
         *large_motion_warnings(float(reach.max()), [response]),
         *unknown_force_warnings(scene, response),
         *missing_reaction_warnings(scene),
@@ -148,17 +137,17 @@ def replaced_mass_warnings(original: Scene, scene: Scene, point: tuple[float, fl
     return lines
 
 
-def _response_at_equilibria(equilibria: Sequence[Equilibrium], at: PostureMatrices) -> RestingResponse:
+def _response_at_equilibria(equilibria: Sequence[Equilibrium], at: PostureMatrices) -> Response:
     """Return a response with tip displacements and contact forces of one equilibrium at each time; all else is zero.
 
-    `equilibria` are in the order of the times.  `at` are the postures of the model, with the names of its outputs and
-    contacts.
+    The times are the numbers 0, 1, 2, ... of the `equilibria`.  `at` are the postures of the model, with the names of
+    its outputs and contacts.
     """
     states = [at_rest.state for at_rest in equilibria]
     t, nothing = np.arange(len(equilibria), dtype=float), np.zeros(len(equilibria))
     tip = [n for n, kind in enumerate(at.output_kinds) if kind == "tip"]
     shown = [*tip, *range(len(at.output_names), len(at.columns.names))]
-    return RestingResponse(
+    return Response(
         t=t,
         x=np.zeros(len(tip)),
         displacement=np.array([state.outputs[tip] for state in states]),
@@ -171,7 +160,6 @@ def _response_at_equilibria(equilibria: Sequence[Equilibrium], at: PostureMatric
         force_names=tuple(map(force_name, at.force_names)),
         kinds=tuple(at.columns.kinds[n] for n in shown),
         bodies=tuple(at.columns.bodies[n] for n in shown),
-        words=tuple(at_rest.description for at_rest in equilibria),
     )
 
 

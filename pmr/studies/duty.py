@@ -145,10 +145,15 @@ class DutyTable:
     @property
     def column_names(self) -> list[str]:
         """Boom lengths as text, with the extensions of each section where several columns have the same length."""
-        names = [f"{length:.4g} m" for length in self.lengths]
+        return [f"{length:.4g} m{apart}" for length, apart in zip(self.lengths, self.differences, strict=True)]
+
+    @property
+    def differences(self) -> list[str]:
+        """Extensions of each column in brackets, such as `` (fly 3)``; empty for a length that no other column has."""
+        lengths = [f"{length:.4g}" for length in self.lengths]
         return [
-            f"{name} ({extensions_text(self.extensions[e])})" if self.extensions and names.count(name) > 1 else name
-            for e, name in enumerate(names)
+            f" ({extensions_text(self.extensions[e])})" if self.extensions and lengths.count(length) > 1 else ""
+            for e, length in enumerate(lengths)
         ]
 
     def load_text(self, load: float, digits: str = ".0f") -> str:

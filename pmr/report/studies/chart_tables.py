@@ -421,18 +421,13 @@ def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Itera
     digit = 0.01 if np.diff(duty.radii).min(initial=np.inf) >= 0.01 - 1e-9 else 1e-4
     for name, text, values in tables:
         for n, part in enumerate(parts_of_columns):
-            head = ("radius in m", *(_length_head(duty, int(e)) for e in part))
+            head = ("radius in m", *(f"{duty.lengths[e]:.2f}{SPACE}m{duty.differences[e]}" for e in part))
             rows = [
                 (f"{round_down(radius, digit):g}", *(cell(r, int(e), values) for e in part))
                 for r, radius in enumerate(duty.radii)
             ]
             caption = f"{name} for longer booms." if n else text
             yield Grid(caption, head, tuple(row for row in rows if set(row[1:]) != {OUTSIDE}), "small")
-
-
-def _length_head(duty: DutyTable, e: int) -> str:
-    """Heading of the column of boom length number `e`: its length with two decimals, and the extensions that differ."""
-    return f"{duty.lengths[e]:.2f}{SPACE}m{duty.column_names[e].partition(' m')[2]}"
 
 
 #: Arrays by name of each run of a study, one mapping for each run.
