@@ -323,6 +323,7 @@ def _plan_study(name: str, file: TomlFile) -> PlannedStudy:
     study = file.validate(_study_class(file.data["kind"]))
     assert isinstance(study, StudyBase)  # a collection can't be a part of a collection
     try:
+        study.refuse_unknown_figures()
         return PlannedStudy(name, study, study.plan())
     except InputError as error:
         if error.source != "study":

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from pmr.errors import warning_kind
+from pmr.errors import InputError, similar_name_hint, warning_kind
 from pmr.files import npz
 from pmr.files.whole import finish_swap, replacement_folder
 from pmr.scene.keys import SceneTable
@@ -82,6 +82,19 @@ class StudyBase(SceneTable):
         The method is called when all runs are done.  The mapping is empty unless a kind of study overrides this.
         """
         return {}
+
+    @property
+    def figure_names(self) -> Collection[str]:
+        """Names that `figures` may have; a kind of study that overrides `figures` overrides this too."""
+        return ()
+
+    def refuse_unknown_figures(self) -> None:
+        """Raise InputError with source ``"study"`` if a published value is of a figure that the study never has."""
+        for k, statement in enumerate(self.published):
+            if statement.figure not in self.figure_names:
+                names, none = ", ".join(self.figure_names), f"none is allowed: the kind {self.kind!r} has no figures"
+                allowed = f"{similar_name_hint(statement.figure, self.figure_names)}one of {names} is allowed"
+                raise InputError("study", f"published[{k}].figure", statement.figure, allowed if names else none)
 
     def tables(self, results: StudyResults) -> Mapping[str, str | bytes]:
         """Return the contents of further tables of the finished runs, by file name.

@@ -111,7 +111,14 @@ def test_some_runs_of_a_collection_alone(folder: Path) -> None:
         project.select_runs(["two/modes=7"])
 
 
+CHART = f"kind='chart'\ntitle='T'\nup_to=2e3\nluffing=[0.3]\nscene='{SCENE.parent / 'crane.toml'}'\n[[published]]\n"
 REFUSED += [
+    (GOOD + "[[published]]\nfigure = 'tip'\ntext = 't'", "study.toml: published[0].figure = 'tip': none is allowed"),
+    (
+        CHART + "figure='governs.stress'\ntext='t'",
+        "study.toml: published[0].figure = 'governs.stress': did you mean 'governs.sta",
+    ),
+    (CHART + "figure='point'\ntext='t'", "published[0].figure = 'point': did you mean 'points'? one of points, limits"),
     (COLLECTION.replace("two", "three"), "three.toml: no such study file"),
     (COLLECTION.replace("two", "one"), "files = ['one', 'one']: names must differ"),
     (COLLECTION.replace("two", "study"), "can't hold another one"),

@@ -197,6 +197,16 @@ class Study(StudyBase):
             figures["outward.most"] = float(np.nanmax(table["outward"]))
         return figures | self._payload_figures(results)
 
+    @property
+    def figure_names(self) -> list[str]:
+        """Names that `figures` may have; those of payloads and of deflections are missing in some charts."""
+        of_limits = [f"{figure}.{name}" for figure in ("governs", "never", "at_no_load") for name in self.names]
+        of_hoist = [] if self.hoist is None else ["hoist.least", "hoist.most"]
+        of_hoist += [] if self._class_factor is None else ["hoist.class"]
+        stands = [f"stands.{case.name}" for case in self._out_of_service]
+        of_payload = ["payload", *(f"payload.{key}" for key in ("t", "luffing", "length", "load", "limit"))]
+        return ["points", "limits", "in_doubt", *of_limits, *of_hoist, *stands, "outward.most", *of_payload]
+
     def _payload_figures(self, results: StudyResults) -> dict[str, Scalar]:
         """Return the payload of the scene's run, and the posture of this run in which the chart allows least.
 
