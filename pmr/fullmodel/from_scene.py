@@ -37,7 +37,7 @@ from pmr.scene.choice import (
     transverse_axes,
 )
 from pmr.scene.mechanism import tail_outputs
-from pmr.scene.members import EXTENSION, TAIL, Member
+from pmr.scene.members import EXTENSION, Member
 from pmr.scene.model_traits import MODELS
 from pmr.scene.signals.base import Interval
 from pmr.system.rows import StraightRows
@@ -155,7 +155,8 @@ def _member_pads(member: Member) -> Pads:
         reach = 0.0 if high > low else 1e-3 * member.part.length
         pads = Pads(fixed, moving, travel=(low, high + reach), straight=straight)
     if has_driven_tail(member):
-        pads = replace(pads, ends=(Support(TAIL, "tail", "x"),), travel=_common_travel(pads))
+        ends = tuple(Support(name, "tail", point=point) for name, point in member.tail_points.items())
+        pads = replace(pads, ends=ends, travel=_common_travel(pads))
     if member.cylinder is not None and member.frame is not None:
         pads = replace(pads, luffing=member.cylinder, tail=member.frame.tail_position)
     return pads

@@ -108,6 +108,7 @@ class Support:
     on: str | float  # a named place of the body, or a coordinate in m along its axis
     direction: str = "x"  # x, y or z, or rx, ry or rz
     stiffness: float = np.inf
+    point: tuple[float, float, float] | None = None  # m: moves rigidly with the place; None: the place's centroid
 
 
 @dataclass(frozen=True)
@@ -295,8 +296,10 @@ def _support_row(support: Support, model: StructuralModel, T: sp.csr_matrix, pad
     if support.direction not in model.directions:
         allowed = f"{', '.join(model.directions)} are allowed"
         raise InputError("scene", f"supports.{support.name}.directions", support.direction, allowed)
-    measure = model.displacement if support.direction in ("x", "y", "z") else model.motion  # points have no rotation
-    measured = measure(support.on)[model.directions.index(support.direction)]
+    at = None if support.point is None else np.array(support.point)
+    turns = support.direction.startswith("r") or at is not None  # a group of one point has no rotation
+    motion = model.motion(support.on, at) if turns else model.displacement(support.on)
+    measured = motion[model.directions.index(support.direction)]
     row = pads.walls.add_end_motion(sp.csr_matrix(measured @ T), support.on, (support.direction,))
     if np.abs(row.data).max(initial=0.0) <= 1e-12 * np.abs(measured.data).max(initial=0.0):
         allowed = f"a support of all points holds {support.on} along it already; one of the two is allowed"

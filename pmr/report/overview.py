@@ -71,6 +71,10 @@ def system_rows(result: RunResult) -> Rows:
             weights = [f"{of.name} {_format_mass(of.mass)} {format_place(of.at)}" for of in ground.masses]
             if weights:
                 yield "masses of the machine, x, y, z from the pivot", "; ".join(weights)
+    for name, joint in ((part.name, part.joint) for part in scene.sections):
+        if joint is not None and joint.line is not None:
+            what = "cylinder" if joint.rope is None else "rope"
+            yield f"{what} of {name}", f"acts {_distances(joint.line, BESIDE) or 'on'} the axis of the sections"
     for number, extension in scene.free_extensions.items():
         low, high = extension.stroke
         yield f"extension of {scene.names[number]}", format_range(low, high, f"{SPACE}m") + _drive_clause(extension)
@@ -256,11 +260,20 @@ def _offset(part: OneBody, mass: PointMass) -> str:
     """
     if mass.at is None:
         return ""
-    (x, y, z), place = mass.at, part.position_of(mass.on)
+    (x, *beside), place = mass.at, part.position_of(mass.on)
     along = ("ahead of it", "behind it") if place is not None else ("from the tail",) * 2
-    ways = zip((x - (place or 0.0), y, z), (along, ("to the left", "to the right"), ("above", "below")), strict=True)
-    parts = [f"{format_input(abs(round(d, 3)), 'm')} {words[int(d < 0.0)]}" for d, words in ways if round(d, 3)]
-    return f", its centre {', '.join(parts)}" if parts else ""
+    parts = _distances((x - (place or 0.0), *beside), (along, *BESIDE))
+    return f", its centre {parts}" if parts else ""
+
+
+#: Words for a place with positive or negative y, and with positive or negative z.
+BESIDE = (("to the left", "to the right"), ("above", "below"))
+
+
+def _distances(at: Sequence[float], words: Sequence[tuple[str, str]]) -> str:
+    """Words for the coordinates `at` in m, each by the first or second of its `words` for its sign; without zeros."""
+    ways = zip(at, words, strict=True)
+    return ", ".join(f"{format_input(abs(round(d, 3)), 'm')} {of[int(d < 0.0)]}" for d, of in ways if round(d, 3))
 
 
 def _play_words(ring: PadRing | JointPads) -> str:

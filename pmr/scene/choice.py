@@ -207,12 +207,15 @@ def has_driven_tail(member: Member) -> bool:
     """Whether the model needs loads along x on the tail, as a cylinder could act there, even if the scene has none.
 
     The result is true for each section of a boom of several sections that has displacements along x.  On the base, the
-    cylinder is that of the next section; the result is False if a support holds every point of the base's tail along x.
+    cylinder is that of the next section; the result is False if a support holds every point of the base's tail along x,
+    unless the tail of a beam can turn under a cylinder beside the axis.
     """
     # a support of every point removes the tail's coordinates along x from the model
     at_tail = [support for support in member.part.supports if support.on == "tail" and support.points == "all"]
-    held = any("x" in support.held_directions for support in at_tail)
-    return member.has_joint and has_axial_motion(member) and (member.number > 0 or not held)
+    held = {direction for support in at_tail for direction in support.held_directions}
+    beside = traits_of(member).is_beam and any(point and any(point) for point in member.tail_points.values())
+    is_held = {"x", "ry", "rz"} & {*motion_directions(member)} <= held if beside else "x" in held
+    return member.has_joint and has_axial_motion(member) and (member.number > 0 or not is_held)
 
 
 def is_accelerated(member: Member) -> bool:
@@ -319,6 +322,8 @@ def _lateral_reasons(member: Member) -> list[str]:
     reasons += [f"the mass {mass.name} has a place of its own, masses.at" for mass in masses_apart]
     loads_apart = [load for load in member.part.loads if load.point is not None]
     reasons += [f"the load {load.name} has a place of its own, loads.point" for load in loads_apart]
+    if any(point and point[1] for point in member.tail_points.values()):
+        reasons.append("a cylinder or rope pushes beside the vertical plane")
     if has_unlike_side_walls(member):
         reasons.append("the walls at left and right differ")
     if any(" " in face for ring in member.pads for face in ring.faces):

@@ -16,10 +16,10 @@ import numpy as np
 from pydantic import BaseModel
 
 from pmr.scene.built import GRAVITY, Load
-from pmr.scene.choice import has_walls_that_could_give, traits_of
+from pmr.scene.choice import has_driven_tail, has_walls_that_could_give, traits_of
 from pmr.scene.joints import BoomSection
 from pmr.scene.keys import Hinted, Usual, qualified_name, quantity_of, usual_ranges
-from pmr.scene.members import Member, members
+from pmr.scene.members import Member, member_at, members
 from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase
 from pmr.scene.structures import PointMass, Probe
@@ -446,6 +446,9 @@ def _machine_effects(scene: Scene) -> list[str]:
     if frame is None and len(scene.sections) == 1:
         return []
     clauses = ["play in hinges"]
+    driven = [number for number in range(1, len(scene.sections)) if has_driven_tail(member_at(scene, number))]
+    if driven and all(scene.joint(number).line is None for number in driven):
+        clauses.append("distance of cylinders and ropes that drive sections from the axis (their key offset adds it)")
     if frame is not None and frame.machine is None:
         stands = frame.ground is not None
         clauses.append("ground and chassis that give way" if stands else "what the machine stands on, and its tipping")

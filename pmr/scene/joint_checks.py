@@ -198,6 +198,9 @@ def _check_drive(scene: Scene, number: int) -> None:
         f"{scene.names[number]} slides in, over the head of that one, which it follows with a ratio of 1"
     )
     refuse(joint.rope is not None and rope_length(scene, number) is None, f"{key}.rope.length", None, allowed)
+    word, line = "cylinder" if joint.rope is None else "rope", joint.line
+    allowed = "0 along y is allowed: planar beams move in the vertical plane, a beam in space moves out of it"
+    refuse(line and line[0] and is_planar(member_at(scene, number)), f"{key}.{word}.offset", line and [*line], allowed)
     path = scene.extension(number)
     if joint.rope is not None and longest_rope(scene, number) <= 0.0:
         least = min(joint.rope.lengthens * s for s in path.bounds(0.0, scene.time.end))

@@ -99,13 +99,23 @@ class JointPads(RingFriction, PadPlaces):
         return self
 
 
-class Cylinder(SceneTable):
+class LineOfAction(SceneTable):
+    """Line along which a cylinder or rope acts, parallel to the axis of the sections."""
+
+    offset: Annotated[tuple[Place, Place], Usual(0.0, 5.0)] | None = Field(
+        default=None,
+        description="Place of its line of action off the axis, along y and z; by default it acts on the centroid of "
+        "each tail",
+    )
+
+
+class Cylinder(LineOfAction):
     """Hydraulic cylinder or rope that holds a section, between the tails of this section and the next outer one."""
 
     stiffness: Stiffness | Literal["rigid"] = Field(default="rigid", description="Stiffness along the axis")
 
 
-class Rope(SceneTable):
+class Rope(LineOfAction):
     """Rope or chain that moves a section; its stiffness is strands * EA over the length under tension.
 
     If section k `follows` section k-1, the rope is fixed at the head of section k-2, runs over a sheave at the head of
@@ -186,11 +196,16 @@ class Joint(SceneTable):
         """
         if sum(signal is not None for signal in (self.extension, self.overlap, self.follows)) != 1:
             raise ValueError("give extension, overlap or follows, one of them")
-        if self.rope is not None and self.cylinder.stiffness != "rigid":
-            raise ValueError("give rope or cylinder.stiffness, one of them: what moves the section")
+        if self.rope is not None and self.cylinder != Cylinder():
+            raise ValueError("give rope or keys of cylinder, one of them: what moves the section")
         if not self.mouth and (self.rigid_overlap or self.overlap is not None):
             raise ValueError("overlap and rigid_overlap need pads at the mouth: a carriage without them has extension")
         return self
+
+    @property
+    def line(self) -> tuple[float, float] | None:
+        """Place y, z in m of the line of action of the rope or cylinder; None for the centroid of each tail."""
+        return (self.cylinder if self.rope is None else self.rope).offset
 
     @property
     def rings(self) -> tuple[JointPads, ...]:

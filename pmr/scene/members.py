@@ -14,12 +14,14 @@ from pmr.scene.built import WEIGHT, Gravity, PadRing
 from pmr.scene.cylinder import LuffingCylinder
 from pmr.scene.frame import Frame
 from pmr.scene.joints import BoomSection, JointPads
+from pmr.scene.keys import Point
 from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase
 from pmr.scene.signals.base import Interval
 
-#: Names of the row of sliding points on a planar beam, and of the row that holds a section's tail along the boom.
-POINT, TAIL = "deflection", "tail x"
+#: Names of the row of sliding points on a planar beam, and of the rows along the boom by which its own cylinder holds a
+#: section's tail, and by which that of the next section does if its line of action is another one.
+POINT, TAIL, NEXT_TAIL = "deflection", "tail x", "tail x of the next cylinder"
 #: Names of the rows that keep a planar beam straight in an overlap: where it is within the next outer section, and
 #: where the next inner section is within it.
 WITHIN, AROUND = ("straight within at the tail", "straight within"), ("straight around at the mouth", "straight around")
@@ -209,6 +211,18 @@ class Member:
         return ends
 
     @property
+    def tail_points(self) -> dict[str, Point | None]:
+        """Points in m at which cylinders or ropes hold the section's tail, by the names of their rows; None: centroid.
+
+        The last one is that of the next section, the first one that of the section itself unless this is the base.  If
+        both have the same line of action, they share a row.  The result is empty without a joint.
+        """
+        numbers = range(max(self.number, 1), min(self.number + 2, len(self.scene.sections)))
+        lines = dict.fromkeys(self.scene.joint(number).line for number in numbers)
+        points = [None if line is None else (0.0, *line) for line in lines]
+        return dict(zip((TAIL, NEXT_TAIL), points, strict=False))
+
+    @property
     def signals(self) -> dict[str, SignalBase]:
         """Signals of the loads and of the weight over time, by name.
 
@@ -242,14 +256,14 @@ class Member:
         dented = [(pads.joint, pads.positions) for _, pads in sorted(self.dented_rings.items())]
         rows = self.pads, self.points, self.bounds, self.travel, moving, dented, self.overlap_ends, self.cylinder
         of_frame = self.frame and (self.frame.out_of_plane_key is None, self.frame.has_angles, self.frame.second_order)
-        about = self.gravity and self.gravity.direction, of_frame, self.scene.damping
+        about = self.gravity and self.gravity.direction, of_frame, self.scene.damping, tuple(self.tail_points.items())
         return repr((part, extended, self.has_joint, rows, about, *self.rope_places.items()))
 
     @property
     def joint_rows(self) -> frozenset[str]:
         """Names of the rows between this body and other bodies; all other rows are between the body and the ground."""
         pads = [name for moving in self.moving_pads.values() for name, _, _ in moving.ring.named_pads]
-        return frozenset((*pads, POINT, TAIL, *STRAIGHT)) if self.has_joint else frozenset()
+        return frozenset((*pads, POINT, TAIL, NEXT_TAIL, *STRAIGHT)) if self.has_joint else frozenset()
 
 
 def member_at(scene: Scene, number: int = 0) -> Member:

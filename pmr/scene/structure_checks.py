@@ -232,6 +232,8 @@ def _check_mover(member: Member) -> None:
     refuse(part.body.mover is None, "body.mover", None, "a table with the mass is needed with body.model = 'mover'")
     refuse(traits_of(member).kind != "mass", "body.model", part.body.model, "auto or mover is allowed with body.mover")
     check_wheel(part.joint, "")
+    line = part.joint and part.joint.line
+    refuse(line, "joint.cylinder.offset", line, "none is allowed on a mover, which does not turn")
     for key in ("masses", "pads", "probes", "supports"):
         refuse(getattr(part, key), key, None, "none is allowed on a mover, which has a mass and a wheel alone")
     for i, load in enumerate(part.loads):

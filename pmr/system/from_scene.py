@@ -32,7 +32,7 @@ from pmr.scene.choice import has_driven_tail, motion_directions, pad_faces
 from pmr.scene.joints import BoomSection, JointPads, RingFriction
 from pmr.scene.keys import ALONE, LUFFING, LUFFING_CYLINDER, cylinder_name, qualified_name
 from pmr.scene.mechanism import Drive, rope_shares
-from pmr.scene.members import AROUND, POINT, TAIL, WITHIN, body_ring, member_at, members, ring_name
+from pmr.scene.members import AROUND, NEXT_TAIL, POINT, TAIL, WITHIN, body_ring, member_at, members, ring_name
 from pmr.system.body import SlidingBody
 from pmr.system.carriers import CarrierFlexibility, CarrierRows
 from pmr.system.contacts import STRAIGHT, Contact, Place, pad_at_mouth, pad_at_tail
@@ -139,7 +139,8 @@ def _joint_contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> It
             yield from (Contact(f"{place.body} {name}", replace(place, row=name), kind=STRAIGHT) for name in names)
     if TAIL in bodies[inner].row_names:
         at = _first_break(bodies[inner], TAIL)
-        held = Place(outer, TAIL, _first_break(bodies[outer], TAIL)) if TAIL in bodies[outer].row_names else None
+        *_, row = member_at(scene, number - 1).tail_points
+        held = Place(outer, row, _first_break(bodies[outer], row)) if row in bodies[outer].row_names else None
         drive, shares = Drive.of_section(scene, number), rope_shares(scene).get(inner, {})
         yield Contact(
             cylinder_name(inner),
@@ -207,7 +208,7 @@ def _ground_contacts(name: str, body: Body, joined_rows: set[tuple[str, str]], p
     """
     pads = {pad for ring in part.pads for pad, _, _ in ring.named_pads}
     for number, row in enumerate(body.row_names):
-        if (name, row) not in joined_rows and number not in body.held and row not in (TAIL, POINT):
+        if (name, row) not in joined_rows and number not in body.held and row not in (TAIL, NEXT_TAIL, POINT):
             compliance, clearance = float(body.row_compliance[number]), float(body.row_clearance[number])
             place, kind = Place(name, row, _first_break(body, row)), "pad" if row in pads else "support"
             gap, direction = None if np.isnan(clearance) else clearance, 1.0
