@@ -115,9 +115,9 @@ def wind_direction(rotation: Array, azimuth: ArrayLike) -> Array:
 
 def skew(vectors: Array) -> Array:
     """Matrices (..., 3, 3) of vectors v (..., 3): a matrix times a vector r is the cross product v x r."""
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    none = np.zeros_like(x)
-    return np.stack([none, -z, y, z, none, -x, -y, x, none], axis=-1).reshape(*np.shape(x), 3, 3)
+    matrices = np.zeros((*vectors.shape, 3), vectors.dtype)
+    matrices[..., 2, 1], matrices[..., 0, 2], matrices[..., 1, 0] = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    return np.asarray(matrices - np.swapaxes(matrices, -1, -2))
 
 
 def boom_rotation(luffing: Array, slewing: Array) -> Array:

@@ -53,7 +53,7 @@ from pmr.simulation.exudyn.contacts import Contacts
 from pmr.simulation.exudyn.equations import Driving, Equations, Inputs, NodeCoordinate, Paths, check_path, driving_value
 from pmr.simulation.exudyn.formulations import Start, zero_jacobian
 from pmr.simulation.exudyn.items import Steps, SystemItems, add_bodies, with_contacts
-from pmr.simulation.free_base import FrameMotion, FreeBase, base_equations
+from pmr.simulation.free_base import FrameMotion, FreeBase, Moments, base_equations
 from pmr.system.changing_rows import ChangingRows, EliminatedContacts
 from pmr.system.system import System
 
@@ -244,6 +244,8 @@ class Base:
         gives = contacts.gives & (not contacts.any_pushes)
         self._gives, self._inputs = bool(gives.any()), equations.B.shape[1]
         self.answering = EliminatedContacts(equations.assembly, self.along, gives)
+        self._moments: Moments | None = None
+        self._moments_key = b""
         self.extending = (
             ExtendingBoom(equations, contacts, self.boom, self.paths, self.along) if self.paths.free else None
         )
@@ -316,8 +318,10 @@ class Base:
         at = self.kinematics(x[:k], rate[:k])
         q, extended = x[k : k + n], self.paths.extensions(t, x[k + n :], rate[k + n :])
         motion = FrameMotion(at.omega, self.weight(t) * at.axes[2])
-        moments = self.boom.moments_with_contacts(self.answering, extended) if self._gives else None
-        pressed = base_equations(self.boom.boom, motion, extended, q, rate[k : k + n], moments)
+        key = extended.value.tobytes() + extended.rate.tobytes()
+        if self._gives and key != self._moments_key:  # a prescribed extension stays the same while Exudyn iterates
+            self._moments_key, self._moments = key, self.boom.moments_with_contacts(self.answering, extended)
+        pressed = base_equations(self.boom.boom, motion, extended, q, rate[k : k + n], self._moments)
         L = scipy.linalg.block_diag(at.by_rates, np.eye(n), self.paths.along)
         force = -pressed.forces - pressed.mass @ np.concatenate([at.quadratic, np.zeros(n), extended.second])
         stiffness = np.zeros((k + n, k + n))
