@@ -30,6 +30,8 @@ BLOCK = 64
 #: had within the limit, in the analysis, for integers, numbers or messages; files can't be written; the structure, a
 #: pivot or its sign shows that the matrix is not positive definite.
 TOO_LITTLE, NO_MEMORY, NO_FILES, NOT_DEFINITE = -19, (-5, -7, -8, -9, -11, -13, -14, -17, -20), -90, (-6, -10, -40)
+#: PETSc's error code of a matrix in which CHOLMOD finds a pivot that is not positive.
+ZERO_PIVOT = 81
 #: Share of the free memory that a factor may take: solves and later steps need some too.
 SHARE = 0.8
 #: Entries of a factor over those of its matrix: almost no factor has more.
@@ -132,7 +134,9 @@ def product(A: PETSc.Mat, x: Array) -> Array:
 class SequentialFactor(_PetscFactor):
     """Factor on one rank by CHOLMOD, whose solve with a single right-hand side takes half as long as that of MUMPS.
 
-    Raises a `NotDefiniteError` if CHOLMOD fails, as it does if the matrix, called `name`, is not positive definite.
+    Raises a `NotDefiniteError` if CHOLMOD finds that the matrix, called `name`, is not positive definite; a small
+    indefinite matrix may have a factor L D L^T all the same.  Raises an `InputError` if CHOLMOD fails for another
+    reason, such as too little memory.
     """
 
     def __init__(self, A: PETSc.Mat, name: str) -> None:
@@ -141,8 +145,10 @@ class SequentialFactor(_PetscFactor):
         pc = cholesky(A, "cholmod")
         try:
             pc.setUp()
-        except PETSc.Error:
-            raise NotDefiniteError(name) from None
+        except PETSc.Error as error:
+            if error.ierr == ZERO_PIVOT:
+                raise NotDefiniteError(name) from None
+            raise no_memory(name, str(error).splitlines()[-1].removeprefix("[0] ")) from None
         self._factor = pc.getFactorMatrix()
         pc.destroy()
 
@@ -150,7 +156,8 @@ class SequentialFactor(_PetscFactor):
 class SparseFactor:
     """Factor L U of a matrix by SciPy's SuperLU with pivots on the diagonal, used if PETSc is not installed.
 
-    Raises a `NotDefiniteError` if the matrix, called `name`, is not positive definite.
+    Raises a `NotDefiniteError` if the matrix, called `name`, is not positive definite, and an `InputError` if its
+    factor does not fit into the memory.
     """
 
     def __init__(self, A: PETSc.Mat, name: str) -> None:
@@ -158,8 +165,8 @@ class SparseFactor:
         A_csc, by = A.values.tocsc(), {"SymmetricMode": True}
         try:
             self._factor = splu(A_csc, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=by)
-        except RuntimeError:  # exactly singular
-            raise NotDefiniteError(name) from None
+        except (RuntimeError, MemoryError) as error:  # SuperLU's failures to allocate are of both types
+            raise (NotDefiniteError(name) if "singular" in str(error) else no_memory(name, "SuperLU")) from None
         if not np.array_equal(self._factor.perm_r, self._factor.perm_c) or self._factor.U.diagonal().min() <= 0.0:
             raise NotDefiniteError(name)
 
@@ -221,12 +228,18 @@ def refusal(name: str, code: int) -> InputError:
         return NotDefiniteError(name)
     allowed = f"the factor of {name} failed in MUMPS with error {code}"
     if code in (TOO_LITTLE, *NO_MEMORY):
-        allowed = f"no memory for the factor of {name} (MUMPS {code}); a coarser mesh or more memory is allowed"
-    elif code == NO_FILES:
+        return no_memory(name, f"MUMPS {code}")
+    if code == NO_FILES:
         allowed = (
             f"the factor of {name} can't be kept in files (MUMPS {code}); a folder in MUMPS_OOC_TMPDIR that can be "
             "written to and has room, a coarser mesh or more memory is allowed"
         )
+    return InputError("scene", "mesh", None, allowed)
+
+
+def no_memory(name: str, reason: str) -> InputError:
+    """Error to be raised if the factor of a matrix, `name`, does not fit into the memory; `reason` is in brackets."""
+    allowed = f"no memory for the factor of {name} ({reason}); a coarser mesh or more memory is allowed"
     return InputError("scene", "mesh", None, allowed)
 
 

@@ -174,7 +174,7 @@ class Modes:
     is_cut: bool = False  # whether the first mode that is left out has the frequency of the last one
 
     def warn_if_cut(self, s: float) -> None:
-        """Log a warning, on each rank, if only one of two modes with the same frequency is included.
+        """Log a warning if only one of two modes with the same frequency is included; to be called on a single rank.
 
         The path coordinate s in m is for the message.
         """

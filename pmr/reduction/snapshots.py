@@ -104,7 +104,8 @@ def eigenmode_snapshots(model: FullModel, scene: Scene) -> Snapshots:
             modes.append(solver.lowest(float(s), scene.reduction.modes))
         except DependentRowsError as error:
             raise InputError("scene", "reduction.positions", float(s), error.allowed) from None
-        modes[-1].warn_if_cut(float(s))
+        if model.comm.rank == 0:
+            modes[-1].warn_if_cut(float(s))
     return Snapshots(
         tall(np.concatenate([m.phi for m in modes], axis=1), model.M),
         omega=np.concatenate([m.omega for m in modes]),

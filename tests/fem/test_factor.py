@@ -3,20 +3,24 @@ A factor on each rank, and columns on their way to it and back.
 """
 
 import logging
+from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from distributed import laplacian
 
 from pmr import InputError
-from pmr.fem import factor
-from pmr.fem.compat import MPI
+from pmr.fem import factor, serial
+from pmr.fem.compat import MPI, PETSc
 from pmr.fem.factor import (
     Exchange,
     Factor,
     NotDefiniteError,
     ReplicatedFactor,
     SequentialFactor,
+    SparseFactor,
     TooLargeError,
     factor_for_columns,
     factor_for_steps,
@@ -73,6 +77,18 @@ def test_files_that_can_not_be_written_are_said_to_be(monkeypatch: pytest.Monkey
 def test_no_memory_is_told_from_a_matrix_without_a_factor(code: int) -> None:
     said = refusal("K", code)
     assert not isinstance(said, NotDefiniteError) and f"no memory for the factor of K (MUMPS {code})" in str(said)
+
+
+def test_no_memory_for_steps_is_no_matrix_without_a_factor(monkeypatch: pytest.MonkeyPatch) -> None:
+    """CHOLMOD ends with the status -2, SuperLU in an error of Python or one of its own: an empty K was blamed."""
+    A = laplacian(SIDE)
+    failures = [PETSc.Error(76), RuntimeError("SUPERLU_MALLOC fails for buf in intCalloc()"), MemoryError()]
+    for failure in failures:
+        preconditioner = SimpleNamespace(setUp=Mock(side_effect=failure))
+        monkeypatch.setattr(factor, "cholesky", lambda A, package, pc=preconditioner: pc)
+        monkeypatch.setattr(factor, "splu", Mock(side_effect=failure))
+        with pytest.raises(InputError, match=r"no memory for the factor of K \(.+\); a coarser mesh or more memory"):
+            SequentialFactor(A, "K") if failure is failures[0] else SparseFactor(serial.Mat(sp.eye(3).tocsr()), "K")
 
 
 def test_a_singular_matrix_is_refused() -> None:

@@ -3,6 +3,7 @@ Static solves under held rows against dense matrices.
 """
 
 import logging
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -27,6 +28,7 @@ from pmr.fullmodel.eigensolvers import (
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.modes import Modes, largest_eigenpairs
 from pmr.fullmodel.moving import static_solver
+from pmr.reduction.snapshots import eigenmode_snapshots
 from pmr.system.rows import fixed_row, sparse_row
 
 pytestmark = pytest.mark.mpi
@@ -133,6 +135,18 @@ def test_a_pair_cut_in_two_is_said_to_those_who_chose_the_number(coinciding: tup
         assert caplog.text == ""
         three.warn_if_cut(2.5)
     assert "same frequency" in caplog.text
+
+
+def test_snapshots_say_once_that_a_pair_is_cut_in_two(load_scene, monkeypatch, caplog) -> None:
+    """Each rank said it."""
+    scene = load_scene(overrides=["reduction.snapshots=2", "reduction.modes=2", "reduction.coordinates=3"])
+    full = full_model(scene)
+    for solver in ALL:
+        lowest = solver.lowest
+        monkeypatch.setattr(solver, "lowest", lambda *of, lowest=lowest: replace(lowest(*of), is_cut=True))
+    with caplog.at_level(logging.WARNING):
+        eigenmode_snapshots(full, scene)
+    assert MPI.COMM_WORLD.allreduce(caplog.text.count("same frequency")) == 2
 
 
 @pytest.mark.parametrize("solver", ALL)
