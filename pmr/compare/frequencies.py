@@ -381,15 +381,19 @@ def _follows_other(boom: Scene, name: str) -> bool:
 def published_part(boom: Scene, frequencies: Frequencies) -> SummaryPart:
     """Entry ``published_frequencies`` of summary.json: first frequency at each published reach, published and by model.
 
-    Frequencies of models are interpolated in the reach.  Published values beyond this boom's reach are left out, and a
-    warning says so.
+    Frequencies of models are interpolated in the reach.  Of several postures with equal reach, as of a boom that luffs
+    at one length, the lowest frequency counts.  Published values beyond this boom's reach are left out, and a warning
+    says so.
     """
     published = boom.published.frequencies if boom.published else ()
     low, high, slack = frequencies.along[0], frequencies.along[-1], BESIDE * frequencies.along[-1]
     within = [frequency for frequency in published if low - slack <= frequency.reach <= high + slack]
-    rows = list[dict[str, float]]()
+    rows, reaches = list[dict[str, float]](), np.unique(frequencies.along)
+    lowest = {
+        name: [f[frequencies.along == reach, 0].min() for reach in reaches] for name, f in frequencies.models.items()
+    }
     for at in within:
-        of_models = {name: np.interp(at.reach, frequencies.along, f[:, 0]) for name, f in frequencies.models.items()}
+        of_models = {name: np.interp(at.reach, reaches, f) for name, f in lowest.items()}
         rows.append({"reach": at.reach, "published": at.first} | {name: float(f) for name, f in of_models.items()})
     beyond = ", ".join(f"{frequency.reach:g}" for frequency in published if frequency not in within)
     warning = (
