@@ -295,14 +295,15 @@ def stress_block(result: RunResult, prefix: str) -> Block | None:
 def section_force_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block on forces and moments of beams' cross-sections: envelopes over time and a table of extremes.
 
-    Forces and moments that are at most the share `NOTHING` of the largest one of all, be it in N or N m, are left out.
-    The block is None if no beam has such forces.  `prefix` begins the identifiers of the figures.
+    Forces are left out that are at most the share `NOTHING` of the largest one, and so are moments; for this comparison
+    a moment is divided by the length of the boom.  The block is None if no beam has such forces.  `prefix` begins the
+    identifiers of the figures.
     """
-    largest = dict[str, float]()
+    largest, arms = dict[str, float](), {"N": 1.0, "N m": subject.reach(result)}
     for part in summaries_by_section(result.summary).values():
         for what, force in part.get("section_forces", {}).get("reduced", {}).items():
-            if force["unit"] != "Pa":
-                largest[what] = max(largest.get(what, 0.0), -force["min"], force["max"])
+            if (arm := arms.get(force["unit"])) is not None:
+                largest[what] = max(largest.get(what, 0.0), -force["min"] / arm, force["max"] / arm)
     shown = [what for what, value in largest.items() if value > NOTHING * max(largest.values())]
     if not shown:
         return None

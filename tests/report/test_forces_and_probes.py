@@ -179,11 +179,11 @@ def test_without_probes_nothing_is_said(make_result) -> None:
     assert sections.probe_block(make_result(), "case-1") is None
 
 
-def with_envelope(result: RunResult, back: float = -2e3) -> RunResult:
-    """Of a beam that is bent, and pulled by a 1e-4 of that at most."""
+def with_envelope(result: RunResult, back: float = -2e3, pull: float = 2.0) -> RunResult:
+    """Of a beam of 6 m that is bent, and pulled by a 1e-4 of the force that bends it so, or by `pull` in N."""
     x, t = np.array([0.0, 3.0, 6.0]), np.full((2, 3), 0.5)
-    least = np.array([[-10.0, 0.0, 0.0], [back, 0.5 * back, 0.0]])
-    most = np.array([[10.0, 0.0, 0.0], [158e3, 80e3, 0.0]])
+    least = np.array([[-pull, 0.0, 0.0], [back, 0.5 * back, 0.0]])
+    most = np.array([[pull, 0.0, 0.0], [158e3, 80e3, 0.0]])
     along = Envelope(("normal force", "bending moment y"), ("N", "N m"), x, least, t, most, t)
     summary = result.summary | {"section_forces": {"reduced": along.extremes()}}
     return replace(result, bodies={"": BodyResult(envelopes={"reduced": along})}, summary=summary)
@@ -197,6 +197,15 @@ def test_extremes_are_in_a_table_and_round_off_is_not(make_space: MakeSpace) -> 
     (row,) = block.grids[0].rows
     assert row[0] == "bending moment y"
     assert row[1:] == (f"−2.00{SPACE}kN m at 0.5{SPACE}s, 0{SPACE}m", f"158{SPACE}kN m at 0.5{SPACE}s, 0{SPACE}m")
+
+
+@pytest.mark.parametrize("pull", [2.6, 2.7, 2e9])
+def test_forces_are_compared_with_moments_over_the_length_of_the_boom(make_space: MakeSpace, pull: float) -> None:
+    """158 kN m on 6 m are 26.3 kN: 2.7 N are more than a 1e-4 of them, and were less than a 1e-4 of 158 kN m."""
+    block = section_force_block(with_envelope(make_space(), pull=pull), "run")
+    assert block is not None
+    shown = {2.6: ["bending moment y"], 2.7: ["normal force", "bending moment y"], 2e9: ["normal force"]}
+    assert [row[0] for row in block.grids[0].rows] == shown[pull]
 
 
 def test_an_end_that_is_nothing_has_no_place(make_space: MakeSpace) -> None:
