@@ -114,15 +114,16 @@ def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
 def _few_digits(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     """Yield a reason about ``K`` if its entries are rounded to so few digits that they resist a translation.
 
-    Such forces look like springs to ground, some of them with a negative stiffness.
+    Such forces look like springs to ground, some of them with a negative stiffness.  The reason states their stiffness,
+    without that of springs to ground in rows that are not rounded.
     """
     if body.digits >= DIGITS:
         return
     T = body.motions[:, :3]
-    forces, sizes = np.abs(body.K @ T), abs(body.K) @ T
-    rounded = (forces > ROUNDED * sizes) & (forces <= 10.0**-body.digits * sizes)
+    forces, sizes = body.K @ T, abs(body.K) @ T
+    rounded = (np.abs(forces) > ROUNDED * sizes) & (np.abs(forces) <= 10.0**-body.digits * sizes)
     if np.mean(rounded.any(axis=1)) > ROUNDED_ROWS:
-        springs = np.abs(np.diag(T.T @ (body.K @ T))).max()
+        springs = np.abs(np.sum(T * forces * rounded, axis=0)).max()
         yield Reason(
             "K",
             f"entries of {DIGITS + 1} digits or more are allowed: these have {body.digits + 1}, whose rounding acts as "

@@ -13,7 +13,7 @@ It is computed for pads of one ring and of several, and for the mean motion of a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -56,12 +56,11 @@ class PlateBody:
     """A box meshed as a shell, and the clamps and rigid masses that keep the shape of its ends."""
 
     box: BoxBoom
-    profile: Box = field(compare=False)  # from which `box` was made
+    profile: Box  # from which `box` was made
     material: Material
     shear_correction: float  # factor kappa on the shear stiffness of the shell
     clamps: tuple[Clamp, ...] = ()
     masses: tuple[PointMass, ...] = ()
-    frames: float = 0.0  # m: thickness of frames; 0: none
 
 
 @dataclass(frozen=True)
@@ -291,7 +290,6 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
         body.shear_correction,
         tuple(Clamp(str(support.on), support.held_directions) for support in part.supports if support.points == "all"),
         masses,
-        box.frame_plate_thickness if box.frames else 0.0,
     )
     moves = motion_directions(member)
     ends = tuple((end, d) for end in ENDS if end in _loaded_ends(part) for d in AT_AN_END if d in moves)

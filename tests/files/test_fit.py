@@ -177,6 +177,16 @@ def test_rounding_to_few_digits_is_no_springs_to_ground(digits: int) -> None:
         replace(given, K=K)
 
 
+def test_a_foundation_is_not_blamed_on_rounding_to_few_digits() -> None:
+    """On 1e7 N/m^2 along 6 m: 60 MN/m in all, of which rounding to single precision is less than a hundredth."""
+    given = bricks((30, 2, 2), (6.0, 0.1, 0.05))
+    below = (given.direction == 2) & (given.points[given.node, 2] == given.points[:, 2].min())
+    K = (given.K + sp.diags(np.where(below, 6e7 / below.sum(), 0.0))).astype(np.float32).astype(float)
+    with pytest.raises(InputError, match="springs to ground of up to") as caught:
+        replace(given, K=K)
+    assert float(re.findall(r"up to (\S+) N/m", str(caught.value))[0]) < 6e5
+
+
 def test_a_body_with_nine_digits_is_as_free_as_it_was() -> None:
     given = bricks((30, 2, 2), (6.0, 0.5, 0.6))
     K = rounded(given.K)
