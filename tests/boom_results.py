@@ -16,7 +16,7 @@ MakeSpace = Callable[..., RunResult]
 STATIONS, STEPS = 5, 1000
 SUMMARY = {
     "errors": {"reduced_vs_full": {"tip": 0.001, "beam": 0.002, "pad_force": 0.003}},
-    "absolute_errors": {"reduced_vs_full": {"tip": 0.01, "beam": 0.02, "pad_force": 450.0}},
+    "largest_differences": {"reduced_vs_full": {"tip": 0.01, "beam": 0.02, "pad_force": 450.0}},
     "max_displacement": 0.008,
     "max_error": 1.2e-5,
     "coordinates": {"full": 17766, "reduced": 3},

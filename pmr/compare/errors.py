@@ -123,6 +123,17 @@ def absolute_error(signal: Array, reference: Array) -> float:
     return norm
 
 
+def largest_difference(signal: Array, reference: Array) -> float:
+    """Return the largest absolute value of `signal` - `reference` at T times, (T,) or (T, M) each, in their unit.
+
+    Raises SimulationError if a value of the difference is not finite.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        largest = float(largest_absolute(np.asarray(signal) - np.asarray(reference), None))
+    refuse_infinite(np.array(largest))
+    return largest
+
+
 def refuse_infinite(*values: Array) -> None:
     """Raise a SimulationError if a value in one of the arrays is NaN or infinite."""
     if not all(np.isfinite(largest_absolute(array, None)) for array in values):

@@ -19,6 +19,7 @@ from pmr.compare.errors import (
     compared_pairs,
     error_below_frequency,
     errors_of_pairs,
+    largest_difference,
     relative_error,
     with_common_forces,
 )
@@ -95,7 +96,7 @@ def comparison_part(
     """
     reduced, full = responses["reduced"].displacement, responses.get("full")
     reference = reduced if full is None else full.displacement
-    measures = {"errors": relative_error, "absolute_errors": absolute_error}
+    measures = {"errors": relative_error, "absolute_errors": absolute_error, "largest_differences": largest_difference}
     pairs, unjudged = compared_pairs(responses, quantities=measured), dict[str, RingingReference]()
     kinds = {kind: errors_of_pairs(pairs, measure) for kind, measure in measures.items()}
     if full is not None:

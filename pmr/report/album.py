@@ -17,7 +17,8 @@ from pmr.report.moving_bodies import Block, Moment, MovingBodies, pad_blocks
 from pmr.report.numbers import SPACE, format_quantity, prose
 from pmr.report.player import Piece, Shot, Vector, frame_shots, render_shot
 from pmr.report.sentences import wall_place_clause
-from pmr.report.subject import is_alone, wall_stress_words
+from pmr.report.subject import is_alone
+from pmr.report.trust import wall_stress_words
 from pmr.results.quantities import stress_name, wall_stress
 from pmr.scene.members import body_ring
 
@@ -223,7 +224,7 @@ class _Views:
         walls, peak = wall_stress(self.result.summary), self.bodies.summary_peak.get("t", moment.t)
         caption = prose(
             "close_picture",
-            walls="" if walls is None else f"{wall_stress_words(walls)}, {wall_place_clause(self.result, walls)}",
+            walls=f"{wall_stress_words(self.result.summary)}, {wall_place_clause(self.result, walls)}" if walls else "",
             is_enclosed=name != next(iter(self.bodies.surfaces)),
             side="left" if from_left else "right",
             height="above" if above else "below",

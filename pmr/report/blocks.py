@@ -39,8 +39,8 @@ class Row:
     """Row of the error table, as text: an error or another value of this run, with the published value.
 
     `comparison` says which models are compared, `place` names the quantity, `value` is this run's value, `deviation`
-    its relative deviation from the published value, `mark` the verdict on that, and `absolute` the norm of the
-    difference of the models with its unit.  An entry is None if its column does not apply to the row.
+    its relative deviation from the published value, `mark` the verdict on that, and `difference` the largest difference
+    of the models with its unit.  An entry is None if its column does not apply to the row.
     """
 
     comparison: str
@@ -49,7 +49,7 @@ class Row:
     published: str | None = None
     deviation: str | None = None
     mark: Mark | None = None
-    absolute: str | None = None
+    difference: str | None = None
 
 
 def deviating_rows(table: Sequence[Row]) -> list[Row]:

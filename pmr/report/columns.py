@@ -171,6 +171,25 @@ def forces_of(result: RunResult, kind: str = "pad") -> list[Force]:
     return forces
 
 
+def largest_by_unit(result: RunResult) -> dict[str, float]:
+    """Largest force in N and largest moment in N m of the reduced model: pads, cylinders, supports and reactions.
+
+    A unit without such a force or moment is left out.
+    """
+    response, largest = result.responses["reduced"], dict[str, float]()
+    histories = [
+        (force.unit, force.history(response))
+        for kind in ("pad", "cylinder", "support")
+        for force in forces_of(result, kind)
+    ]
+    histories += [
+        (of.unit, response.column(number)) for number, of in enumerate(response.outputs) if of.kind == "reaction"
+    ]
+    for unit, values in histories:
+        largest[unit] = max(largest.get(unit, 0.0), float(np.abs(values).max(initial=0.0)))
+    return largest
+
+
 @dataclass(frozen=True)
 class Axis:
     """Axis of a body at S times, as n points with coordinates in m from the pivot.

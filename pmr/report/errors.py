@@ -7,11 +7,25 @@ from dataclasses import replace
 from decimal import Decimal
 from typing import Any
 
+import numpy as np
+
 from pmr.report.blocks import SAME, WITHIN, ErrorTable, Row, deviating_rows, mark_for, signed_deviation
-from pmr.report.numbers import SPACE, TINY, decimals_of, format_length, format_percent, format_quantity, significant
-from pmr.report.subject import force_words, is_alone, shown_force_name, with_shown_label
+from pmr.report.columns import largest_by_unit
+from pmr.report.numbers import (
+    NOTHING,
+    SPACE,
+    TINY,
+    decimals_of,
+    format_length,
+    format_percent,
+    format_quantity,
+    significant,
+)
+from pmr.report.subject import force_words, is_alone, shown_force_name, support_words, with_shown_label
 from pmr.results import RunResult
 from pmr.results.quantities import COMPARED, PIVOT, REACTION_OF, error_label
+from pmr.scene.built import reaction_name
+from pmr.scene.keys import qualified_name
 
 NAMES = {"full": "full", "ancf": "ANCF", "reduced": "reduced"}
 #: Order of the pairs of models in the error table, and order of the kinds of errors of each pair.
@@ -48,8 +62,8 @@ def rows(result: RunResult) -> list[Row]:
 def error_notes(result: RunResult, table: Sequence[Row]) -> list[str]:
     """Sentences below the error table: one for each row whose value rounds to the published one, then notes of the run.
 
-    If the run has no notes, but other rows deviate by more than 5 % from published values, the last sentence says that
-    no reason is recorded.
+    If the run has no notes, but other rows deviate by more than 5 % from published values, a sentence says that no
+    reason is recorded.  The last sentence is on reactions of rigid supports that have no row.
     """
     explanations = [
         f"{row.comparison}, {row.place}: the published {row.published} is a rounded figure; "
@@ -60,21 +74,55 @@ def error_notes(result: RunResult, table: Sequence[Row]) -> list[str]:
     notes = [str(note) for note in result.summary.get("notes", ())]
     if not notes and len(deviating_rows(table)) > len(explanations):
         notes = [f"No reason {'for the other figures ' if explanations else ''}is recorded with this result."]
-    return [*explanations, *notes]
+    return [*explanations, *notes, *_reaction_notes(result)]
+
+
+def _reaction_notes(result: RunResult) -> Iterator[str]:
+    """Yield sentences that name those reactions of a section's rigid supports that are not compared, with the reason.
+
+    Nothing is yielded if the run was not compared with the full model, or if no reaction was.
+    """
+    full, reduced, slight = result.responses.get("full"), result.responses["reduced"], slight_reactions(result)
+    compared = result.summary.get("errors", {}).get("reduced_vs_full", {})
+    if full is None or not any(name.startswith(REACTION_OF) for name in compared):
+        return
+    supports = [
+        reaction_name(qualified_name(body, support.row_name(direction)))
+        for body, part in result.scene.bodies.items()
+        for support in part.supports
+        for direction in support.held_directions
+    ]
+    unknown = [
+        support_words(name.removeprefix(REACTION_OF))
+        for name in supports
+        if name in reduced.other_names and name not in (*full.other_names, *slight)
+    ]
+    if unknown:
+        yield (
+            f"Not compared: the reaction of {'; '.join(unknown)}. The full model has no reactions of supports that "
+            "hold coordinates of its mesh."
+        )
+    small = [words for name, words in slight.items() if name in compared]
+    if small:
+        share = format_percent(NOTHING, 1)
+        yield f"Not listed, as it is below {share} of the largest force or moment: the reaction of {'; '.join(small)}."
 
 
 def error_name(result: RunResult, kind: str) -> str:
     """Name of the quantity that an error measures, such as ``all sections`` for the kind ``beam``."""
     names = {"tip": "tip", "beam": "beam" if is_alone(result) else "all sections", "pad_force": force_words(result)}
-    return names.get(kind) or shown_force_name(with_shown_label(result, error_label(kind)))
+    shown = names.get(kind) or shown_force_name(with_shown_label(result, error_label(kind)))
+    if shown.startswith(REACTION_OF):
+        return REACTION_OF + support_words(shown.removeprefix(REACTION_OF))
+    return shown
 
 
 def _error_rows(result: RunResult) -> Iterator[Row]:
     """Yield a row for each error between two models.
 
-    If the scene has figures from a publication, the row compares the error with them; where the norm of the difference
-    is known, it is added.  There is no row for a support without a force, nor for a quantity that repeats the name and
-    error of one before it.
+    If the scene has figures from a publication, the row compares the error with them; where the largest difference is
+    known, it is added.  There is no row for a reaction that is nothing beside the largest force or moment (`NOTHING`),
+    nor for a quantity that repeats the name and error of one before it.
     """
     published = result.scene.published
     printed: Mapping[str, Any] = published.model_dump().get("errors", {}) if published else {}
@@ -85,10 +133,13 @@ def _error_rows(result: RunResult) -> Iterator[Row]:
         for name, unit in zip(response.other_names, response.other_units, strict=True)
     }
     errors: Mapping[str, Mapping[str, Any]] = result.summary.get("errors", {})
+    slight = slight_reactions(result)
     for pair in dict.fromkeys((*(name for name in ORDER if name in errors), *errors)):
         first, _, second = pair.partition("_vs_")
         comparison, values = f"{NAMES.get(first, first)} against {NAMES.get(second, second)}", dict[str, str]()
         for kind in dict.fromkeys((*(name for name in COMPARED if name in errors[pair]), *errors[pair])):
+            if kind in slight:
+                continue
             error, name = float(errors[pair][kind]), error_name(result, kind)
             value, other = _format_error(error), printed.get(pair, {}).get(kind)
             if values.get(name) == value:
@@ -98,13 +149,24 @@ def _error_rows(result: RunResult) -> Iterator[Row]:
             values[name], row = value, Row(comparison, name, value)
             if other is not None:
                 row = _comparison_row(comparison, name, error, other, decimals)
-            absolute = result.summary.get("absolute_errors", {}).get(pair, {}).get(kind)
-            if kind.startswith(REACTION_OF) and error == absolute == 0.0:
-                continue  # no force acts along this support
-            if absolute is not None and not 0.0 < error < TINY:
+            largest = result.summary.get("largest_differences", {}).get(pair, {}).get(kind)
+            if largest is not None and not 0.0 < error < TINY:
                 unit = units.get(kind, "N" if "_force" in kind else "m")
-                row = replace(row, absolute=_format_norm(unit, absolute))
+                row = replace(row, difference=_format_difference(unit, largest))
             yield row
+
+
+def slight_reactions(result: RunResult) -> dict[str, str]:
+    """Reactions that are at most the share `NOTHING` of the run's largest force or moment, in words by their names.
+
+    These are reactions of the reduced model, with the names of its outputs.
+    """
+    response, largest = result.responses["reduced"], largest_by_unit(result)
+    return {
+        name: support_words(name.removeprefix(REACTION_OF))
+        for name, unit in zip(response.other_names, response.other_units, strict=True)
+        if name.startswith(REACTION_OF) and float(np.abs(response.other(name)).max()) <= NOTHING * largest[unit]
+    }
 
 
 def _further_rows(result: RunResult) -> Iterator[Row]:
@@ -149,8 +211,8 @@ def _format_error(error: float) -> str:
     return "round-off" if 0.0 < error < TINY else format_percent(error)
 
 
-def _format_norm(unit: str, value: float) -> str:
-    """Format the norm `value` of a difference with its unit; ``1`` is the unit of a pure number."""
+def _format_difference(unit: str, value: float) -> str:
+    """Format a difference `value` with its unit; ``1`` is the unit of a pure number."""
     return format_length(value) if unit == "m" else format_quantity(value, unit)
 
 

@@ -42,12 +42,11 @@ from pmr.report.subject import (
     is_alone,
     is_raised,
     play_clause,
-    wall_stress_words,
 )
 from pmr.results import RunResult
 from pmr.results.quantities import QUANTITIES, stress_name, stress_remark, wall_stress
 from pmr.results.response import Extremes
-from pmr.scene.hints import left_out
+from pmr.scene.hints import Effect, effects_left_out
 
 Rows = Iterator[tuple[str, str]]
 
@@ -69,7 +68,7 @@ def first_page_tables(result: RunResult) -> tuple[Table, ...]:
     all_tables = (
         first,
         Table("How sure the values are", tuple(trust.certainty_rows(result))),
-        Table("What these values leave out", tuple(_left_out_rows(result))),
+        Table("What these values leave out, and who checks it", tuple(_left_out_rows(result))),
         *further,
         Table("What was asked", (*overview.system_rows(result), *_second_order_rows(result, True))),
         trust.trust_table(result),
@@ -78,12 +77,15 @@ def first_page_tables(result: RunResult) -> tuple[Table, ...]:
 
 
 def _left_out_rows(result: RunResult) -> Rows:
-    """Yield a row for each subject with what the scene's model leaves out (`pmr.scene.hints.left_out`).
+    """Yield a row for each subject with what the scene's model leaves out (`pmr.scene.hints.effects_left_out`).
 
-    A row is on pads that lift off, if a value of the run is with every pad closed.  The last row is on effects of
-    second order, if a run in a frame leaves them out.
+    What checks an effect, or several, stands behind it.  Pads that lift off are an effect if a value
+    of the run is with every pad closed.  The last row is on effects of second order, if a run in a frame leaves them
+    out.
     """
-    rows, recovery = left_out(result.scene), result.scene.recovery
+    in_walls, recovery = wall_stress(result.summary) is not None, result.scene.recovery
+    effects = effects_left_out(result.scene, in_walls=in_walls)
+    by_chart = "by hand" if result.frame is None else "pmr chart"
     if has_pushing_pads(result) and (result.frequencies.models or "factor" in result.summary.get("buckling", {})):
         forces = [Extremes.from_summary(pad) for pad in result.summary.get("pads", ())]
         opened = [force.size for force in forces if force.lowest.value == 0.0]
@@ -94,16 +96,20 @@ def _left_out_rows(result: RunResult) -> Rows:
         values = ["natural frequencies"] if result.frequencies.models else []
         values += ["buckling factor"] if "factor" in result.summary.get("buckling", {}) else []
         open_pads = f"that open pads lower {' and '.join(values)}{counts}"
-        rows["pads"] = ", ".join(filter(None, (rows.get("pads"), open_pads)))
+        effects.setdefault("pads", []).append(Effect(open_pads, by_chart))
     if recovery is not None and "reduced" in result.summary.get("max_von_mises", {}):
-        walls = ", in walls also where the force of a pad or support is largest" if wall_stress(result.summary) else ""
+        walls = ", in walls also where the force of a pad or support is largest" if in_walls else ""
         every = format_input(recovery.every, "s")
-        rows["strength"] += f", stresses between the times at which they are computed (every {every}{walls})"
-    if "loads" in rows:
-        rows["loads"] += ", factors of a standard (dynamic, safety)"
+        text = f"stresses between the times at which they are computed (every {every}{walls})"
+        effects["strength"].append(Effect(text, "a smaller recovery.every"))
+    if "loads" in effects:
+        effects["loads"].append(Effect("factors of a standard (dynamic, safety)", by_chart))
         if result.frame is not None and any(mass.payload for part in result.scene.sections for mass in part.masses):
-            rows["loads"] += ", whether the machine may lift the payload (a load chart says it)"
-    yield from rows.items()
+            effects["loads"].append(Effect("whether the machine may lift the payload", by_chart))
+    for subject, of in effects.items():
+        checks = dict.fromkeys(effect.check for effect in of)
+        texts = (f"{', '.join(effect.text for effect in of if effect.check == check)}: {check}" for check in checks)
+        yield subject, "; ".join(texts)
     yield from _second_order_rows(result, False)
 
 
@@ -249,21 +255,22 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
 
     `shell` is what `pmr.results.quantities.wall_stress` returns.
     """
-    allowed, text, share, with_errors = shell.get("yield"), wall_stress_words(shell), None, None
+    allowed, text, share, with_errors = shell.get("yield"), trust.wall_stress_words(result.summary), None, None
+    error, by_pads = trust.wall_stress_error(result.summary), trust.pad_force_error(result.summary)
     if allowed is not None:
         share = shell["value"] / allowed
         text += f": {format_percent(share)} of the yield stress of {format_quantity(allowed, 'Pa')}"
-        if "error" in shell:
-            by_pads = trust.pad_force_error(result.summary)
-            with_errors = (shell["value"] * (1.0 + (by_pads or 0.0)) + shell["error"]) / allowed
+        if error is not None:
+            with_errors = share * (1.0 + error)
             text += f", {format_percent(with_errors)} with "
             text += "all known errors" if by_pads is not None else "the error by the mesh of the walls alone"
     text += f"\n{wall_place_clause(result, shell)}"
     if "even" in shell:  # which files of earlier versions lack
-        error = format_quantity(shell["even_error"], "Pa", 2)
-        text += f"; {format_quantity(shell['even'], 'Pa')} ± {error} if pads press evenly"
-    text += play_clause(result, "wall_stress")
-    text += f"; {WALL_STRESS_PARTS}{'; ± is by the mesh of the walls' if 'error' in shell else ''}"
+        even = format_quantity(shell["even_error"] + shell["even"] * (by_pads or 0.0), "Pa", 2)
+        text += f"; {format_quantity(shell['even'], 'Pa')} ± {even} if pads press evenly"
+    text += f"{play_clause(result, 'wall_stress')}; {WALL_STRESS_PARTS}"
+    if error is not None:
+        text += f"; ± is by the mesh of the walls {'alone' if by_pads is None else 'and the error of the pad forces'}"
     text += _missing_clause(result.summary)
     return largest_value("wall_stress", text, share)._replace(share_with_errors=with_errors)
 

@@ -22,6 +22,7 @@ from pmr.report.subject import (
     is_alone,
     is_luffing_cylinder_alone,
     shown_force_name,
+    support_words,
 )
 from pmr.results import RunResult
 from pmr.results.quantities import REACTION_OF, UNIT_QUANTITIES
@@ -245,6 +246,12 @@ def _acting_outputs(result: RunResult, outputs: Sequence[Output], unit: str) -> 
     return [output for output, size in sizes if size > ROUND_OFF * largest]
 
 
+def _reaction_words(name: str, unit: str) -> str:
+    """Words for a reaction called `name`, such as ``pivot of base, about x``, or ``force along x`` of all supports."""
+    words = support_words(name)
+    return f"{UNIT_QUANTITIES[unit]} {words}" if words.startswith(("along ", "about ")) else words
+
+
 def _driven_grid(result: RunResult, key: str) -> Grid:
     """Build the table of extremes of a cylinder (stroke, force, pressures, flow, power) from the summary's entry `key`.
 
@@ -358,7 +365,5 @@ def _reaction_grid(result: RunResult, at_pivot: bool, caption: str) -> Grid:
             if name == LUFFING_CYLINDER and not has_free_luffing(result) and "luffing_cylinder" in result.summary:
                 continue  # the table of the cylinder has this force
             name += ", by the moment about the pivot" if name == LUFFING_CYLINDER else ""
-            if at_pivot and name in ("x", "y", "z", "rx", "ry", "rz"):
-                name = f"moment about {name[1]}" if name.startswith("r") else f"force along {name}"
-            measured.append(Measured(name, of.unit, extremes))
+            measured.append(Measured(_reaction_words(name, of.unit), of.unit, extremes))
     return extremes_grid(result, caption, measured)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,10 +20,12 @@ from pmr.report.subject import (
     luffing_support_names,
     play_clause,
     shown_force_name,
+    support_words,
 )
 from pmr.results import RunResult
 from pmr.results.quantities import FORCE_OF, QUANTITIES, REACTION_OF, resultant_name
 from pmr.results.response import Extreme, Extremes
+from pmr.scene.built import Support
 from pmr.scene.keys import cylinder_name, qualified_name
 from pmr.scene.mechanism import AT_GROUND, AT_PIVOT
 from pmr.scene.members import members
@@ -76,19 +79,21 @@ def _driven_rows(result: RunResult) -> LargestValues:
             continue
         force, length = Extremes.from_summary(cylinder["force"]).largest, cylinder["length"]
         text = value_at(result, replace(force, value=abs(force.value)), "N", f"it {_push_or_pull(force)}")
+        use = Extremes.from_summary(cylinder["use"]).highest if cylinder.get("use") else None
         if way == "luffing":
-            yield largest_value("luffing_force", text)
+            if use is None or use.t != force.t:  # else the row on the use has this force
+                yield largest_value("luffing_force", text)
             yield _luffing_length_row(result, length)
         else:
             text += f"; {format_range(length['min'], length['max'], f'{SPACE}m out')}"
             yield largest_value("extension_force", text)
-        if use := cylinder.get("use"):
-            most = Extremes.from_summary(use).highest
-            note = f"{extreme_clause(result, most)}; allowed: {_allowed_forces_words(result)}"
+        if use is not None:
+            note = f"{extreme_clause(result, use)}; allowed: {_allowed_forces_words(result)}"
+            figure = f"{format_quantity(abs(force.value), 'N')}, it {_push_or_pull(force)}" if use.t == force.t else ""
             supports = luffing_stand_ins(result.scene) or members(result.scene)[0].part.supports
             gives = result.scene.holding_cylinder is not None or any(of.stiffness != "rigid" for of in supports)
             of_force = "support_force" if gives else "reaction"
-            yield _use_row(result, "luffing_use", most.value, "the allowed force", note, of_force)
+            yield _use_row(result, "luffing_use", figure, use.value, "the allowed force", note, of_force)
         pressures = {side: Extremes.from_summary(of) for side in OIL_SIDES if (of := cylinder.get(f"pressure_{side}"))}
         for side in sorted(pressures, key=lambda side: pressures[side].highest.value)[-1:]:
             yield largest_value("driven_pressure", value_at(result, pressures[side].largest, "Pa", OIL_SIDES[side]))
@@ -114,28 +119,40 @@ def _allowed_forces_words(result: RunResult) -> str:
     return ", ".join(words)
 
 
-def _support_use_rows(result: RunResult) -> LargestValues:
-    """Yield a row on the support that uses the largest share of its allowed force: the share, the force, the time.
+class UsedSupport(NamedTuple):
+    """Support that uses the largest share of its `allowed` force in N, with its name in results and its extremes in N.
 
-    The force of a pin with lugs is that of the lug which bears more.  Nothing is yielded if no support with an allowed
-    force has a force in the summary.
+    The force of a pin with lugs is that of the lug which bears more.
     """
+
+    name: str
+    support: Support
+    allowed: float
+    extremes: Extremes
+
+
+def _used_support(result: RunResult) -> UsedSupport | None:
+    """Return the support that uses the largest share of its allowed force; None if no force in the summary has one."""
     extremes = {of["name"]: Extremes.from_summary(of.get("lug", of)) for of in result.summary.get("supports", ())}
-    limited = {
-        name: (support.allowed_force, support)
+    limited = [
+        UsedSupport(name, support, support.allowed_force, extremes[name])
         for body, part in result.scene.bodies.items()
         for support in part.supports
         if support.allowed_force is not None and (name := resultant_name(body, support)) in extremes
-    }
-    if limited:
-        name = max(limited, key=lambda name: extremes[name].size / limited[name][0])
-        allowed, support = limited[name]
-        spacing, of_force = support.lug_spacing, "reaction" if support.stiffness == "rigid" else "support_force"
-        share = extremes[name].size / allowed
-        of = f"the allowed {format_quantity(allowed, 'N')}{'' if spacing is None else ' of a lug'}"
-        note = f"{_bearer_words('support', name)}, {extreme_clause(result, extremes[name].largest)}"
-        note += _moment_clause(result, name) if spacing is None else LUGS.format(format_input(spacing, "m"))
-        yield _use_row(result, "support_use", share, of, note, of_force)
+    ]
+    return max(limited, key=lambda of: of.extremes.size / of.allowed, default=None)
+
+
+def _support_use_rows(result: RunResult) -> LargestValues:
+    """Yield a row on the support that uses most of its allowed force: force, share and time; nothing without one."""
+    if (used := _used_support(result)) is not None:
+        spacing = used.support.lug_spacing
+        of_force = "reaction" if used.support.stiffness == "rigid" else "support_force"
+        of = f"the allowed {format_quantity(used.allowed, 'N')}{'' if spacing is None else ' of a lug'}"
+        note = f"{_bearer_words('support', used.name)}, {extreme_clause(result, used.extremes.largest)}"
+        note += _moment_clause(result, used.name) if spacing is None else LUGS.format(format_input(spacing, "m"))
+        size = used.extremes.size
+        yield _use_row(result, "support_use", format_quantity(size, "N"), size / used.allowed, of, note, of_force)
 
 
 def _moment_clause(result: RunResult, name: str) -> str:
@@ -172,9 +189,9 @@ def _luffing_length_row(result: RunResult, length: Summary) -> LargestValue:
 
 
 def _use_row(
-    result: RunResult, key: str, share: float, of: str, note: str, of_force: str, least: float = 1.0
+    result: RunResult, key: str, figure: str, share: float, of: str, note: str, of_force: str, least: float = 1.0
 ) -> LargestValue:
-    """Row of the quantity `key` on the `share` that is used `of` a limit, and on the share with known errors.
+    """Row of the quantity `key`: a `figure`, if any, the `share` that it is `of` a limit, and that with known errors.
 
     The known errors are those of the force with the key `of_force` from all sources, and that of the limit, which may
     be as small as `least` times its value.  `note` stands below.  If the errors of the force are not known, the row has
@@ -182,7 +199,7 @@ def _use_row(
     """
     error = trust.summed_errors(result.summary).by_key.get(of_force)
     with_errors = None if error is None else share * (1.0 + error) / least if least > 0.0 else np.inf
-    text = f"{format_percent(share)} of {of}"
+    text = f"{figure}: {format_percent(share)} of {of}".removeprefix(": ")
     if with_errors is not None:
         most = format_percent(with_errors) if np.isfinite(with_errors) else "no bound"
         text += f", {most} with all known errors"
@@ -198,12 +215,16 @@ def _pressure_rows(result: RunResult) -> LargestValues:
     """Yield rows with the largest mean pressure of a pad on a face, and with the largest share of an allowed one."""
     if pads := [pad for pad in result.summary.get("pads", ()) if "pressure" in pad]:
         pad = max(pads, key=lambda pad: float(pad["pressure"]))
-        pressed = replace(Extremes.from_summary(pad).largest, value=pad["pressure"])
-        yield largest_value("pad_pressure", value_at(result, pressed, "Pa", pad["name"]))
-        limited = {of["pressure"] / of["allowed_pressure"]: of for of in pads if "allowed_pressure" in of}
-        for share, pad in sorted(limited.items())[-1:]:
-            note = f"{pad['name']}, {extreme_clause(result, Extremes.from_summary(pad).largest)}"
-            yield _use_row(result, "pad_use", share, format_quantity(pad["allowed_pressure"], "Pa"), note, "pad_force")
+        limited = [of for of in pads if "allowed_pressure" in of]
+        used = max(limited, key=lambda of: float(of["pressure"] / of["allowed_pressure"]), default=None)
+        if used is not pad:  # else the row on the use has this pressure
+            pressed = replace(Extremes.from_summary(pad).largest, value=pad["pressure"])
+            yield largest_value("pad_pressure", value_at(result, pressed, "Pa", pad["name"]))
+        if used is not None:
+            note = f"{used['name']}, {extreme_clause(result, Extremes.from_summary(used).largest)}"
+            figure, of = (format_quantity(used[key], "Pa") for key in ("pressure", "allowed_pressure"))
+            share = used["pressure"] / used["allowed_pressure"]
+            yield _use_row(result, "pad_use", figure, share, of, note, "pad_force")
 
 
 def _indentation_rows(result: RunResult) -> LargestValues:
@@ -236,14 +257,22 @@ def _forces_by_kind_rows(result: RunResult) -> LargestValues:
 
     The row states its largest value, the part that bears it, and the time.  A kind without a force, or with a force of
     0 at all times other than that of supports, has no row; nor have forces on the ground if the machine has outriggers.
-    The row of pad forces is followed by that on the force at which walls yield, if it is known.
+    The row of pad forces is followed by that on the force at which walls yield, if it is known.  The force of a support
+    or lug has no row if its use of an allowed force has one.
     """
+    used = _used_support(result)
     for key, forces in _extremes_of_forces(result).items():
         name, unit = max(forces, key=lambda name: forces[name].size, default=""), QUANTITIES[key].unit  # noqa: B023
         if not forces or (not forces[name].size and key != "support"):
             continue
         if key in ("ground_force", "ground_moment") and "ground" in result.summary:
             continue  # outriggers and the margin against tipping say what they mean
+        if (
+            used is not None
+            and name == used.name
+            and key == ("support" if used.support.lug_spacing is None else "lug_force")
+        ):
+            continue
         largest = forces[name].largest
         if not largest.value:
             yield largest_value(key, f"0{SPACE}{unit}, {name}")
@@ -277,12 +306,11 @@ def _dynamic_factor_rows(result: RunResult) -> LargestValues:
 
 
 def _factor_words(row: Summary) -> str:
-    """Words for the force of `row`, a dynamic factor in a summary, such as ``pin of base along x`` for a reaction."""
+    """Words for the force of `row`, a dynamic factor in a summary, such as ``pin of base, along x`` for a reaction."""
     if row["kind"] == "resultant":
         return f"resultant of {_bearer_words('support', row['name'])}"
     if row["kind"] == "reaction":
-        support, _, axis = row["name"].replace(REACTION_OF, "", 1).rpartition(" ")
-        return f"{_bearer_words('support', support)} along {axis}"
+        return support_words(row["name"].removeprefix(REACTION_OF))
     return shown_force_name(row["name"]).replace(FORCE_OF, "", 1)
 
 
@@ -304,11 +332,7 @@ def _bearer_words(key: str, name: str) -> str:
         return f"{name} of the boom's own axes"
     if key == "outrigger_force":
         return name.removeprefix("outrigger ")
-    body, _, support = name.rpartition(": ")
-    if key not in ("support", "support_moment", "lug_force") or not body:
-        return name
-    support, _, turn = support.rpartition(" ") if support.endswith((" rx", " ry", " rz")) else (support, "", "")
-    return f"{support} of {body}" + (f", about {turn[1]}" if turn else "")
+    return support_words(name) if key in ("support", "support_moment", "lug_force") and ": " in name else name
 
 
 def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestValues:
@@ -328,11 +352,16 @@ def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestVal
         share, limit = shares[pad]
         force, bar = format_quantity(limit["force"], "N"), format_quantity(limit["error"], "N", 2)
         note = f"{pad}, {extreme_clause(result, forces[pad].largest)}; {force} of this pad alone, most in its middle, "
-        note += f"make the walls of {limit['section']} begin to yield at their weakest place; if it presses evenly, "
-        note += f"{format_quantity(limit['even'], 'N')} do (without its error bar); ± is by the mesh of the walls; "
-        note += "without the bending of the whole section"
+        note += (
+            f"make the walls of {limit['section']} begin to yield at their weakest place along the pad's way, without "
+        )
+        note += (
+            f"the bending of the section; ± is by the mesh of the walls; {format_quantity(limit['even'], 'N')} do if "
+        )
+        note += "the pad presses evenly (without an error bar)"
         least, name = 1.0 - limit["error"] / limit["force"], "largest use of the pad force at which walls yield"
-        row = _use_row(result, "pad_force", share, f"{force} ± {bar}", note, "pad_force", least)
+        figure = format_quantity(forces[pad].size, "N")
+        row = _use_row(result, "pad_force", figure, share, f"{force} ± {bar}", note, "pad_force", least)
         yield row._replace(name=name)
 
 

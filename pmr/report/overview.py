@@ -47,7 +47,7 @@ def system_rows(result: RunResult) -> Rows:
     yield from _mass_rows(result)
     yield from _pad_rows(result)
     for load in scene_loads(result):
-        yield qualified_name(load.body, load.name), _load_text(load)
+        yield qualified_name(load.body, load.name), load_text(load)
     scene, gravity = result.scene, result.scene.gravity
     if scene.hoist is not None:
         yield "hoist", describe_hoist(scene.hoist, scene.time.end)
@@ -170,7 +170,7 @@ def _tip_rows(result: RunResult) -> Rows:
         yield "tip from the pivot", f"radius {far}, height {high}, with deflections"
 
 
-def _load_text(load: AppliedLoad) -> str:
+def load_text(load: AppliedLoad) -> str:
     """Describe a load by the range of its values, its position and its axis; one that is always 0 is described as such.
 
     A load that is never positive is described as a positive load along the opposite axis.
@@ -307,12 +307,13 @@ def _pad_rows(result: RunResult) -> Rows:
 
 
 def _describe_support(support: Support) -> str:
-    """Describe a support: its kind or the directions it holds, its position and its stiffness."""
+    """Describe a support: its kind if it has one, its position, its stiffness, and the directions that it holds."""
     where = f"on the {support.on}" if isinstance(support.on, str) else f"at {format_input(support.on, 'm')}"
-    turns = [f"about {of[1]}" for of in support.directions or () if of.startswith("r")]
     moves = ", ".join(of for of in support.directions or () if not of.startswith("r"))
-    along = ", ".join([f"along {moves}"] * bool(moves) + turns) or support.kind
-    return f"{along} {where}, {SceneWords().describe_value(support, 'stiffness', support.stiffness)}"
+    turns = ", ".join(of[1] for of in support.directions or () if of.startswith("r"))
+    ways = " and ".join(filter(None, (f"along {moves}" if moves else "", f"about {turns}" if turns else "")))
+    stiffness = SceneWords().describe_value(support, "stiffness", support.stiffness)
+    return f"{where}, {stiffness} {ways}" if ways else f"{support.kind} {where}, {stiffness}"
 
 
 def _format_mass(mass: float) -> str:

@@ -37,6 +37,8 @@ UNITS = {"force": "N", "moment": "N m"}
 SCALED = ("m", "s", "N", "N m", "Pa", *MILLIONS, "rad", "rad/s", "degrees", "degrees/s")
 #: Words for keys that are symbols or names of persons.
 WORDS = {"young": "Young's modulus", "poisson": "Poisson's ratio", "rho_inf": "ρ∞ of generalised-α"}
+#: Rows of a beam whose sizes are those of cells on a shell of its walls, beside the elements of the beam itself.
+OF_WALLS = ("mesh size", "mesh along")
 #: Keys that are shown even if their values are the defaults.
 ALWAYS = ("stiffness", "basis", "against", "ancf_elements", "on", "direction")
 #: Tables of a scene of which only those keys are shown whose values differ from their defaults.
@@ -57,6 +59,10 @@ def input_tables(scene: Scene) -> list[Table]:
             table, _, key = of.key.partition(".")
             unused.setdefault(table, []).append(key)
         rows = (("model", f"{traits.words}{why}"), *words.rows(part, unused))
+        if traits.is_beam:
+            rows = tuple(
+                (name, f"{text}, on a shell of the walls" if name in OF_WALLS else text) for name, text in rows
+            )
         tables.append(Table(name or "Body, pads and loads", rows))
     unneeded = {"": ("title", "section", "sections", "published"), "frame": ("unit",)}
     run = words.rows(scene, unneeded | {"compare": () if "ancf" in scene.compare.against else ("ancf_elements",)})
@@ -220,7 +226,8 @@ def size_rows(result: RunResult) -> Rows:
     yield "coordinates of the reduced model", format_input(reduced_size(result))
     for part in result.summary.get("sections", ()):
         counts = part["coordinates"]
-        yield f"coordinates of {part['name']}", f"{format_input(counts['full'])} → {format_input(counts['reduced'])}"
+        text = f"{format_input(counts['full'])} → {format_input(counts['reduced'])}"
+        yield f"coordinates of {part['name']}", f"{text}{_further_coordinates(result, part['name'], counts['reduced'])}"
     for name, body in result.bodies.items():
         if (fields := body.fields) is not None:
             cells, vertices = format_input(len(fields.cells)), format_input(len(fields.points))
@@ -229,10 +236,10 @@ def size_rows(result: RunResult) -> Rows:
     if pads := sum(output.kind == "pad" for output in result.responses["reduced"].outputs):
         yield "pads", format_input(pads)
     if contact := result.summary.get("contact"):
-        parts_text = f"{format_input(contact['parts'])}, h ω = {format_input(round(contact['h_omega'], 3))} in each "
-        parts_text += "(h its length, ω the angular frequency of the contacts)"
+        parts_text = format_input(contact["parts"])
         if "mean_parts" in contact:
-            parts_text = f"at most {parts_text}; {format_input(round(contact['mean_parts'], 1))} on average"
+            parts_text = f"at most {parts_text}, {format_input(round(contact['mean_parts'], 1))} on average"
+        parts_text += f"; length of a substep times the contacts' angular frequency: {contact['h_omega']:.3g}"
         yield "substeps of a time step, for pads that only push", parts_text
     for name, response in result.responses.items():
         position, velocity = (np.abs(of).max() for of in (response.residual_position, response.residual_velocity))
@@ -247,6 +254,15 @@ def size_rows(result: RunResult) -> Rows:
         )
     if basis.get("rows_left_out"):
         yield "pads and supports that no shape of the reduced model moves", ", ".join(basis["rows_left_out"])
+
+
+def _further_coordinates(result: RunResult, name: str, count: int) -> str:
+    """Clause on those of the `count` coordinates of the section called `name` that its key ``coordinates`` lacks."""
+    part = result.scene.bodies[name]
+    more = count - part.reduction.coordinates
+    second_order = (result.summary.get("frame") or {}).get("second_order", False)
+    of = ["its cylinder"] * (part.joint is not None) + ["second order"] * bool(second_order)
+    return f", {format_input(more)} of them for {' and '.join(of)}" if more > 0 and of else ""
 
 
 def time_rows(seconds: Summary) -> Rows:

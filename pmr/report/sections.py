@@ -307,7 +307,9 @@ def section_force_block(result: RunResult, prefix: str) -> Block | None:
     shown = [what for what, value in largest.items() if value > NOTHING * max(largest.values())]
     if not shown:
         return None
-    caption = "Range over time of the section forces and moments at each place along each beam."
+    recovery = result.scene.recovery
+    every = f", computed every {format_input(recovery.every, 's')}" if recovery is not None and recovery.every else ""
+    caption = f"Range over time of the section forces and moments at each place along each beam{every}."
     drawn = drawing(f"{prefix}-envelopes", shapes.envelope_figure, caption, result, shown)
     measured = [
         Measured(qualified_name(name, what), force["unit"], Extremes.from_summary(force, "x_"))
@@ -315,7 +317,7 @@ def section_force_block(result: RunResult, prefix: str) -> Block | None:
         for what, force in part.get("section_forces", {}).get("reduced", {}).items()
         if what in shown and (force["min"] or force["max"])
     ]
-    caption, where = "Least and largest section forces and moments", ", and their distance from the tail"
+    caption, where = f"Least and largest section forces and moments{every}", ", and their distance from the tail"
     signs = " Positive: tension; tension at the top for moments y, on the right for moments z."
     grid = extremes_grid(result, caption, measured, signs, where=where)
     return Block(heading="Forces along beams", drawings=(drawn,), grids=(grid,), grids_first=True)

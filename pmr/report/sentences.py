@@ -10,6 +10,7 @@ import numpy as np
 from pmr.files.arrays import Array, Summary
 from pmr.report import trust
 from pmr.report.blocks import Grid, KeyNumber
+from pmr.report.columns import largest_by_unit
 from pmr.report.numbers import (
     MINUS,
     NOTHING,
@@ -212,17 +213,21 @@ def extremes_grid(
     """Build a table with the least and the largest value of all that was measured, with their times and places.
 
     Values of one unit have one prefix.  A value is printed as 0 if its magnitude is at most `NOTHING` times the largest
-    one with its unit, or at most `floor`.  `where` are words for the places, by default `then_words`; `remark` is a
-    sentence after the caption.  What has no name is called slider.
+    one of its unit, in the table or among all forces or moments of the run, or if it is at most `floor`.  `where` are
+    words for the places, by default `then_words`; `remark` is a sentence after the caption.  What has no name is called
+    slider.
     """
     placed, rows, small = where is not None or bool(moving_part(result)), [], False
+    largest = largest_by_unit(result) if measured else {}
     for name, base, extremes in measured:
         most = max(of.extremes.size for of in measured if of.unit == base)
-        cells = _extreme_cells(extremes, unit_for(most, base), max(NOTHING * most, floor), placed)
-        small |= any(floor < abs(of.value) <= NOTHING * most for of in (extremes.lowest, extremes.highest))
+        nothing = NOTHING * max(most, largest.get(base, 0.0))
+        cells = _extreme_cells(extremes, unit_for(most, base), max(nothing, floor), placed)
+        small |= any(floor < abs(of.value) <= nothing for of in (extremes.lowest, extremes.highest))
         rows.append((name or "slider", *cells))
     places = then_words(result) if where is None else where
-    remark += f" 0 is less than {format_percent(NOTHING, 1)} of the largest value with its unit." if small else ""
+    share = format_percent(NOTHING, 1)
+    remark += f" 0 is less than {share} of the run's largest value with this unit." if small else ""
     return Grid(f"{caption}, when they occur{places}.{remark}", ("", "least", "largest"), tuple(rows))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from pmr.files.arrays import Array, Summary
 from pmr.report.numbers import format_input, format_percent, format_quantity
 from pmr.results import BodyResult, RunResult
-from pmr.results.quantities import QUANTITIES
+from pmr.results.quantities import DIRECTION, QUANTITIES
 from pmr.scene.built import Load, PadRing, Support
 from pmr.scene.choice import input_directions
 from pmr.scene.joints import JointPads
@@ -24,6 +24,8 @@ from pmr.scene.model_traits import model_traits
 from pmr.scene.scene import BoomSection, Scene
 from pmr.scene.signals import SignalBase
 
+#: Axes of the boom.
+AXES = ("x", "y", "z")
 #: Words for the directions across the axis.
 _ACROSS = {"y": "lateral, y", "z": "vertical, z"}
 
@@ -70,15 +72,6 @@ def play_summary(result: RunResult) -> Summary:
 def play_words(gap: float) -> str:
     """Words for a play of pads of `gap` m from face to face; a gap of 0 means that the play was taken away."""
     return f"with {format_input(1e3 * gap, 'mm')} of play of pads" if gap else "without the play of pads"
-
-
-def wall_stress_words(walls: Summary) -> str:
-    """Words for the largest stress in walls (`pmr.results.quantities.wall_stress`) and its error bar.
-
-    Files of earlier versions have no bar, and a value that is a lower bound.
-    """
-    value = format_quantity(walls["value"], "Pa")
-    return f"{value} ± {format_quantity(walls['error'], 'Pa', 2)}" if "error" in walls else f"at least {value}"
 
 
 def direction_words(result: RunResult, direction: str) -> str:
@@ -279,6 +272,23 @@ def is_luffing_cylinder_alone(result: RunResult) -> bool:
     """Whether the luffing cylinder is the only support of the run that gives way."""
     supports = [output.name for output in result.responses["reduced"].outputs if output.kind == "support"]
     return bool(supports) and all(name.endswith(LUFFING_CYLINDER) for name in supports)
+
+
+def axis_words(name: str) -> str:
+    """Words for a direction, such as ``along x`` for ``x`` and ``about x`` for ``rx``; other names are unchanged."""
+    way = {**{axis: f"along {axis}" for axis in AXES}, **{f"r{axis}": f"about {axis}" for axis in AXES}}
+    return way.get(name, name)
+
+
+def support_words(name: str) -> str:
+    """Words for a force or moment of a support, such as ``pivot of base, about x`` for ``base: pivot rx``."""
+    body, _, support = name.rpartition(": ")
+    if not body and support != (axis := axis_words(support)):
+        return axis
+    if held := DIRECTION.search(support):
+        support = support[: held.start()] + support[held.end() :]
+    of = f"{support.removesuffix(' along')} of {body}" if body else support.removesuffix(" along")
+    return f"{of}, {axis_words(held.group().strip())}" if held else of
 
 
 def luffing_support_names(result: RunResult) -> set[str]:

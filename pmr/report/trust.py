@@ -9,7 +9,7 @@ from math import ceil, log10
 from pmr.compare.trust import UNSETTLED_KINDS
 from pmr.files.arrays import Summary
 from pmr.report.blocks import Table
-from pmr.report.numbers import format_input, format_percent, times_the_true_error
+from pmr.report.numbers import format_input, format_percent, format_quantity, times_the_true_error
 from pmr.report.subject import direction_words, play_summary, play_words, scope_words, with_shown_label
 from pmr.results import RunResult
 from pmr.results.quantities import COMPARED, QUANTITIES, reduction_error, stress_remark, wall_stress
@@ -95,7 +95,7 @@ def trust_table(result: RunResult) -> Table:
 
 
 def certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
-    """Yield rows (name, text) in brief on the errors of stress, tip, forces and frequencies, all sources added up.
+    """Yield rows (name, text) in brief on the errors of stresses, tip, forces and frequencies, all sources added up.
 
     Errors that are not known, and those of reactions that are all 0, have no row.  The last row is on changes by
     another play of pads, if a run had it.
@@ -103,7 +103,7 @@ def certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
     summed, reactions = summed_errors(result.summary), result.summary.get("reactions", ())
     without_play = ", without play of pads" if play_summary(result).get("gap") else ""
     if "reduced" in result.summary.get("max_von_mises", {}):
-        yield "stress", _stress_certainty(result)
+        yield from _stress_certainty_rows(result)
     for key in ("tip", "pad_force", "reaction", "support_force", "frequency"):
         if key == "reaction" and reactions and not any(Extremes.from_summary(of).size for of in reactions):
             continue
@@ -153,16 +153,41 @@ def _play_text(result: RunResult) -> str:
     return ";\n".join(filter(None, (f"{play_words(gap)}: {first}", "; ".join(further))))
 
 
-def _stress_certainty(result: RunResult) -> str:
-    """Text on the error of the stress in walls at pads, if known, and on errors of stresses that are not known."""
+def _stress_certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
+    """Yield a row on the error of the stress in walls at pads, if known, and one on errors that are not known."""
     walls, unknown = wall_stress(result.summary), f"not known, because {' and '.join(_stress_gaps(result))}"
+    if walls is None or not (error := wall_stress_error(result.summary)):
+        yield "stress", unknown
+        return
+    parts = f"{format_percent(walls['error'] / walls['value'], 2)} by the mesh of the walls, "
+    by_pads = pad_force_error(result.summary)
+    parts += "without the error of the pad forces" if by_pads is None else "the rest by the error of the pad forces"
+    yield "stress in walls at pads", f"± {format_percent(error, 2)}\n{parts}; for pads that press most in their middle"
+    yield "stress elsewhere", unknown
+
+
+def wall_stress_error(summary: Summary) -> float | None:
+    """Return the relative error of the largest stress in walls: that by the mesh of the walls and that of pad forces.
+
+    If the error of the pad forces is not known, the result is the error by the mesh alone.  None is returned if the
+    `summary` has no such stress, if the stress is 0, and for files of earlier versions, which have no error of it.
+    """
+    walls = wall_stress(summary)
     if walls is None or "error" not in walls or not walls["value"]:
-        return unknown
-    by_cells, by_pads = walls["error"] / walls["value"], pad_force_error(result.summary)
-    share = f"{format_percent(by_cells + (by_pads or 0.0), 2)} in walls at pads\n"
-    share += f"{format_percent(by_cells, 2)} by the mesh of the walls, "
-    share += "without the error of the pad forces" if by_pads is None else "the rest by the error of the pad forces"
-    return f"± {share}; not included: pads that press otherwise than most in their middle; elsewhere {unknown}"
+        return None
+    return float(walls["error"] / walls["value"]) + (pad_force_error(summary) or 0.0)
+
+
+def wall_stress_words(summary: Summary) -> str:
+    """Words for the largest stress in walls and its error (`wall_stress_error`); empty without such a stress.
+
+    Files of earlier versions have no error, and a value that is a lower bound.
+    """
+    walls, error = wall_stress(summary), wall_stress_error(summary)
+    if walls is None:
+        return ""
+    value = format_quantity(walls["value"], "Pa")
+    return f"at least {value}" if error is None else f"{value} ± {format_quantity(error * walls['value'], 'Pa', 2)}"
 
 
 def _stress_gaps(result: RunResult) -> Iterator[str]:

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-
 from pmr.report import first_page, overview
 from pmr.report.blocks import Verdict
-from pmr.report.numbers import format_input, format_quantity
+from pmr.report.numbers import format_input
 from pmr.report.sentences import LargestValue
 from pmr.report.subject import acting_loads, is_alone, reduced_size, structural_model_words
 from pmr.results import RunResult
@@ -57,7 +55,8 @@ def _unchecked(result: RunResult, rows: Sequence[LargestValue]) -> Iterator[str]
     unlimited = [key for key, uses in LIMITED_BY.items() if key in stated and not limited & {key, *uses}]
     if unlimited:
         yield f"Without a limit: {', '.join(QUANTITIES[key].label for key in unlimited)}."
-    effects = strength_effects(result.scene, in_walls=wall_stress(result.summary) is not None)
+    in_walls = wall_stress(result.summary) is not None
+    effects = [effect.text for effect in strength_effects(result.scene, in_walls=in_walls)]
     if result.frame is not None and "ground" not in result.summary:
         effects.append("tipping")
     if effects:
@@ -74,10 +73,7 @@ def run_sentence(result: RunResult) -> str:
     )
     motions = [f"{name} {text}" for of in (overview.length_rows, overview.angle_rows) for name, text in of(result)]
     masses = [f"{of.name} {format_input(of.mass, 'kg')}" for part in scene.sections for of in part.masses]
-    loads = [
-        f"{load.name} up to {format_quantity(float(np.abs(load.values).max()), load.source.unit)}"
-        for load in acting_loads(result)
-    ]
+    loads = [f"{load.name} {overview.load_text(load)}" for load in acting_loads(result)]
     parts = [f"{bodies}, modelled as {'; '.join(models)} with {reduced_size(result)} coordinates", *motions]
     parts += [f"{format_input(scene.time.end, 's')} of motion"]
     parts += [" and ".join(masses)] if masses else []

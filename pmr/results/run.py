@@ -197,7 +197,8 @@ class RunResult:
     ``ancf``.  `bodies` has the results of the bodies by name; the name of a body alone is empty.
 
     `summary` is the content of summary.json: ``errors.<a>_vs_<b>.{tip,beam}`` (e_NRMS, fractions),
-    ``absolute_errors.<a>_vs_<b>.{tip,beam}`` (e_abs, m), ``not_judged`` (`pmr.compare.trust.RingingReference`),
+    ``absolute_errors.<a>_vs_<b>.{tip,beam}`` (e_abs, m), ``largest_differences.<a>_vs_<b>.{tip,beam}`` (m),
+    ``not_judged`` (`pmr.compare.trust.RingingReference`),
     ``max_displacement`` and ``max_error`` (m),
     ``estimate.{beam,tip,pad_force,velocity,probe,probes,by,chi,largest,not_covered}`` (`pmr.compare.estimate`),
     ``step.{beam,tip,largest,finest,settled,by,enough,band}`` (`pmr.compare.step_error`), ``warnings``, ``coordinates``,

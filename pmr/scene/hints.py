@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import BaseModel
@@ -297,23 +298,39 @@ def _mass(part: BoomSection) -> float:
 HAS_MASS = 0.5
 
 
+class Effect(NamedTuple):
+    """Effect that a model leaves out, in words, and what checks it: a key or table of the scene, a command or hands."""
+
+    text: str
+    check: str = "by hand"
+
+
 def left_out(scene: Scene, at_rest: bool = False, play_in_bars: bool = False) -> dict[str, str]:
-    """Return effects that the model of a scene does not contain, as text by subject.
+    """Return the effects that the model of a scene does not contain (`effects_left_out`), as text by subject."""
+    effects = effects_left_out(scene, at_rest, play_in_bars)
+    return {subject: ", ".join(effect.text for effect in of) for subject, of in effects.items()}
+
+
+def effects_left_out(
+    scene: Scene, at_rest: bool = False, play_in_bars: bool = False, in_walls: bool = False
+) -> dict[str, list[Effect]]:
+    """Return effects that the model of a scene does not contain, by subject.
 
     The subjects are ``strength``, ``walls``, ``pads``, ``masses``, ``loads`` and ``machine``; subjects without an
     effect are left out.  An effect that has a key of its own, such as wind or friction, is named only if the scene does
     not use this key.  A model `at_rest`, as that of a load chart, has neither friction nor fatigue;
-    `play_in_bars` says whether the chart's error bars have a part for the play of pads.
+    `play_in_bars` says whether the chart's error bars have a part for the play of pads, and `in_walls` whether the
+    stress in walls under pads is known.
     """
-    clauses = {
-        "strength": strength_effects(scene, at_rest),
+    effects = {
+        "strength": strength_effects(scene, at_rest, in_walls),
         "walls": _wall_effects(scene),
         "pads": _pad_effects(scene, at_rest, play_in_bars),
         "masses": _missing_masses(scene),
         "loads": _load_effects(scene),
         "machine": _machine_effects(scene),
     }
-    return {subject: ", ".join(parts) for subject, parts in clauses.items() if parts}
+    return {subject: of for subject, of in effects.items() if of}
 
 
 def hung_forces(scene: Scene) -> dict[str, float]:
@@ -353,7 +370,7 @@ def hung_force_remark(scene: Scene) -> str:
     )
 
 
-def strength_effects(scene: Scene, at_rest: bool = False, in_walls: bool = False) -> list[str]:
+def strength_effects(scene: Scene, at_rest: bool = False, in_walls: bool = False) -> list[Effect]:
     """List the effects on strength that no stress contains.
 
     Fatigue is one of these if `at_rest`, or if the scene does not ask for it; bending of walls under pads is none
@@ -362,29 +379,27 @@ def strength_effects(scene: Scene, at_rest: bool = False, in_walls: bool = False
     """
     if all(part.body.profile is not None or part.body.mover is not None for part in scene.sections):
         return []  # lines without a section, which have no stress
-    clauses, boxes = list[str](), [member for member in members(scene) if member.part.body.box is not None]
+    effects, boxes = list[Effect](), [member for member in members(scene) if member.part.body.box is not None]
     if not in_walls and any(traits_of(member).is_beam and member.pads for member in boxes):
-        clauses.append("bending of walls under pads (in stresses of beams)")
+        effects.append(Effect("bending of walls under pads (in stresses of beams)", "key body.model = 'shell'"))
     if boxes:
-        clauses += ["buckling of plates", "entry of loads into walls (at lugs, hinges and the head)"]
-    clauses += ["welds, bolts and cut-outs", "plastic deformation"]
-    return clauses if scene.fatigue is not None and not at_rest else [*clauses, "fatigue"]
+        effects += [Effect("buckling of plates"), Effect("entry of loads into walls (at lugs, hinges and the head)")]
+    effects += [Effect("welds, bolts and cut-outs"), Effect("plastic deformation")]
+    return effects if scene.fatigue is not None and not at_rest else [*effects, Effect("fatigue", "table [fatigue]")]
 
 
-def _wall_effects(scene: Scene) -> list[str]:
-    """Return one clause, on the compliance of walls under pads that a beam with rigid walls leaves out.
+def _wall_effects(scene: Scene) -> list[Effect]:
+    """Return one effect, the compliance of walls under pads that a beam with rigid walls leaves out.
 
     The list is empty if no pad presses on a beam whose walls could be modelled as compliant.
     """
     if not any(map(has_walls_that_could_give, members(scene))):
         return []
-    return [
-        "compliance of walls under pads, so that deflections are too small, frequencies too high and forces of pads "
-        "off (body.walls = 'give' adds it)"
-    ]
+    text = "compliance of walls under pads, so that deflections are too small, frequencies too high and forces of pads "
+    return [Effect(f"{text}off (body.walls = 'give' adds it)", "key body.walls")]
 
 
-def _pad_effects(scene: Scene, at_rest: bool, play_in_bars: bool) -> list[str]:
+def _pad_effects(scene: Scene, at_rest: bool, play_in_bars: bool) -> list[Effect]:
     """List the effects in pads that are left out.
 
     Friction is one of these if `at_rest`, or if no pad of the scene has it.  Play is one of these if no pad of the
@@ -394,16 +409,16 @@ def _pad_effects(scene: Scene, at_rest: bool, play_in_bars: bool) -> list[str]:
     rings = [ring for part in scene.sections for ring in part.rings]
     if not rings:
         return []
-    clauses = [] if not at_rest and any(getattr(ring, "friction", 0.0) for ring in rings) else ["friction"]
-    clauses += ["wear", "spread of the pressure under a pad"]
+    rubbing = not at_rest and any(getattr(ring, "friction", 0.0) for ring in rings)
+    effects = [] if rubbing else [Effect("friction", "key friction of pads")]
+    effects += [Effect("wear"), Effect("spread of the pressure under a pad")]
     if not any(ring.has_clearance for ring in rings):
-        clauses.append(
-            "play beyond error bars" if play_in_bars else "play (at side pads it changes the stress in walls)"
-        )
-    return clauses
+        text = "play beyond error bars" if play_in_bars else "play (at side pads it changes the stress in walls)"
+        effects.append(Effect(text, "key clearance of pads"))
+    return effects
 
 
-def _missing_masses(scene: Scene) -> list[str]:
+def _missing_masses(scene: Scene) -> list[Effect]:
     """List the parts of a boom of boxes whose mass only a [[masses]] table of the scene could add.
 
     The scene's [[masses]] are not looked at.  The list is empty if no section is a box.
@@ -415,10 +430,11 @@ def _missing_masses(scene: Scene) -> list[str]:
     attached = ", what is attached along them" if has_hoses else ""
     joined = any(part.joint is not None and part.joint.cylinder is not None for part in scene.sections)
     cylinders = ["cylinders"] if joined or scene.frame is not None and scene.frame.cylinder is not None else []
-    return [*cylinders, f"{others} (only walls{attached} and the scene's masses have weight)"]
+    texts = [*cylinders, f"{others} (only walls{attached} and the scene's masses have weight)"]
+    return [Effect(text, "table [[masses]]") for text in texts]
 
 
-def _load_effects(scene: Scene) -> list[str]:
+def _load_effects(scene: Scene) -> list[Effect]:
     """List the loads and the dynamic effects of loads that the scene does not have.
 
     The list is empty for a scene without a frame whose sections are no boxes.
@@ -429,15 +445,17 @@ def _load_effects(scene: Scene) -> list[str]:
         return []
     acting = {load.acts for load in loads}
     calm = [part.name for part in scene.sections if not any(load.acts == "wind" for load in part.loads)]
-    clauses = ["wind on the sections"] if len(calm) == len(scene.sections) else ["wind on machine and payload"]
-    clauses += [f"wind on {' and '.join(calm)}"] if 0 < len(calm) < len(scene.sections) else []
-    clauses += [] if "temperature" in acting else ["temperature"]
+    by_wind, by_warmth = "acts = 'wind' of [[loads]]", "acts = 'temperature' of [[loads]]"
+    is_calm = len(calm) == len(scene.sections)
+    effects = [Effect("wind on the sections", by_wind) if is_calm else Effect("wind on machine and payload")]
+    effects += [Effect(f"wind on {' and '.join(calm)}", by_wind)] if calm and not is_calm else []
+    effects += [] if "temperature" in acting else [Effect("temperature", by_warmth)]
     if any(mass.payload for mass in masses):
-        clauses.append("rope and swing of the payload (it is fixed to the tip)")
-    return clauses
+        effects.append(Effect("rope and swing of the payload (it is fixed to the tip)", "table [hoist]"))
+    return effects
 
 
-def _machine_effects(scene: Scene) -> list[str]:
+def _machine_effects(scene: Scene) -> list[Effect]:
     """Effects of a machine that the model leaves out, such as play in hinges, each as a noun phrase of a sentence.
 
     The list is empty for a single body without a frame, the table that mounts a boom on a machine.
@@ -445,15 +463,22 @@ def _machine_effects(scene: Scene) -> list[str]:
     frame = scene.frame
     if frame is None and len(scene.sections) == 1:
         return []
-    clauses = ["play in hinges"]
+    effects, cylinder = [Effect("play in hinges")], None if frame is None else frame.cylinder
     driven = [number for number in range(1, len(scene.sections)) if has_driven_tail(member_at(scene, number))]
     if driven and all(scene.joint(number).line is None for number in driven):
-        clauses.append("distance of cylinders and ropes that drive sections from the axis (their key offset adds it)")
+        text = "distance of cylinders and ropes that drive sections from the axis (their key offset adds it)"
+        effects.append(Effect(text, "key offset"))
     if frame is not None and frame.machine is None:
         stands = frame.ground is not None
-        clauses.append("ground and chassis that give way" if stands else "what the machine stands on, and its tipping")
-    if frame is None or frame.cylinder is None or frame.cylinder.oil is None:
-        clauses.append("oil and valves (drives follow the prescribed motion)")
+        effects.append(
+            Effect("ground and chassis that give way", "table [frame.machine]")
+            if stands
+            else Effect("what the machine stands on, and its tipping", "table [frame.ground]")
+        )
+    if cylinder is None or cylinder.oil is None:
+        by_oil = "by hand" if cylinder is None else "table [frame.cylinder.oil]"
+        effects.append(Effect("oil and valves (drives follow the prescribed motion)", by_oil))
     else:
-        clauses.append("relief valves and dry friction of the cylinder on oil")
-    return [*clauses, "buckling of cylinders"]
+        effects.append(Effect("relief valves and dry friction of the cylinder on oil"))
+    by_rod = "by hand" if cylinder is None else "key rod of frame.cylinder, by hand for other cylinders"
+    return [*effects, Effect("buckling of cylinders", by_rod)]

@@ -14,7 +14,14 @@ from oracle import enriched, paper_basis, project, rich_body
 from scipy.interpolate import PPoly
 
 from pmr import ReducedModel, Response, SimulationError
-from pmr.compare.errors import absolute_error, errors_between, observed_quantities, relative_error, zero_round_off
+from pmr.compare.errors import (
+    absolute_error,
+    errors_between,
+    largest_difference,
+    observed_quantities,
+    relative_error,
+    zero_round_off,
+)
 from pmr.compare.motion import force_rates, load_rates, output_rates
 from pmr.files.arrays import Array
 from pmr.results import Energy
@@ -84,6 +91,12 @@ def test_an_error_may_exceed_one() -> None:
 def test_shapes_must_agree() -> None:
     with pytest.raises(ValueError, match="differ"):
         relative_error(np.zeros((5, 1)), np.ones((5, 2)))
+
+
+def test_the_largest_difference_is_that_of_a_single_value() -> None:
+    assert largest_difference(np.array([[1.0, 2.0], [4.0, -3.0]]), np.array([[1.0, 0.0], [0.0, 2.0]])) == 5.0
+    with pytest.raises(SimulationError, match="not finite"):
+        largest_difference(np.array([1.0, np.nan]), np.zeros(2))
 
 
 def test_absolute_error_is_the_euclidean_norm_over_time() -> None:

@@ -66,7 +66,7 @@ def test_a_difference_within_the_error_of_the_step_is_drawn_and_said(boom: RunRe
         stressed = histories.Timeline(result).difference_clause(stress_histories(result, body))
         for said in (energy.caption, stressed):
             assert ". Below: the difference to the full model" in said
-            assert ("less than the error of the time step" in said) == (step == 0.5)
+            assert ("below the time step's error" in said) == (step == 0.5)
 
 
 def test_models_that_do_not_differ_have_no_panel_of_a_difference(boom: RunResult) -> None:
@@ -102,7 +102,7 @@ def test_page_says_figures_and_inputs(page: str) -> None:
 
 
 def test_the_error_table_has_pad_forces_in_newtons(boom: RunResult) -> None:
-    table = {(row.comparison, row.place): (row.value, row.absolute) for row in errors.rows(boom)}
+    table = {(row.comparison, row.place): (row.value, row.difference) for row in errors.rows(boom)}
     assert table["reduced against full", "pad forces"] == ("0.300\u00a0%", "450\u00a0N")
 
 

@@ -12,6 +12,7 @@ from matplotlib.colors import same_color
 from pmr import RunResult
 from pmr.report import forces as drawn
 from pmr.report import sections
+from pmr.report.errors import error_table
 from pmr.report.errors import rows as error_rows
 from pmr.report.figures import section_colours
 from pmr.report.figures.shapes import envelope_figure
@@ -32,8 +33,8 @@ def probed(make_result) -> RunResult:
     at = [{"name": name, "unit": unit, "at": [1.5, 1e-17, -0.2], "face": "outer"}
           for name, unit in zip(NAMES, ("Pa", "Pa", "1", "mm"), strict=True)]  # fmt: skip
     errors = {"reduced_vs_full": {"tip": 0.01, "beam": 0.01, "weld stress along": 0.002, "weld strain along": 0.003}}
-    norms = {"reduced_vs_full": {"tip": 0.01, "beam": 0.01, "weld stress along": 2e3, "weld strain along": 1e-6}}
-    summary = {"probes": at, "errors": errors, "absolute_errors": norms}
+    largest = {"reduced_vs_full": {"tip": 0.01, "beam": 0.01, "weld stress along": 2e3, "weld strain along": 1e-6}}
+    summary = {"probes": at, "errors": errors, "largest_differences": largest}
     result = make_result(summary=summary, responses=("full", "reduced"))
     found = {}
     for name, response in result.responses.items():
@@ -129,7 +130,46 @@ def test_what_is_nothing_beside_the_largest_of_its_kind_is_zero(probed: RunResul
     (grid,) = contact_block(idle(probed, lower=1.0, other=0.9e-4, aside=1.1e-4), "case-1").grids
     largest = {name: cell.partition(f"{SPACE}N at")[0] for name, _, cell in grid.rows}
     assert largest == {"lower": "100", "other": "0", "aside": "0.0110"}
-    assert grid.caption.endswith(f" 0 is less than 0.01{SPACE}% of the largest value with its unit.")
+    assert grid.caption.endswith(f" 0 is less than 0.01{SPACE}% of the run's largest value with this unit.")
+
+
+def test_what_is_nothing_beside_the_largest_force_of_the_run_is_zero_in_all_tables(probed: RunResult) -> None:
+    """A force was 0 in the table of supports and -3.27 N in that of the machine, whose other forces are smaller."""
+    small, pushed = idle(probed, lower=1.0), Output("reaction of base: pin x", "reaction", "", unit="N")
+    for size, cell in ((0.9e-2, "0"), (1.1e-2, f"11.0{SPACE}mN at 0{SPACE}s, 1.25{SPACE}m")):
+        reaction = np.full((len(small.responses["reduced"].t), 1), size)
+        with_pin = small.responses["reduced"].with_others(reaction, [pushed])
+        result = replace(small, responses=small.responses | {"reduced": with_pin})
+        (grid,) = drawn.support_block(result, "case-1").grids
+        assert grid.rows == (("pin of base, along x", cell, cell),)
+
+
+def test_reactions_without_a_row_among_the_errors_are_named_with_the_reason(make_space) -> None:
+    """The full model has none where a support holds a coordinate of its mesh, and small ones are far off in percent."""
+    supports = [{"name": "pin", "on": "tail", "directions": ["x", "z", "rx"]}]
+    names = [f"reaction of pin {axis}" for axis in ("x", "z", "rx")]
+    errors = {"reduced_vs_full": {"tip": 0.01, names[1]: 0.02, names[2]: 0.5}}
+    result, sizes = make_space(supports=supports, summary={"errors": errors}), {"x": 2e6, "z": 1e6, "rx": 1.0}
+    result = replace(result, responses={
+        model: response.with_others(
+            np.ones((len(response.t), 1)) * [sizes[axis] for axis in axes],
+            [Output(f"reaction of pin {axis}", "reaction", "", unit="N m" if axis == "rx" else "N") for axis in axes],
+        )
+        for (model, response), axes in zip(
+            ((name, result.responses["reduced"]) for name in ("full", "reduced")), (("z", "rx"), ("x", "z", "rx")),
+            strict=True,
+        )
+    })  # fmt: skip
+    listed = error_table(result)
+    assert [row.place for row in listed.rows if "reaction" in row.place] == [
+        "reaction of pin, along z", "reaction of pin, about x",
+    ]  # fmt: skip
+    assert [note.partition(". ")[0] for note in listed.reasons] == ["Not compared: the reaction of pin, along x"]
+    moment = Output("reaction of pivot ry", "reaction", "", unit="N m")
+    large = result.responses["reduced"].with_others(np.full((len(result.responses["reduced"].t), 1), 2e4), [moment])
+    listed = error_table(replace(result, responses=result.responses | {"reduced": large}))
+    assert [row.place for row in listed.rows if "reaction" in row.place] == ["reaction of pin, along z"]
+    assert listed.reasons[1].endswith("% of the largest force or moment: the reaction of pin, about x.")
 
 
 def test_moments_of_supports_that_give_way_are_no_forces(make_space, monkeypatch) -> None:
@@ -153,7 +193,7 @@ def test_moments_of_supports_that_give_way_are_no_forces(make_space, monkeypatch
 
 
 def test_the_error_table_has_probes_in_their_units(probed: RunResult) -> None:
-    found = {row.place: (row.value, row.absolute) for row in error_rows(probed)}
+    found = {row.place: (row.value, row.difference) for row in error_rows(probed)}
     assert found["weld stress along"] == ("0.200\u00a0%", "2.00\u00a0kPa")
     assert found["weld strain along"] == ("0.300\u00a0%", "1.00\u00a0·\u00a010⁻⁶")
 

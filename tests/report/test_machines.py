@@ -83,7 +83,8 @@ def test_oil_has_its_pressure_and_flow_on_the_first_page() -> None:
     )
     cylinder = result.summary["luffing_cylinder"]
     assert cylinder["use"]["max"] == pytest.approx(cylinder["force"]["max"] / 3e5)
-    assert carries["largest use of the luffing cylinder"].startswith(f"{cylinder['use']['max']:.1%}"[:-1] + SPACE)
+    used = f"{cylinder['use']['max']:.1%}"[:-1]
+    assert f"kN, it pushes: {used}{SPACE}% of the " in carries["largest use of the luffing cylinder"]
     rod, flow = cylinder["pressure_rod"]["max"], 6e4 * cylinder["flow_supply"]["max"]
     assert rod > cylinder["pressure_bore"]["max"]
     pressure = carries["largest pressure of oil"]

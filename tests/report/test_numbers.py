@@ -158,7 +158,7 @@ def test_a_run_without_reference_has_no_error_to_show(make_result) -> None:
 
 def test_columns_that_all_lines_leave_empty_are_left_out() -> None:
     full = Row("a", "b", "1", "2", "+3", WITHIN, "4 m")
-    words = replace(full, deviation=None, mark=None, absolute=None)
+    words = replace(full, deviation=None, mark=None, difference=None)
     for lines, heads in (([words, full], ["here", "published", "deviation"]), ([words], ["here", "published"])):
         block = Block("Errors", errors=ErrorTable("", lines))
         page = render_runs([Chapter(anchor="case-1", title="Case", blocks=[block])])

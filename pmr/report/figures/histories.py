@@ -123,7 +123,7 @@ class Timeline:
             return ""
         step = self.result.summary.get("step") or {}
         error = max(step.get(place) or 0.0 for place in ("tip", "beam"))
-        small = ", in percent less than the error of the time step in displacements"
+        small = "; relative to the largest value it is below the time step's error in displacements"
         other = "ANCF" if self.reference == "ancf" else "the full model"
         return f". Below: the difference to {other}{small if apart <= error * largest_of(signals) else ''}"
 
@@ -268,11 +268,13 @@ def line_figure(
 def output_figure(result: RunResult, outputs: Sequence[Output]) -> Figure:
     """Draw one or more outputs of one unit over time in one panel.
 
-    Names in the legend are without the words that all of them begin with; a single output has no legend.
+    Names in the legend are without the words that all of them begin with, and directions are in words; a single output
+    has no legend.
     """
     words, response = [output.name.split(" ") for output in outputs], result.responses["reduced"]
     shared, unit = len(commonprefix(words)), outputs[0].unit
-    lines = {" ".join(of[shared:]): response.other(output.name) for of, output in zip(words, outputs, strict=True)}
+    names = [subject.axis_words(" ".join(of[shared:])) for of in words]
+    lines = {name: response.other(output.name) for name, output in zip(names, outputs, strict=True)}
     return line_figure(result, lines, "%" if unit == "1" else unit, UNIT_QUANTITIES[unit].capitalize())
 
 

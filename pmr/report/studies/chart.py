@@ -109,9 +109,7 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
 def duty_caption(lengths: int) -> str:
     """Caption of the lines of loads over the radius; if not all boom lengths are drawn, it says how many are."""
     caption = "Allowed load over the radius of the tip for boom lengths from the pivot; letters and colours as above."
-    drawn = (
-        f" Lines are drawn for {min(LINES, lengths)} of {lengths} boom lengths, in narrow windows for {NARROW_LINES}"
-    )
+    drawn = f" Lines are drawn for at most {min(LINES, lengths)} of {lengths} boom lengths"
     return caption + (f"{drawn}; the tables have all." if lengths > NARROW_LINES else "")
 
 

@@ -301,6 +301,7 @@ def error_bar_grids(study: FinishedStudy, names: list[str], parts: Parts) -> lis
             )
         )
     caption = "Half width of the error bars as a share of the load: medians over all points, and the largest total. "
+    caption += "The median of the totals is not the sum of the other medians. "
     caption += "Limits that no load of the chart reaches are not listed."
     heads = ["large rotations" if of == "rotation" else "play of pads" if of == "play" else of for of in shown]
     return [Grid(caption, ("limit", "total", *heads, "largest total"), tuple(rows), "blocks")]

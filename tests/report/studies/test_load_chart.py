@@ -312,7 +312,7 @@ def test_the_caption_of_lines_says_how_many_of_all_boom_lengths_are_drawn() -> N
     chart = LoadChart(place, np.full((12, 2), 900.0), np.zeros((12, 2), dtype=int), ["tip"], 2e4)
     ends = [text for text in duty_lines(chart).axes[0].texts if text.get_text().endswith(" m")]
     narrow = [text for text in duty_lines(chart, HALF).axes[0].texts if text.get_text().endswith(" m")]
-    said = f" {len(ends)} of 12 boom lengths, in narrow windows for {len(narrow)};"
+    said = f" at most {len(ends)} of 12 boom lengths;"
     assert said in duty_caption(12) and len(ends) == LINES and "narrow" not in duty_caption(len(narrow))
 
 
