@@ -42,14 +42,13 @@ from pmr.compare.trust import (
     ROWS_LEFT_OUT,
     SLIDER_IMPACTS,
     SLIDER_RINGING,
-    UNSETTLED_KINDS,
     has_damped_jump,
     is_ringing,
 )
 from pmr.errors import GrowthError, SimulationError
 from pmr.files.arrays import Array
 from pmr.results import Response
-from pmr.results.quantities import with_unit
+from pmr.results.quantities import UNSETTLED_KINDS, with_unit
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
 from pmr.simulation.reactions import outputs_of

@@ -12,7 +12,7 @@ from pmr.compare.model_part import largest_model_error
 from pmr.errors import percent, two_digits
 from pmr.files.arrays import Array, Summary
 from pmr.results import Response
-from pmr.results.quantities import QUANTITIES, error_label, reduction_error
+from pmr.results.quantities import QUANTITIES, UNSETTLED_KINDS, error_label, reduction_error
 from pmr.results.response import ROUND_OFF
 from pmr.scene import Scene
 from pmr.scene.choice import has_walls_that_could_give
@@ -109,12 +109,6 @@ LOAD_JUMPS = (
 )
 #: Damping ratio of the first truncated mode above which truncated modes bear a notable part of a load's jump.
 DAMPED = 0.05
-#: Reasons why there is no estimate of outputs in which richer models disagree, by kind.
-UNSETTLED_KINDS = {
-    kind: f"{QUANTITIES[kind].label}, because pads lift off and close again and the motion depends on the exact time "
-    "of impacts"
-    for kind in ("pad_force", "cylinder_force", "velocity", "probe", "reaction")
-}
 #: Largest share of a load's changes, by RMS, that may lie above the frequencies of the enrichment modes.
 BEYOND = 0.05
 

@@ -6,13 +6,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, log10
 
-from pmr.compare.trust import UNSETTLED_KINDS
 from pmr.files.arrays import Summary
 from pmr.report.blocks import Table
 from pmr.report.numbers import format_input, format_percent, format_quantity, times_the_true_error
 from pmr.report.subject import direction_words, play_summary, play_words, scope_words, with_shown_label
 from pmr.results import RunResult
-from pmr.results.quantities import COMPARED, QUANTITIES, reduction_error, stress_remark, wall_stress
+from pmr.results.quantities import COMPARED, QUANTITIES, UNSETTLED_KINDS, reduction_error, stress_remark, wall_stress
 from pmr.results.response import Extremes
 from pmr.scene.choice import traits_of
 from pmr.scene.members import members

@@ -637,6 +637,12 @@ def matches_pattern(patterns: Sequence[str], name: str) -> bool:
     return any(re.fullmatch(".*".join(map(re.escape, pattern.split("*"))), name) for pattern in patterns)
 
 
+#: Reasons why there is no estimate of outputs in which richer models disagree, by kind.
+UNSETTLED_KINDS = {
+    kind: f"{QUANTITIES[kind].label}, because pads lift off and close again and the motion depends on the exact time "
+    "of impacts"
+    for kind in ("pad_force", "cylinder_force", "velocity", "probe", "reaction")
+}
 #: Keys of the quantities in which models are compared, in the order in which errors are named.
 COMPARED = ("tip", "beam", "pad_force", "cylinder_force", "support_force", "reaction", "frequency")
 
