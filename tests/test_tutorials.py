@@ -11,6 +11,7 @@ import pytest
 from processes import called, python
 
 from pmr.compare.model_part import largest_model_error
+from pmr.report.trust import wall_stress_error
 
 PAGES = Path(__file__).parents[1] / "docs" / "tutorials"
 
@@ -107,6 +108,7 @@ def test_a_crane_from_an_empty_folder(
     walls, beams = model["wall_stress"]["value"], first["max_von_mises"]["reduced"]
     assert f"the {1e-6 * model['wall_stress']['even']:.0f} MPa that the walls have" in page
     assert f"{1e-6 * walls:.0f} MPa in walls" in page and f"{1e-6 * beams:.0f} MPa of the beams" in page
+    assert f"the pad forces, is {1e-6 * walls * (wall_stress_error(first) or 0.0):.0f} MPa." in " ".join(page.split())
     luffing = first["luffing_cylinder"]["force"]
     assert f"up to {1e-3 * luffing['max']:.0f} kN, at {luffing['t_max']:.2f} s and a boom length" in page
     buckling = first["buckling"]

@@ -22,6 +22,7 @@ from pmr.report.numbers import (
     significant,
 )
 from pmr.report.subject import force_words, is_alone, shown_force_name, support_words, with_shown_label
+from pmr.report.trust import summed_errors
 from pmr.results import RunResult
 from pmr.results.quantities import COMPARED, PIVOT, REACTION_OF, error_label
 from pmr.scene.built import reaction_name
@@ -38,7 +39,7 @@ def error_table(result: RunResult) -> ErrorTable:
     caption = "Over all times and places."
     if is_compared(result):
         places = [place for pair in result.summary.get("errors", {}).values() for place in pair]
-        forces = f" and {force_words(result)}" if "pad_force" in places else ""
+        forces = " and forces" if "pad_force" in places else ""
         source = f"; published: {published.source}" if published and any(row.published for row in error_rows) else ""
         caption = f"Normalised RMS errors of transverse displacements{forces}, and largest values{source}."
     return ErrorTable(caption, error_rows, error_notes(result, error_rows))
@@ -97,10 +98,12 @@ def _reaction_notes(result: RunResult) -> Iterator[str]:
         for name in supports
         if name in reduced.other_names and name not in (*full.other_names, *slight)
     ]
+    lacking = "reduction" in summed_errors(result.summary).lacking.get("reaction", ())
     if unknown:
+        clause = ", so that the errors of all reactions lack that of the reduction" if lacking else ""
         yield (
             f"Not compared: the reaction of {'; '.join(unknown)}. The full model has no reactions of supports that "
-            "hold coordinates of its mesh."
+            f"hold coordinates of its mesh{clause}."
         )
     small = [words for name, words in slight.items() if name in compared]
     if small:

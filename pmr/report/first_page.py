@@ -91,12 +91,14 @@ def _left_out_rows(result: RunResult) -> Rows:
         opened = [force.size for force in forces if force.lowest.value == 0.0]
         idle = sum(size <= result.responses["reduced"].force_floor for size in opened)
         numbers = ((len(opened) - idle, "at times"), (idle, "at all times"))
-        counts = " and ".join(f"{number} {when}" for number, when in numbers if number)
-        counts = f" (open of {len(forces)} pads: {counts})" if counts else ""
-        values = ["natural frequencies"] if result.frequencies.models else []
-        values += ["buckling factor"] if "factor" in result.summary.get("buckling", {}) else []
-        open_pads = f"that open pads lower {' and '.join(values)}{counts}"
-        effects.setdefault("pads", []).append(Effect(open_pads, by_chart))
+        counts = " and ".join(f"{number} of {len(forces)} {when}" for number, when in numbers if number)
+        counts = f" ({counts})" if counts else ""
+        resting = "by hand" if result.frequencies.resting is None else "the row of the lowest frequency"
+        lowered = {"natural frequencies": resting} if result.frequencies.models else {}
+        lowered |= {"the buckling factor": by_chart} if "factor" in result.summary.get("buckling", {}) else {}
+        for value, check in lowered.items():
+            effects.setdefault("pads", []).append(Effect(f"that open pads{counts} lower {value}", check))
+            counts = ""
     if recovery is not None and "reduced" in result.summary.get("max_von_mises", {}):
         walls = ", in walls also where the force of a pad or support is largest" if in_walls else ""
         every = format_input(recovery.every, "s")
@@ -264,10 +266,10 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
             with_errors = share * (1.0 + error)
             text += f", {format_percent(with_errors)} with "
             text += "all known errors" if by_pads is not None else "the error by the mesh of the walls alone"
-    text += f"\n{wall_place_clause(result, shell)}"
+    text += f"\n{wall_place_clause(result, shell)}; for pads that press most in their middle"
     if "even" in shell:  # which files of earlier versions lack
         even = format_quantity(shell["even_error"] + shell["even"] * (by_pads or 0.0), "Pa", 2)
-        text += f"; {format_quantity(shell['even'], 'Pa')} ± {even} if pads press evenly"
+        text += f"; {format_quantity(shell['even'], 'Pa')} ± {even} if they press evenly"
     text += f"{play_clause(result, 'wall_stress')}; {WALL_STRESS_PARTS}"
     if error is not None:
         text += f"; ± is by the mesh of the walls {'alone' if by_pads is None else 'and the error of the pad forces'}"
@@ -275,10 +277,8 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
     return largest_value("wall_stress", text, share)._replace(share_with_errors=with_errors)
 
 
-#: What the stress in walls at pads takes for granted, and what it contains.
-WALL_STRESS_PARTS = (
-    "pads are taken to press most in their middle; the bending of walls under pads is included, welds are not"
-)
+#: What the stress in walls at pads contains.
+WALL_STRESS_PARTS = "the bending of walls under pads is included, welds are not"
 
 
 def _missing_clause(summary: Summary) -> str:

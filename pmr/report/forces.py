@@ -334,7 +334,10 @@ def _caption(result: RunResult, kind: str, unit: str, is_first: bool) -> str:
 
 
 def _force_grid(result: RunResult, kind: str, forces: Sequence[Force]) -> Grid:
-    """Build the table of extremes of forces and moments of one kind, with the largest friction if it is known."""
+    """Build the table of extremes of forces and moments of one kind, with the largest friction if it is known.
+
+    It has no rows if the only support that gives way is a luffing cylinder on which the summary has an entry.
+    """
     response = result.responses["reduced"]
     friction = {of["name"]: f", friction up to {format_quantity(of['friction'], 'N')}"
                 for of in result.summary.get("cylinders", ()) if "friction" in of}  # fmt: skip
@@ -347,6 +350,7 @@ def _force_grid(result: RunResult, kind: str, forces: Sequence[Force]) -> Grid:
     on, signs = " on supports that give way" if kind == "support" else "", SIGNS.get(kind, "")
     if kind == "support" and is_luffing_cylinder_alone(result):
         on, signs = " of the luffing cylinder", " The force is positive where the cylinder pushes."
+        measured = [] if "luffing_cylinder" in result.summary else measured  # the table of the cylinder has this force
     return extremes_grid(result, f"Least and largest forces{on}", measured, signs, response.force_floor)
 
 

@@ -48,8 +48,8 @@ OIL_SIDES = {"bore": "in the bore", "rod": "on the rod side"}
 ROPES = "which pulls the ropes"
 #: What the force of a lug takes for granted; the distance between both lugs is to be filled in.
 LUGS = (
-    "; a lug of the two, {} apart, is taken to bear half of the force across the pin, one of the two opposite forces "
-    "that make up the moment, and all of the force along the pin"
+    "; both lugs, {} apart, are taken to share the force across the pin evenly and to bear its moment as a couple, and "
+    "this lug to bear all of the force along the pin"
 )
 #: Keys of the quantities whose errors are those of the boom's moment on its machine.
 MARGIN_ERRORS = ("reaction", "support_force")
@@ -351,14 +351,15 @@ def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestVal
         pad = max(shares, key=lambda name: shares[name][0])
         share, limit = shares[pad]
         force, bar = format_quantity(limit["force"], "N"), format_quantity(limit["error"], "N", 2)
-        note = f"{pad}, {extreme_clause(result, forces[pad].largest)}; {force} of this pad alone, most in its middle, "
-        note += (
-            f"make the walls of {limit['section']} begin to yield at their weakest place along the pad's way, without "
+        even = format_quantity(limit["even"], "N")
+        note = (
+            f"{pad}, {extreme_clause(result, forces[pad].largest)}; under {force} of this pad alone, pressing most in "
         )
+        note += f"its middle, the walls of {limit['section']} begin to yield, at the weakest place along its way and "
         note += (
-            f"the bending of the section; ± is by the mesh of the walls; {format_quantity(limit['even'], 'N')} do if "
+            f"without bending of the whole section; under {even} if it presses evenly (no error bar); ± is by the mesh "
         )
-        note += "the pad presses evenly (without an error bar)"
+        note += "of the walls"
         least, name = 1.0 - limit["error"] / limit["force"], "largest use of the pad force at which walls yield"
         figure = format_quantity(forces[pad].size, "N")
         row = _use_row(result, "pad_force", figure, share, f"{force} ± {bar}", note, "pad_force", least)

@@ -55,6 +55,8 @@ def input_tables(scene: Scene) -> list[Table]:
         at_least = ", or a larger one by measurement" if is_undecided(member) else ""
         why = f": {'; '.join(choice.reasons)}{at_least}" if part.body.model == "auto" else ""
         unused = {"": ["name"], "body": ["model"]}
+        if part.joint is not None and part.joint.rope is not None:
+            unused["joint"] = ["cylinder"]
         for of in unused_body_keys(member):
             table, _, key = of.key.partition(".")
             unused.setdefault(table, []).append(key)

@@ -158,9 +158,10 @@ def _stress_certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
     if walls is None or not (error := wall_stress_error(result.summary)):
         yield "stress", unknown
         return
-    parts = f"{format_percent(walls['error'] / walls['value'], 2)} by the mesh of the walls, "
-    by_pads = pad_force_error(result.summary)
-    parts += "without the error of the pad forces" if by_pads is None else "the rest by the error of the pad forces"
+    parts, by_pads = "by the mesh of the walls", pad_force_error(result.summary)
+    if by_pads is not None:
+        parts += f" ({format_percent(walls['error'] / walls['value'], 2)}) and the error of the pad forces"
+    parts += ", without the error of the pad forces" if by_pads is None else ""
     yield "stress in walls at pads", f"± {format_percent(error, 2)}\n{parts}; for pads that press most in their middle"
     yield "stress elsewhere", unknown
 

@@ -79,5 +79,7 @@ def run_sentence(result: RunResult) -> str:
     parts += [" and ".join(masses)] if masses else []
     parts += [overview.describe_hoist(scene.hoist, scene.time.end)] if scene.hoist is not None else []
     parts += [", ".join(loads)] if loads else []
+    turns = scene.frame is not None and any(load.source.axes == "ground" for load in acting_loads(result))
+    parts += ["x of the ground is where the boom points unslewed"] if turns else []
     parts += [f"weight {'left out' if scene.gravity is None else 'included'}"]
     return f"Computed: {'; '.join(parts)}."

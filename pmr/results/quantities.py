@@ -488,7 +488,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         Quantity("pad_use", "use of pads", "1", "pad", (), "largest use of the allowed pressure of a pad", "most"),
         Quantity("indentation", "indentations of walls", "m", "pad", (), "largest indentation of walls under a pad"),
         Quantity(
-            "cylinder_force", "cylinder forces", "N", "cylinder", ("cylinder",),
+            "cylinder_force", "forces of extension cylinders", "N", "cylinder", ("cylinder",),
             "largest force of an extension cylinder", sign=PUSHES,
             limit=ChartLimit("cylinder", _cylinder_measure, "forces of cylinders", True),
         ),

@@ -303,12 +303,16 @@ class Effect(NamedTuple):
 
     text: str
     check: str = "by hand"
+    is_stated: bool = False  # whether text without checks names the check, too
 
 
 def left_out(scene: Scene, at_rest: bool = False, play_in_bars: bool = False) -> dict[str, str]:
     """Return the effects that the model of a scene does not contain (`effects_left_out`), as text by subject."""
     effects = effects_left_out(scene, at_rest, play_in_bars)
-    return {subject: ", ".join(effect.text for effect in of) for subject, of in effects.items()}
+    return {
+        subject: ", ".join(f"{effect.text} ({effect.check})" if effect.is_stated else effect.text for effect in of)
+        for subject, of in effects.items()
+    }
 
 
 def effects_left_out(
@@ -396,7 +400,7 @@ def _wall_effects(scene: Scene) -> list[Effect]:
     if not any(map(has_walls_that_could_give, members(scene))):
         return []
     text = "compliance of walls under pads, so that deflections are too small, frequencies too high and forces of pads "
-    return [Effect(f"{text}off (body.walls = 'give' adds it)", "key body.walls")]
+    return [Effect(f"{text}off", "body.walls = 'give' adds it", is_stated=True)]
 
 
 def _pad_effects(scene: Scene, at_rest: bool, play_in_bars: bool) -> list[Effect]:
@@ -466,8 +470,8 @@ def _machine_effects(scene: Scene) -> list[Effect]:
     effects, cylinder = [Effect("play in hinges")], None if frame is None else frame.cylinder
     driven = [number for number in range(1, len(scene.sections)) if has_driven_tail(member_at(scene, number))]
     if driven and all(scene.joint(number).line is None for number in driven):
-        text = "distance of cylinders and ropes that drive sections from the axis (their key offset adds it)"
-        effects.append(Effect(text, "key offset"))
+        text = "distance of cylinders and ropes that drive sections from the axis"
+        effects.append(Effect(text, "their key offset adds it", is_stated=True))
     if frame is not None and frame.machine is None:
         stands = frame.ground is not None
         effects.append(

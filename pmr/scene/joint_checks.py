@@ -51,7 +51,7 @@ def _check_fit(scene: Scene, number: int) -> None:
         if has >= room:
             sizes = f"the outside of {name} is {has:.6g} m, the inside of {around} is {room:.6g} m"
             allowed = f"{name} has to fit into {around}, but {sizes}"
-            raise scene_error(f"sections[{number}].body.box.{side}", getattr(inner, side), allowed)
+            raise scene_error(f"sections[{number}].body.box.{side}", None, allowed)  # the scene may have outer sizes
         if pressed & set(walls):
             play = min(play, room - has)
     allowed = f"at most {play:.6g} m is allowed: this is how far {name} can move in {around}, from wall to wall"

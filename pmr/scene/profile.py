@@ -414,7 +414,8 @@ def _check_walls(profile: BoxProfile) -> None:
             allowed = f"the faces of this profile are allowed, and all of them needed: {', '.join(faces)}"
             raise key_error("wall", ", ".join(strange or missing), f"{allowed}; sides are left and right")
     if max(edge.thickness for edge in edges) >= half:
-        raise key_error("wall", profile.wall, f"less than {half:g} m, half of width and height, is allowed")
+        allowed = f"less than {half:g} m, half of width and height of the mid-surface, is allowed"
+        raise key_error("wall", profile.wall, allowed)
     for k, edge in enumerate(edges):
         before, after = edges[k - 1], edges[(k + 1) % len(edges)]
         inside = edge.length - _mitre(edge, before, edge.turn(before)) - _mitre(edge, after, after.turn(edge))
@@ -443,4 +444,4 @@ def _check_radii(profile: BoxProfile) -> None:
             most = min(most, max(straight, 0.0) / tangents) if tangents else most
         if r and not wall / 2.0 < r <= most + profile.negligible:
             allowed = f"0 is allowed, or more than {wall / 2.0:g} m, half the wall, and at most {most:g} m"
-            raise key_error("radius", profile.radius, allowed)
+            raise key_error("radius", None, f"{allowed} on the mid-surface, where it is {r:g} m")

@@ -66,7 +66,7 @@ def test_a_difference_within_the_error_of_the_step_is_drawn_and_said(boom: RunRe
         stressed = histories.Timeline(result).difference_clause(stress_histories(result, body))
         for said in (energy.caption, stressed):
             assert ". Below: the difference to the full model" in said
-            assert ("below the time step's error" in said) == (step == 0.5)
+            assert ("than the error of the time step" in said) == (step == 0.5)
 
 
 def test_models_that_do_not_differ_have_no_panel_of_a_difference(boom: RunResult) -> None:

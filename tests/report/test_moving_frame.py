@@ -20,9 +20,9 @@ from pmr.report.figures import WIDE, histories, make_axes, section_colours, styl
 from pmr.report.figures import space as figures
 from pmr.report.figures.histories import Timeline
 from pmr.report.moving_bodies import MovingBodies
-from pmr.report.sections import chapter
+from pmr.report.sections import basis_block, chapter
 from pmr.report.sentences import energy_sentence, frame_sentences
-from pmr.results import Fields, Paths
+from pmr.results import Fields, Frequencies, Paths
 from pmr.scene import load_any
 
 TURNING = {
@@ -62,6 +62,16 @@ def test_the_energy_in_space_is_said_with_who_does_the_work() -> None:
     for figure in ("12.0", "20.0", "\u22125.00", "3.00"):
         assert f"{figure}\u00a0J" in text
     assert energy_sentence(_Result()) == ""  # type: ignore[arg-type]
+
+
+def test_published_frequencies_of_a_boom_that_keeps_its_length_say_at_which_time_they_are(make_result) -> None:
+    published = {"source": "a paper", "frequencies": [{"reach": 9.0, "first": 2.0}]}
+    row = {"reach": 9.0, "published": 2.0, "reduced": 2.1}
+    result = make_result(published=published, summary={"published_frequencies": [row]})
+    for along, says in ((np.full(3, 9.0), True), (np.array([8.0, 9.0, 10.0]), False)):
+        frequencies = Frequencies(along, along[:, None], {}, t=np.array([0.0, 1.0, 2.5]))
+        (grid,) = basis_block(replace(result, frequencies=frequencies), "a").grids
+        assert grid.caption.endswith("its last posture, at 2.5\u00a0s.") is says
 
 
 FRAME = {

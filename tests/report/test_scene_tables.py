@@ -6,6 +6,7 @@ import numpy as np
 import plain_machines
 import pytest
 
+from pmr.cli.app import TEMPLATES
 from pmr.report.columns import forces_of, tip_displacements
 from pmr.report.scene_tables import SceneWords, input_tables
 from pmr.report.subject import field_times, reach, slider_offsets
@@ -58,6 +59,14 @@ def test_tables_within_a_table_have_their_names() -> None:
 )  # fmt: skip
 def test_keys_without_effect_are_left_out(scene: str, unused: tuple[str, ...]) -> None:
     assert not set(unused) & set(rows(scene))
+
+
+def test_a_section_on_a_rope_has_no_rigid_cylinder_and_cells_of_walls_are_no_elements() -> None:
+    assert {"joint cylinder"} <= set(rows("platform", title="first")) and "joint cylinder" not in rows(
+        "platform", title="second"
+    )
+    walls = rows(Path(str(TEMPLATES / "crane.toml")), title="fly")
+    assert walls["mesh along"] == f"200{SPACE}mm, on a shell of the walls" and walls["mesh elements"] == "12"
 
 
 def test_a_key_that_differs_from_its_default_is_shown_and_others_of_settings_are_not() -> None:

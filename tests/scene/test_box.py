@@ -139,14 +139,21 @@ def test_places_on_a_slanted_face_count_upwards_from_the_place_nearest_to_the_ax
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        ({"wall": 0.15}, "less than 0.15 m, half of width and height"),
+        ({"wall": 0.15}, "less than 0.15 m, half of width and height of the mid-surface"),
         ({"wall": {"top": 0.01, "sides": 0.008}}, "all of them needed: bottom, left, top, right; sides are"),
         ({"wall": {"top": 0.01, "bottom": 0.01, "sides": 0.01, "top left": 0.01}}, "the faces of this profile"),
         ({"chamfer": 0.2}, "up to 0.15 m along y, half the width"),
         ({"chamfer": (0.1, 0.25)}, "bottom and top 0.4 m together"),
         ({"chamfer": (0.1, 0.0)}, "or up to 0.15 m along y"),
         ({"chamfer": 0.002}, "thinner walls are allowed: bottom left has no room inside"),
-        ({"radius": 0.16}, "more than 0.004 m, half the wall, and at most 0.15 m"),
+        (
+            {"radius": 0.16},
+            "more than 0.004 m, half the wall, and at most 0.15 m on the mid-surface, where it is 0.16 m",
+        ),
+        (
+            {"radius": 0.2, "sizes": "outer"},
+            "and at most 0.146 m on the mid-surface, where it is 0.196 m",
+        ),
         ({"radius": {"bottom": 0.15, "top": 0.26}}, "more than 0.004 m, half the wall, and at most 0.14 m"),
         ({"radius": 0.13, "chamfer": 0.1}, r"and at most 0\.\d+ m"),
         ({"radius": 0.004}, "0 is allowed, or more than 0.004 m"),

@@ -123,7 +123,7 @@ class Timeline:
             return ""
         step = self.result.summary.get("step") or {}
         error = max(step.get(place) or 0.0 for place in ("tip", "beam"))
-        small = "; relative to the largest value it is below the time step's error in displacements"
+        small = "; relative to the largest value it is smaller than the error of the time step in displacements"
         other = "ANCF" if self.reference == "ancf" else "the full model"
         return f". Below: the difference to {other}{small if apart <= error * largest_of(signals) else ''}"
 
