@@ -22,7 +22,7 @@ from pmr.reduction.basis import Basis, galerkin, without_rows
 from pmr.reduction.free_body import FreeBody, ResidualFlexibility, absolute_product, released_rows
 from pmr.scene.members import TAIL
 from pmr.system.attachment import RICHER
-from pmr.system.carriers import CarrierFlexibility, CarrierRows, CylinderResponses, Flexibility
+from pmr.system.carriers import CarrierFlexibility, CarrierRows, CylinderResponses, Flexibility, TablesOnDemand
 from pmr.system.reduced_model import ReducedModel, satisfied_rows
 from pmr.system.rows import RowPolynomials, SharedCarriers
 from pmr.system.truncation import (
@@ -31,7 +31,6 @@ from pmr.system.truncation import (
     is_modal,
     truncate,
     with_floor,
-    with_tables,
     yielding_rows,
 )
 
@@ -83,7 +82,8 @@ def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, object]) 
     (flexibility,) = load_powers(residual, shared.carriers, 1)
     body.free_factor()
     free_dropped(model.comm)
-    flexible = _with_flexibility(reduced, tables(flexibility, shared, model.rows.domain))
+    flexible = replace(reduced, flexibility=tables(flexibility, shared, model.rows.domain))
+    flexible = flexible if is_modal(flexible) else with_floor(flexible)
     check_independence(flexible)
     return flexible
 
@@ -123,7 +123,7 @@ def section_model(
     free_dropped(model.comm)
     values = _carrier_measures(model, shared, basis)
     carriers = CarrierRows.from_rows(released_rows(model).shared_carriers.rows, values, flexibility)
-    flexible = _with_flexibility(reduced, tables(flexibility, shared, model.rows.domain))
+    flexible = reduced.with_carriers(carriers)
     if basis.size < model.size:  # all motions of a body leave no flexibility out
         check_independence(flexible, yielding_rows(flexible))
     carriers = replace(carriers, inertia=inertia[0] if inertia else None, answers=answers, spanned=spanned)
@@ -239,12 +239,11 @@ def _cylinder_values(
 def _with_coordinates(model: ReducedModel, coordinates: int) -> ReducedModel:
     """Return the model with its first `coordinates` modes as coordinates, and its other modes as enrichment modes.
 
-    If there are no others, it gets tables of its flexibility over the path instead.  A ValueError is raised unless the
-    basis consists of eigenmodes.
+    A ValueError is raised unless the basis consists of eigenmodes.
     """
     if not is_modal(model):
         raise ValueError("residual inertia needs a basis of eigenmodes: it is the inertia of the truncated ones")
-    return with_tables(model) if coordinates == model.size else truncate(model, coordinates)
+    return model if coordinates == model.size else truncate(model, coordinates)
 
 
 def _project(residual: ResidualFlexibility, basis: Basis, provenance: dict[str, object]) -> ReducedModel:
@@ -264,15 +263,6 @@ def _project(residual: ResidualFlexibility, basis: Basis, provenance: dict[str, 
         allowed = f"vectors that move no rigid support are allowed where flexibility is true; these move {moved_rows}"
         raise InputError("scene", "reduction.basis", None, allowed)
     return _without_round_off(without_rows(complete, fixed), residual, V)
-
-
-def _with_flexibility(reduced: ReducedModel, flexibility: Flexibility) -> ReducedModel:
-    """Return the model `reduced` with the residual flexibility `flexibility`.
-
-    Unless the basis consists of eigenmodes, `with_floor` raises the flexibility where it is too small.
-    """
-    flexible = replace(reduced, flexibility=flexibility)
-    return flexible if is_modal(flexible) else with_floor(flexible)
 
 
 def _rows_on_path(model: FullModel) -> SharedCarriers:
@@ -400,7 +390,7 @@ def tables(
 ) -> Flexibility:
     """Residual flexibility of the rows of `shared_carriers` as piecewise polynomials in s, over `domain` in m."""
     breaks = shared_carriers.rows[0].breaks if shared_carriers.rows else np.array(domain)
-    return flexibility.tables(RowPolynomials.from_rows(shared_carriers.rows, breaks))
+    return TablesOnDemand(RowPolynomials.from_rows(shared_carriers.rows, breaks), flexibility)
 
 
 def carrier_loads(model: FullModel, carriers: sp.csr_matrix) -> sp.csc_matrix:

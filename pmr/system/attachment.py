@@ -49,7 +49,7 @@ from pmr.files.arrays import Array
 from pmr.system.body_matrices import DAMPING, Reactions, pivoted_cholesky, symmetric_part
 from pmr.system.carriers import CarrierFlexibility, CylinderResponses, EnrichmentModes
 from pmr.system.reduced_model import ReducedModel
-from pmr.system.truncation import extend, extend_carriers, with_tables
+from pmr.system.truncation import extend
 
 #: Share of the inertia of all responses that may be left out, and largest number of attachment modes.
 LEFT_OUT, MOST = 1e-8, 128
@@ -72,7 +72,7 @@ def with_cylinder_modes(model: ReducedModel) -> ReducedModel:
         return model
     answers = carriers.answers
     if not answers.inertia.any():
-        return with_tables(_clear_cylinder_flexibility(model, answers))
+        return _clear_cylinder_flexibility(model, answers)
     turned, stiffness = _diagonalise(answers.stiffness[:count, :count], answers.inertia[:count, :count])
     measured = np.vstack([answers.rows[:, :count], answers.inputs[:, :count]]) @ turned
     with_modes = _append_vectors(model, stiffness, measured, answers.outputs[:, :count] @ turned)
@@ -208,7 +208,7 @@ def with_attachment_modes(
         measured, outputs = np.hstack([measured, x[:, :n]]), np.hstack([outputs, answers.outputs[:, :n]])
     turned, stiffness = _diagonalise(K, M)
     if not len(stiffness):
-        return model if answers is None else with_tables(_clear_cylinder_flexibility(model, answers))
+        return model if answers is None else _clear_cylinder_flexibility(model, answers)
     with_modes, g = _append_vectors(model, stiffness, measured @ turned, outputs @ turned), G.shape[1]
     if model.reactions is not None and carriers.support_inertia is not None:
         inertia = _residual_inertia(model, model.reactions, carriers.support_inertia) @ G @ turned[:g]
@@ -263,17 +263,14 @@ def _append_vectors(model: ReducedModel, stiffness: Array, measures: Array, outp
     )
     on_modes = replace(carriers, enrichment=measures[:K], inertia=None, answers=None)
     without = replace(model, enrichment=modes, carriers=on_modes, reactions=None)  # which lack the new coordinates
-    with_modes = extend_carriers(without)
-    if carriers.answers is not None:
-        with_modes = _clear_cylinder_flexibility(with_modes, carriers.answers)
-    return with_tables(with_modes)
+    with_modes = extend(without)
+    return with_modes if carriers.answers is None else _clear_cylinder_flexibility(with_modes, carriers.answers)
 
 
 def _clear_cylinder_flexibility(model: ReducedModel, answers: CylinderResponses) -> ReducedModel:
     """Return the model without the residual flexibility under the cylinder's force, which is only round-off.
 
-    The tables of the result are not changed; `with_tables` has to be called on the result.  Only to be called for a
-    model whose coordinates contain the responses `answers` to this force.
+    Only to be called for a model whose coordinates contain the responses `answers` to this force.
     """
     carriers, load = model.carriers, answers.load
     assert carriers is not None and carriers.flexibility is not None
@@ -288,7 +285,7 @@ def _clear_cylinder_flexibility(model: ReducedModel, answers: CylinderResponses)
         inputs=rigid(flexibility.inputs),
         outputs=rigid(flexibility.outputs.T).T,
     )
-    return replace(model, carriers=replace(carriers, flexibility=residual))
+    return model.with_carriers(replace(carriers, flexibility=residual))
 
 
 def _load_matrix(part: CarrierFlexibility) -> Array:

@@ -20,7 +20,7 @@ are rigid motions, and the equations are the sums of forces and moments.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -186,9 +186,8 @@ def describe_misfit(part: Any, sizes: Mapping[str, int], prefix: str = "") -> st
             return f"{prefix}{name} is not finite"
         if isinstance(value, PPoly) and not (np.all(np.diff(value.x) > 0.0) and np.isfinite(value.x).all()):
             return f"the breaks of {prefix}{name} do not increase"
-    parts = {field.name: getattr(part, field.name) for field in fields(part)}
     within = (
-        describe_misfit(inner, sizes, f"{prefix}{name}.") for name, inner in parts.items() if hasattr(inner, "AXES")
+        describe_misfit(inner, sizes, f"{prefix}{key}.") for key, inner in vars(part).items() if hasattr(inner, "AXES")
     )
     return next((wrong for wrong in within if wrong), None)
 

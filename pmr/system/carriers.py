@@ -7,9 +7,9 @@ sigma, at the path coordinates x and y, with the basis V and the flexibility R t
     c(x)\, V = b(x)\, (U V), \qquad c_\rho(x)\, R\, c_\sigma(y)^T = b_\rho(x)\, (U R U^T)\, b_\sigma(y)^T
 
 so rows that travel independently need no table in two variables.  If all rows share one path coordinate, the tables of
-`Flexibility` are these products, multiplied out; files have the factors alone (`pack_model`).  The residual flexibility
-is the static response of the truncated coordinates, stored as small tables in s.  The first modes of the truncated part
-are stored too (`EnrichmentModes`).
+`Flexibility` are these products, multiplied out on demand; files have the factors alone (`pack_model`).  The residual
+flexibility is the static response of the truncated coordinates.  The first modes of the truncated part are stored too
+(`EnrichmentModes`).
 
 With q = V p + R (B f - C^T lambda) for coordinates p, loads f, multipliers lambda and pads of the compliance 1/k, the
 rows and outputs y become
@@ -73,6 +73,39 @@ class Flexibility:
         return np.asarray(loads @ self.energy - apply_table(transpose(self.inputs), s, multipliers))
 
 
+class TablesOnDemand(Flexibility):
+    """Tables of a residual flexibility R on carriers, each of which is multiplied out when it is first read."""
+
+    AXES: dict[str, str] = {}  # noqa: RUF012 `on_carriers` is checked instead
+    weights: RowPolynomials  # b(s) of the m rows on the carriers
+    on_carriers: CarrierFlexibility  # R between the carriers, inputs and outputs
+
+    def __init__(self, weights: RowPolynomials, on_carriers: CarrierFlexibility) -> None:
+        vars(self).update(
+            weights=weights, on_carriers=on_carriers, direct=on_carriers.direct, energy=on_carriers.energy
+        )
+
+    @cached_property
+    def rows(self) -> PPoly:
+        """G(s) (m, m) in m/N."""
+        return self.weights.quadratic_form(self.on_carriers.rows)
+
+    @cached_property
+    def inputs(self) -> PPoly:
+        """H(s) (m, i) in m/N."""
+        return self.weights.times(self.on_carriers.inputs)
+
+    @cached_property
+    def outputs(self) -> PPoly:
+        """X(s) (o, m) in m/N."""
+        return transpose(self.weights.times(self.on_carriers.outputs.T))
+
+    def with_rows(self, numbers: Sequence[int]) -> TablesOnDemand:
+        """Return the flexibility of the body with only the rows `numbers`, in this order and numbered anew from 0."""
+        coefficients = self.weights.coefficients[list(numbers)]
+        return TablesOnDemand(replace(self.weights, coefficients=coefficients), self.on_carriers)
+
+
 @dataclass(frozen=True)
 class EnrichmentModes:
     """The first c modes phi that a model truncates, M-orthonormal, with ascending frequencies omega.
@@ -113,11 +146,6 @@ class CarrierFlexibility:
     def zero(cls, K: int, i: int, o: int) -> CarrierFlexibility:
         """Flexibility of zeros between K carriers, i inputs and o outputs."""
         return cls(*map(np.zeros, ((K, K), (K, i), (o, K), (o, i), (i, i))))
-
-    def tables(self, C: RowPolynomials) -> Flexibility:
-        """Tables over the path for rows with the weights C on these carriers, all at the same path coordinate."""
-        outputs = transpose(C.times(self.outputs.T))
-        return Flexibility(C.quadratic_form(self.rows), C.times(self.inputs), outputs, self.direct, self.energy)
 
     def add_modes(self, U: Array, modes: EnrichmentModes, share: Array) -> CarrierFlexibility:
         """Return the flexibility plus the sum of share_j phi_j phi_j^T over c modes phi_j.
@@ -318,11 +346,14 @@ def pack_model(model: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
     only its breaks are stored.  For a symmetric matrix between carriers, or between vectors, only the lower triangle is
     stored, row by row, as ``name.triangle``; for an antisymmetric matrix, as ``name.antitriangle``.
     """
-    content = npz.record_arrays(model)
-    sound = model.carriers is not None and not _describe_fault(model.carriers)
-    for name, table in (_path_tables(model.carriers, content) if model.carriers and sound else {}).items():
-        if np.array_equal(table.c, content[f"{name}.coefficients"]):
-            del content[f"{name}.coefficients"]
+    flexibility = model.flexibility
+    if isinstance(flexibility, TablesOnDemand) and flexibility.on_carriers is model.carriers.flexibility:
+        content = npz.record_arrays(replace(model, flexibility=None))
+        del content["rows.coefficients"]
+        content |= {f"flexibility.{name}": getattr(flexibility, name) for name in ("direct", "energy")}
+        content |= {f"flexibility.{name}.breaks": model.rows.x for name in ("rows", "inputs", "outputs")}
+    else:
+        content = npz.record_arrays(model)
     compact = dict[str, NDArray[Any]]()
     for name, array in content.items():
         kind = _triangle_kind(array) if name.startswith(TRIANGLES) else None
@@ -334,12 +365,11 @@ def pack_model(model: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
 
 
 def unpack_model(data: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str, NDArray[Any]]:
-    """Arrays (any shape) of a model in full, from those of a file whose names begin with `prefix`: undoes `pack_model`.
+    """Arrays (any shape) of a model with triangles as matrices, from those of a file whose names begin with `prefix`.
 
     `data` are all arrays of the file; earlier versions stored them in full.  The names in the result begin with
-    `prefix`, too, as `pmr.files.npz.record_from_arrays` reads them.  A ValueError is raised if tables are missing and
-    carriers are not sound, or if a triangle has a wrong number of entries.  Carriers from which tables are computed
-    raise the errors of `record_from_arrays`.
+    `prefix`, too, as `pmr.files.npz.record_from_arrays` reads them.  Raises ValueError if a triangle has a wrong number
+    of entries.
     """
     content = dict[str, NDArray[Any]]()
     for name, array in data.items():
@@ -350,39 +380,12 @@ def unpack_model(data: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str
                 content[stem] = _unpack_triangle(array, _SIGNS[kind])
             else:
                 content[name] = array
-    tables = {name.removesuffix(".breaks") for name in content if name.endswith(".breaks")}
-    if any(f"{name}.coefficients" not in content for name in tables) and any(
-        name.startswith(TRIANGLES) for name in content
-    ):
-        carriers = npz.record_from_arrays(CarrierRows, content, TRIANGLES)
-        if wrong := _describe_fault(carriers):
-            raise ValueError(wrong)
-        for name, table in _path_tables(carriers, content).items():
-            content.setdefault(f"{name}.coefficients", table.c)
     return {prefix + name: array for name, array in content.items()}
 
 
-def _describe_fault(carriers: CarrierRows) -> str | None:
+def describe_fault(carriers: CarrierRows) -> str | None:
     """Description of the carriers' first fault; None if tables can be computed from the carriers."""
     return describe_misfit(carriers, {}, TRIANGLES) or carriers.contradiction(len(carriers.breaks))
-
-
-def _path_tables(carriers: CarrierRows, arrays: Mapping[str, NDArray[Any]]) -> dict[str, PPoly]:
-    """Tables over the path that follow from values on the carriers, by their names in the file.
-
-    The tables have the breaks of the rows in `arrays`.  Tables that have other breaks in `arrays` are left out; without
-    breaks of the rows the result is empty.
-    """
-    breaks = arrays.get("rows.breaks")
-    if not carriers.breaks or breaks is None:
-        return {}
-    C = carriers.polynomials(breaks)
-    tables = {"rows": C.times(carriers.values)}
-    if carriers.flexibility is not None:
-        products = carriers.flexibility.tables(C)
-        tables |= {f"flexibility.{name}": getattr(products, name) for name in ("rows", "inputs", "outputs")}
-    on_breaks = [name for name in tables if np.array_equal(arrays.get(f"{name}.breaks", ()), breaks)]
-    return {name: tables[name] for name in on_breaks}
 
 
 def _triangle_kind(A: Array) -> str | None:

@@ -38,7 +38,15 @@ from pmr.system.body_matrices import (
     describe_misshapen,
     describe_names,
 )
-from pmr.system.carriers import CarrierRows, EnrichmentModes, Flexibility, pack_model, unpack_model
+from pmr.system.carriers import (
+    CarrierRows,
+    EnrichmentModes,
+    Flexibility,
+    TablesOnDemand,
+    describe_fault,
+    pack_model,
+    unpack_model,
+)
 from pmr.system.polynomials import (
     apply_table,
     evaluate,
@@ -265,6 +273,12 @@ class ReducedModel:
         """Piecewise polynomial C(s) V with values (m, k), for V (r, k)."""
         return multiply_matrix(self.rows, V)
 
+    def with_carriers(self, carriers: CarrierRows) -> ReducedModel:
+        """Return the model with other `carriers` of its rows, and the tables over the path that follow from them."""
+        weights, R = carriers.polynomials(self.rows.x), carriers.flexibility
+        flexibility = None if R is None else TablesOnDemand(weights, R)
+        return replace(self, carriers=carriers, rows=weights.times(carriers.values), flexibility=flexibility)
+
     def with_rows(self, numbers: Sequence[int]) -> ReducedModel:
         """Return the model with only the rows `numbers`, in this order and numbered anew from 0.
 
@@ -353,7 +367,7 @@ class ReducedModel:
             if data.get("flexibility.inertia.kept", False):
                 allowed = "a model without residual inertia is needed; more coordinates have the same effect"
                 raise InputError(str(path), "flexibility.inertia", None, allowed)
-            model = npz.record_from_arrays(cls, unpack_model(data))
+            model = cls.from_arrays(data)
             if model.carriers is None:  # of an earlier version: its modes for the estimate need carriers
                 model = replace(model, enrichment=None)
             wrong = model.contradiction()
@@ -364,6 +378,23 @@ class ReducedModel:
         if wrong:
             raise InputError(str(path), "", None, f"not a sound reduced model: {wrong}")
         return model
+
+    @classmethod
+    def from_arrays(cls, data: Mapping[str, NDArray[Any]], prefix: str = "") -> ReducedModel:
+        """Return the model of which `data`, arrays by name, has the arrays of `pack_model`, with the same `prefix`.
+
+        Raises ValueError if tables are missing and there are no sound carriers from which they follow.  The errors of
+        `pmr.files.npz.record_from_arrays` are raised, too.
+        """
+        content = unpack_model(data, prefix)
+        if {f"{name[:-7]}.coefficients" for name in content if name.endswith(".breaks")} <= set(content):
+            return npz.record_from_arrays(cls, content, prefix)
+        content = {name: array for name, array in content.items() if not name.startswith(f"{prefix}flexibility.")}
+        content[f"{prefix}rows.coefficients"] = np.zeros((1, len(content[f"{prefix}rows.breaks"]) - 1, 0, 0))
+        model = npz.record_from_arrays(cls, content, prefix)
+        if model.carriers is None or (wrong := describe_fault(model.carriers)):
+            raise ValueError(wrong if model.carriers else "tables are missing, and carriers from which they follow")
+        return model.with_carriers(model.carriers)
 
     def contradiction(self) -> str | None:
         """Description of what is wrong with the arrays; None if shapes agree, breaks increase and values are finite."""

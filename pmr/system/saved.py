@@ -24,7 +24,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pmr.errors import InputError, missing_file_reason
 from pmr.files import npz
 from pmr.system.body_matrices import describe_names
-from pmr.system.carriers import pack_model, unpack_model
+from pmr.system.carriers import pack_model
 from pmr.system.contacts import ALONE, Contact
 from pmr.system.reduced_model import FORMAT as ONE_BODY
 from pmr.system.reduced_model import READING, ReducedModel
@@ -131,10 +131,7 @@ def read(path: Path) -> StoredSystem | ReducedModel:
         data = npz.read(path, *ROOM)
         data = {key: data[place] for key, place in file_header.same.items()} | data
         models, on_modes = (
-            [
-                npz.record_from_arrays(ReducedModel, unpack_model(data, f"{kind}.{number}."), f"{kind}.{number}.")
-                for number in range(len(names))
-            ]
+            [ReducedModel.from_arrays(data, f"{kind}.{number}.") for number in range(len(names))]
             for kind, names in {"bodies": file_header.bodies, "on_modes": file_header.on_modes}.items()
         )
         terms = tuple(_read_term(term, data, f"terms.{number}.") for number, term in enumerate(file_header.terms))

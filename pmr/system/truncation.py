@@ -19,7 +19,7 @@ from scipy.linalg import block_diag
 from pmr.errors import InputError
 from pmr.files.arrays import Array
 from pmr.system.body_matrices import DAMPING, dependence_of_flexibility, symmetric_part
-from pmr.system.carriers import EnrichmentModes
+from pmr.system.carriers import EnrichmentModes, Flexibility
 from pmr.system.polynomials import add_tables, multiply_tables
 from pmr.system.reduced_model import ReducedModel
 
@@ -56,28 +56,16 @@ def truncate(model: ReducedModel, r: int) -> ReducedModel:
         outputs=model.outputs[:, r:],
         matrices=model.matrices,
     )
-    return with_tables(
-        replace(
-            replace(model, flexibility=None, carriers=None).leading(r),
-            enrichment=modes if model.enrichment is None else _join_modes(modes, model.enrichment),
-            carriers=model.carriers.truncate(r, modes),
-        )
-    )
+    return replace(
+        replace(model, flexibility=None, carriers=None).leading(r),
+        enrichment=modes if model.enrichment is None else _join_modes(modes, model.enrichment),
+    ).with_carriers(model.carriers.truncate(r, modes))
 
 
 def extend(model: ReducedModel, count: int | None = None) -> ReducedModel:
     """Return the model with its first `count` enrichment modes (None: all) as last coordinates, undoing `truncate`.
 
     A ValueError is raised if the model has fewer enrichment modes or none at all, or if `count` is less than 1.
-    """
-    return with_tables(extend_carriers(model, count))
-
-
-def extend_carriers(model: ReducedModel, count: int | None = None) -> ReducedModel:
-    """Return the model of `extend` with tables that still lack the new coordinates; `with_tables` has to follow.
-
-    `count` is the number of enrichment modes that become coordinates, None for all.  Raises a ValueError as `extend`
-    does.
     """
     available = 0 if model.enrichment is None else model.enrichment.count
     count = available if count is None else count
@@ -96,17 +84,7 @@ def extend_carriers(model: ReducedModel, count: int | None = None) -> ReducedMod
         matrices=matrices,
         ports={name: _extend_port(model, name, count) for name in model.ports},
         enrichment=_select_modes(model.enrichment, slice(count, None)) if count < available else None,
-        carriers=model.carriers.extend(back),
-    )
-
-
-def with_tables(model: ReducedModel) -> ReducedModel:
-    """Return the model with tables computed from its carriers; unchanged if the carriers have no flexibility."""
-    carriers = model.carriers
-    if carriers is None or carriers.flexibility is None:
-        return model
-    C = carriers.polynomials(model.rows.x)
-    return replace(model, rows=C.times(carriers.values), flexibility=carriers.flexibility.tables(C))
+    ).with_carriers(model.carriers.extend(back))
 
 
 def is_modal(model: ReducedModel) -> bool:
@@ -220,7 +198,8 @@ def with_floor(model: ReducedModel) -> ReducedModel:
     if not lacking.any():
         return model
     floor = PPoly(of_modes.c * np.outer(lacking, lacking), of_modes.x)
-    return replace(model, flexibility=replace(residual, rows=add_tables(residual.rows, floor, FLOOR)))
+    rows, like = add_tables(residual.rows, floor, FLOOR), residual
+    return replace(model, flexibility=Flexibility(rows, like.inputs, like.outputs, like.direct, like.energy))
 
 
 def check_independence(model: ReducedModel, numbers: list[int] | None = None) -> None:
