@@ -71,7 +71,8 @@ def main() -> int:
                 totals[case] += [record["seconds"]["total"]] if record else []
         for size in asked.sizes:
             for ranks in RANKS:
-                _compare(*(Case(size, ranks, *one) for one in both.items()), totals, Path(folder))
+                before, now = (Case(size, ranks, *one) for one in both.items())
+                _compare(before, now, totals, Path(folder))
     for size in [*asked.sizes, *asked.alone]:
         one, two = (totals[Case(size, ranks, "now", HERE)] for ranks in RANKS)
         if one and two:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from benchmarks.scale import own_memory
 from pmr.report.figures import SERIES, WIDE, add_legend, curve_style, log_axis, log_x, make_sheet, octave_axis
@@ -35,7 +36,7 @@ def growth(found: Mapping[str, Any]) -> Figure:
 def offline(found: Mapping[str, Any]) -> Figure:
     """Draw the seconds of each stage over the number of coordinates, on one rank and on two."""
     figure, axes = make_sheet(WIDE, 2.8)
-    ax, handles = axes[0, 0], []
+    ax, handles = axes[0, 0], list[Line2D]()
     for number, stage in enumerate(("assemble", "snapshots", "pod", "project")):
         for ranks in sorted({record["ranks"] for record in found["records"]}):
             known = [(r["size"], r["seconds"][stage]) for r in found["records"]
@@ -59,7 +60,7 @@ def offline(found: Mapping[str, Any]) -> Figure:
 def scale(found: Mapping[str, Any]) -> Figure:
     """Draw the seconds of each stage and the memory over the number of coordinates, on one rank and on two."""
     figure, axes = make_sheet(WIDE, 2.8, columns=2, gridspec_kw={"wspace": 0.22})
-    done, handles = [record for record in found["records"] if record["seconds"]], []
+    done, handles = [record for record in found["records"] if record["seconds"]], list[Line2D]()
     seconds = {"assembly": "assembly", "modes": "free modes", "flexibility": "flexibility"}
     for ranks in sorted({record["ranks"] for record in done}):
         records = [record for record in done if record["ranks"] == ranks]

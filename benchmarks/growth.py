@@ -173,7 +173,7 @@ def _series(forms: dict[int, tuple[ModalForm, int]], repeats: int) -> dict[str, 
     best = dict.fromkeys(forms, np.inf)
     for _ in range(repeats):
         for size, (form, outputs) in forms.items():
-            chosen = np.linspace(0, len(form.body.outputs) - 1, outputs).astype(int)
+            chosen = np.linspace(0, len(form.body.outputs) - 1, outputs).astype(int).tolist()
             seen = systems.observe(SystemForm.of_modal_body(form), drive, outputs=chosen)
             best[size] = min(best[size], seen.seconds / drive.stepping.steps)
     return {"size": list(best), "ns": [1e9 * seconds for seconds in best.values()]}

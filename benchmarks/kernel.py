@@ -73,7 +73,7 @@ def measure(
         excitation = read_scene(system, name).excitation
         form, steps = SystemForm.of(system), excitation.stepping.steps
         march = March(form, excitation)
-        row = {
+        row: dict[str, Any] = {
             "scene": name,
             "loop": 1e6 * min(_loop(march) for _ in range(repeats)) / steps,
             "whole": 1e6 * min(_whole(form, excitation) for _ in range(repeats)) / steps,

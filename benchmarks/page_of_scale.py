@@ -229,6 +229,6 @@ def _memory(megabytes: float) -> str:
     return f"{significant(megabytes / 1024.0)}{SPACE}GiB"
 
 
-def _each(record: dict[str, Any]) -> str:
+def _each(record: Mapping[str, Any]) -> str:
     """Format the memory for each coordinate, in kB."""
     return f"{significant(own_memory(record) * 1.024**2 * 1e3 / record['size'], 2)}{SPACE}kB"

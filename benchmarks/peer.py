@@ -107,4 +107,4 @@ def measure(elements: int, repeats: int) -> dict[str, Any]:
 
 def _largest_angle(A: Array, B: Array) -> float:
     """Largest angle in rad between the ranges of two orthonormal bases (n, k), exact for small angles too."""
-    return float(np.arcsin(min(1.0, np.linalg.norm(B - A @ (A.T @ B), 2))))
+    return float(np.arcsin(min(1.0, float(np.linalg.norm(B - A @ (A.T @ B), 2)))))

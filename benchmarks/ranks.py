@@ -60,7 +60,7 @@ def record_of(
             _end(run)
         lines = [line for line in _lines(out) if line.startswith("{")]
         if stopped is None and lines:
-            return json.loads(lines[-1])  # type: ignore[no-any-return]
+            return json.loads(lines[-1])
         why = stopped or f"failed: {_reason(_lines(complaints)) or f'it ended with {run.returncode}'}"
     return {"notes": [why]}
 

@@ -6,7 +6,7 @@ Each size runs in processes of its own, on one rank and on two, whose models are
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -61,7 +61,7 @@ def exponents(records: list[dict[str, Any]], ranks: int) -> dict[str, float]:
     return {name: exponent(size, np.array(values)) for name, values in series.items()}
 
 
-def own_memory(record: dict[str, Any]) -> float:
+def own_memory(record: Mapping[str, Any]) -> float:
     """Peak memory of all ranks in MB, without that of processes that have only loaded the libraries."""
     return float(sum(record["peak_MB"]) - sum(record["loaded_MB"]))
 
@@ -77,7 +77,7 @@ def difference(one: Path, other: Path) -> dict[str, float]:
         elastic = float(np.max(_apart(a["modes"][:, ~rigid], b["modes"][:, ~rigid]), initial=0.0))
         basis = np.linalg.qr(a["modes"][:, rigid])[0]
         outside = b["modes"][:, rigid] - basis @ (basis.T @ b["modes"][:, rigid])
-        spaces = float(np.linalg.norm(outside) / max(np.linalg.norm(b["modes"][:, rigid]), 1e-300))
+        spaces = float(np.linalg.norm(outside)) / max(float(np.linalg.norm(b["modes"][:, rigid])), 1e-300)
         names = [name for name in a.files if name.startswith("table ")]
         tables = {name.removeprefix("table "): float(np.max(_apart(a[name], b[name]))) for name in names}
         omega = np.abs(b["omega"] / np.where(rigid, 1.0, a["omega"]) - ~rigid)

@@ -27,6 +27,7 @@ from pmr import scene
 from pmr.fem.compat import MPI
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.model import assemble_model
+from pmr.models import is_assembled
 from pmr.reduction.bodies import Reduction
 from pmr.scene.keys import ALONE
 from pmr.scene.members import member_at
@@ -52,8 +53,9 @@ def main(cells: float, file: Path | None = None) -> None:
     """Reduce the boom meshed with cells of `cells` m around the section; save its modes and tables in any `file`."""
     comm = MPI.COMM_WORLD
     coarse = boom(1.0)
-    structure = structure_of(member_at(coarse), comm)
-    assemble_model(structure.model, structure.model.domain(comm))  # forms compiled
+    model = structure_of(member_at(coarse), comm).model
+    assert is_assembled(model)
+    assemble_model(model, model.domain(comm))  # forms compiled
     timer, loaded = Timer(comm), peak_memory()
     for stage, places in STAGES.items():
         for module, name in places:

@@ -213,7 +213,11 @@ def measure(long: bool = False, earlier: Path | None = None) -> dict[str, dict[s
                 continue
             beside = places if row.command else places[:1]
             taken = [[place.least(row) for place in beside] for _ in range(row.turns)][-1]
-            figures = {"here": row.figure(taken[0]), "wall": taken[0].wall, "processor": taken[0].seconds}
+            figures: dict[str, Any] = {
+                "here": row.figure(taken[0]),
+                "wall": taken[0].wall,
+                "processor": taken[0].seconds,
+            }
             figures["earlier"] = row.figure(taken[1]) if taken[1:] else None
             said = {"asked": row.asked, "before": row.before, "limit": row.limit, "unit": UNITS[row.kind]}
             found[row.name] = figures | said

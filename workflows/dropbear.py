@@ -133,7 +133,8 @@ def tune(of: PlaceModels, data: list[dict[str, Any]], seconds: float, start: Pos
                 moved = np.minimum(moved, {"speeds": 1.5, "temper": 1.0, "attack": 1.0, "decay": 1.0}.get(name, np.inf))
                 numbers = sorted(moved.tolist()) if name == "speeds" else moved.tolist()
                 several = SlidingNoise._make if name == "noise" else tuple
-                settings = replace(settings, **{name: several(numbers) if isinstance(value, tuple) else numbers[0]})
+                change: dict[str, Any] = {name: several(numbers) if isinstance(value, tuple) else numbers[0]}
+                settings = replace(settings, **change)
             if settings.turn > 0.3 or settings.start > 0.3 or settings.spread > 0.15:
                 continue
         try:
@@ -180,7 +181,7 @@ def main() -> None:
     for gauge in (0, 1):
         recorded = [[one for one in some if np.isfinite(one["strain"][gauge]).all()] for some in (tuned, others)]
         if all(recorded):
-            figures = judge_strain(observer, *recorded, gauge)
+            figures = judge_strain(observer, recorded[0], recorded[1], gauge)
             print(f"strain {'ab'[gauge]} of the others:", ", ".join(f"{key} {x:.3f}" for key, x in figures.items()))
 
 

@@ -7,7 +7,9 @@ All three treatments of the pin's rows are mapped (`nested_models`); ``round_off
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from experiment import Findings, Row, Settings, rows, run, save
@@ -140,7 +142,7 @@ def chapter(results: dict[tuple[int, int], Row], settings: Settings, findings: F
     )
 
 
-def _best(results: dict[tuple[int, int], Row], figures: dict[str, object]) -> Grid:
+def _best(results: dict[tuple[int, int], Row], figures: Mapping[str, object]) -> Grid:
     """Return the table of the marked combinations, by treatment, best first."""
     columns = {name: str(figures[f"{name}.marked"]).split() for name in TREATED}
 
@@ -173,7 +175,7 @@ def draw_map(
             ax.plot(x, y, marker="x", color=MUTED, markersize=2.0 if wide else 1.2, markeredgewidth=0.5)
     for name in str(figures.get(f"{treatment}.marked", "")).split():
         x, y = map(int, name.split("x"))
-        look = {"facecolor": "none", "edgecolor": "black", "linewidth": 0.9, "zorder": 3.0}
+        look: dict[str, Any] = {"facecolor": "none", "edgecolor": "black", "linewidth": 0.9, "zorder": 3.0}
         ax.add_patch(Rectangle((x - 0.5, y - 0.5), 1.0, 1.0, **look))
     x = np.linspace(settings["curve"] / (m + 0.5), n + 0.5, 100)
     ax.plot(x, settings["curve"] / x, color=INK, linewidth=0.8, linestyle=(0, (4, 2)))

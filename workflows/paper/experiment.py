@@ -32,6 +32,7 @@ from pmr.results.run import SummaryPart, combine_parts
 from pmr.scene.hints import hints
 from pmr.simulation import Excitation, contact_step
 from pmr.studies.study import Statement
+from pmr.system.body import FullBody
 
 Row = dict[str, Any]  # figures and arrays by name
 Settings = Mapping[str, Any]
@@ -163,13 +164,20 @@ def _read(file: Path) -> Row:
         return {name: array if array.ndim else array.item() for name, array in data.items()}
 
 
+def full_body(scene: pmr.Scene) -> FullBody:
+    """Return the full model of a scene with a single body."""
+    body = pmr.full_model(scene)
+    assert isinstance(body, FullBody)
+    return body
+
+
 def _digest(compute: Callable[..., Row], parameters: Mapping[str, Any]) -> str:
     """Return the digest of what decides a row: sources of its module, this one and the package, and parameters.
 
     The text of files that parameters name is covered, too.
     """
     files = {name: Path(value).read_text() for name, value in parameters.items() if _names_file(value)}
-    source = inspect.getsource(inspect.getmodule(compute)) + inspect.getsource(inspect.getmodule(rows))
+    source = "".join(Path(inspect.getfile(function)).read_text() for function in (compute, rows))
     content = [compute.__name__, source, _package(), dict(parameters), files]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:24]
 

@@ -40,6 +40,7 @@ def row(scene: str) -> Row:
     """
     loaded = pmr.load_scene(scene, MARCHED)
     outcome = pmr.run(loaded)
+    assert outcome is not None  # as on the first rank
     summary, responses = outcome.result.summary, outcome.result.responses
     result: Row = {"coordinates.full": summary["coordinates"]["full"]}
     result |= {"coordinates.reduced": summary["coordinates"]["reduced"], "basis.kappa": summary["basis"]["kappa"]}

@@ -33,6 +33,7 @@ from pmr.compare.errors import nrms
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
 from pmr.report.figures import WIDE, add_legend, curve_style, drawing, log_axis, make_sheet
 from pmr.report.numbers import format_percent
+from pmr.system.body import FullBody
 
 SETTINGS = {"scenes": ["simple_residual", "evolved_residual"], "coordinates": [2, 3, 4, 5, 6, 8, 10, 12, 16, 20]}
 METHODS = {"local": "local bases", "matrices": "interpolated matrices", "flexibility": "residual flexibility"}
@@ -43,7 +44,7 @@ POSITIONS = 200
 SHORTEST = 0.02
 
 
-def held_modes(full: object, phi: np.ndarray, omega2: np.ndarray, s: float, r: int) -> np.ndarray:
+def held_modes(full: FullBody, phi: np.ndarray, omega2: np.ndarray, s: float, r: int) -> np.ndarray:
     """Return the r lowest modes (n, r) of the body with its rows held at s in m, M-orthonormal.
 
     They are in the coordinates of the body's own modes `phi` (n, n), whose squared frequencies are `omega2` (n,).

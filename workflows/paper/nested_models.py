@@ -21,9 +21,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from experiment import full_body
 
 import pmr
 from pmr.compare.errors import nrms
+from pmr.system.body import FullBody
 
 TREATMENTS = ("round_off", "last", "dropped")
 #: What an experiment changes in the scene that it is given.
@@ -57,10 +59,10 @@ class Combination:
 
 
 @lru_cache
-def full_motion(scene: str) -> tuple[object, pmr.Response]:
+def full_motion(scene: str) -> tuple[FullBody, pmr.Response]:
     """Return the operators of a scene's full model and its motion."""
     loaded = pmr.load_scene(scene, PLAIN)
-    full = pmr.full_model(loaded)
+    full = full_body(loaded)
     return full, pmr.simulate(loaded, pmr.project(full, np.eye(full.size)))
 
 
@@ -72,6 +74,7 @@ def combination(scene: str, snapshots: int, modes: int, most_modes: int) -> Comb
     """
     counts = [f"reduction.snapshots={snapshots}", f"reduction.modes={most_modes}", "reduction.coordinates=3"]
     every, full = pmr.reduce(pmr.load_scene(scene, [*PLAIN, *counts])).snapshots, full_motion(scene)[0]
+    assert isinstance(every, np.ndarray)  # as of a single body
     pool = np.ascontiguousarray(every.reshape(len(every), snapshots, most_modes)[:, :, :modes].reshape(len(every), -1))
     moving = pool.any(axis=1)  # coordinates at the pin vanish in all snapshots, and do so in the basis
     U, sigma, _ = np.linalg.svd(pool[moving], full_matrices=False)

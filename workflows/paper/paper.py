@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import ModuleType
 
 import combinations
 import convergence
@@ -14,7 +15,7 @@ from experiment import Settings, report, run
 from pmr.report.blocks import Chapter
 
 TITLE = "Model order reduction of a sliding beam using a global basis: every experiment"
-EXPERIMENTS = {
+EXPERIMENTS: dict[str, ModuleType] = {
     "histories": histories,
     "convergence": convergence,
     "combinations": combinations,
@@ -22,17 +23,17 @@ EXPERIMENTS = {
     "speed": speed,
 }
 #: Settings of each experiment that differ from its own.
-SETTINGS = {name: {} for name in EXPERIMENTS}
+SETTINGS: dict[str, Settings] = {name: {} for name in EXPERIMENTS}
 
 
 def main(settings: Settings, out: Path, jobs: int) -> list[Chapter]:
     """Run all experiments, each into a folder of `out`, and return their chapters."""
 
-    def chapter_of(name: str, module: object) -> Chapter:
+    def chapter_of(name: str, module: ModuleType) -> Chapter:
         """Run one experiment, write its own report, and return its chapter."""
         folder = out / name
         folder.mkdir(parents=True, exist_ok=True)
-        own = module.main(module.SETTINGS | settings[name], folder, jobs)
+        own: Chapter = module.main(module.SETTINGS | settings[name], folder, jobs)
         report(folder, [own])
         return own
 

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 import scipy.linalg
-from experiment import Findings, Row, Settings, rows, run, save
+from experiment import Findings, Row, Settings, full_body, rows, run, save
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -32,6 +32,7 @@ from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
 from pmr.report.figures import WIDE, curve_style, drawing, log_axis, log_x, make_sheet
 from pmr.report.numbers import format_percent, significant
 from pmr.scene import Scene
+from pmr.system.body import FullBody
 
 SETTINGS = {
     "scenes": [
@@ -59,10 +60,10 @@ REPEATS = 5
 
 
 @lru_cache
-def full_motion(scene: str) -> tuple[object, np.ndarray, np.ndarray, pmr.Response, np.ndarray]:
+def full_motion(scene: str) -> tuple[FullBody, np.ndarray, np.ndarray, pmr.Response, np.ndarray]:
     """Return the full model, its modes (n, n), their squared frequencies (n,), response, and modal motion (T, n)."""
     loaded = pmr.load_scene(scene, PLAIN)
-    full = pmr.full_model(loaded)
+    full = full_body(loaded)
     omega2, phi = scipy.linalg.eigh(full.K.toarray(), full.M.toarray())
     simulated = pmr.simulate_with_states(loaded, pmr.project(full, phi))
     return full, phi, omega2, simulated.response, simulated.states[""].p
@@ -95,7 +96,7 @@ def models(scene: str, basis: str, largest: int, band: float) -> tuple[Callable[
     return lambda r: pmr.project(full, phi @ U[:, :r]).with_rows(free), rank
 
 
-def _responses(scene: str, full: object, phi: np.ndarray, omega2: np.ndarray, band: float) -> Iterator[np.ndarray]:
+def _responses(scene: str, full: FullBody, phi: np.ndarray, omega2: np.ndarray, band: float) -> Iterator[np.ndarray]:
     r"""Yield modal responses (n, 2 i) to unit loads on i inputs at each position and frequency, real parts first.
 
     .. math:: z = h\, (b - c^T \lambda), \qquad h_j = 1 / (\omega_j^2 (1 + i \eta) - \omega^2)
@@ -129,6 +130,7 @@ def row(scene: str, basis: str, coordinates: list[int], band: float) -> Row:
             if basis == "flexibility":
                 loaded = scene_of(scene, basis, r)
                 outcome = pmr.run(loaded)
+                assert outcome is not None  # as on the first rank
                 model, estimate = outcome.reduced, outcome.result.summary["estimate"]
                 values[2, column] = (estimate or {}).get("beam") or np.nan
             else:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from experiment import Findings, Row, Settings, rows, run, save
+from experiment import Findings, Row, Settings, full_body, rows, run, save
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from published import speed
@@ -27,6 +27,8 @@ from pmr.report.numbers import SPACE, format_input, format_percent, format_quant
 from pmr.scene.signals import SignalBase
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn import simulate_system
+from pmr.simulation.exudyn.simulator import Formulation
+from pmr.system.body import FullBody
 
 SETTINGS = {
     "scenes": ["paper_simple", "paper_evolved"],
@@ -36,7 +38,7 @@ SETTINGS = {
 #: What is simulated, Exudyn's formulation or None for the compiled simulator, and words. ``callbacks`` is the paper's
 #: way: dense matrices, rows and loads asked for in every iteration. Whether it reuses a Jacobian (modified Newton) it
 #: does not say; the ratios that it states are close to those of one that does.
-APPROACHES = {
+APPROACHES: dict[str, tuple[str, Formulation | None, str]] = {
     "ancf": ("ancf", None, "ANCF cable"),
     "full-callbacks-modified": ("dense", "callbacks-modified-newton", "full, callbacks, Jacobian reused"),
     "full-callbacks": ("dense", "callbacks", "full, callbacks"),
@@ -98,10 +100,10 @@ def row(scene: str, approach: str, repeats: int, share: float) -> Row:
         allowed = "scenes without residual flexibility and with body.profile.axial_stiffness are allowed"
         raise pmr.InputError("speed", "scenes", scene, f"{allowed}, for callbacks and ANCF")
     if model == "reduced":
-        body = pmr.reduce(loaded).reduced
+        body: pmr.ReducedModel | FullBody = pmr.reduce(loaded).reduced
     elif model in ("full", "dense"):
-        body = pmr.full_model(loaded)
-        body = pmr.project(body, np.eye(body.size)) if model == "dense" else body
+        full = full_body(loaded)
+        body = pmr.project(full, np.eye(full.size)) if model == "dense" else full
     whole, steps = Excitation.from_scene(loaded), loaded.time.steps
 
     def seconds(begin: float, count: int) -> float:
@@ -230,7 +232,7 @@ def draw_seconds(results: dict[tuple[str, str], Row], scenes: list[str], span: f
         ax.set_ylim(0.6 - len(places), 0.6)
         ax.set_title(scene.replace("paper_", ""), loc="left", pad=3.0)
         ax.set_xlabel("Solver time in s")
-    dot = {"linestyle": "none", "marker": "o", "markersize": 3.0}
+    dot: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 3.0}
     handles = [
         Line2D([], [], label="the paper's way", color=PAPER, **dot),
         Line2D([], [], label="other ways, same trajectory", color=OURS, **dot),

@@ -21,6 +21,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from experiment import Row, Settings, rows, run, save, warnings_of_response
@@ -208,6 +209,7 @@ def _section_family(boom: Scene, basis: str) -> Family:
 
 def _without_flexibility(model: ReducedModel) -> ReducedModel:
     """Return a section's model without the flexibility of the modes that are left out."""
+    assert model.carriers is not None  # as of a section
     carriers = replace(model.carriers, flexibility=None, inertia=None, answers=None)
     return replace(model, flexibility=None, enrichment=None, carriers=carriers)
 
@@ -269,9 +271,9 @@ def row(scene: str, method: str, steps: list[float], values: list[float]) -> Row
             for h in steps
         }
     elif method == "elements":
-        errors = _errors_of_meshes(case.scene, values)
+        errors = _errors_of_meshes(case.scene, [int(count) for count in values])
     else:
-        errors = _errors_of_method(truth, method, steps, values)
+        errors = _errors_of_method(truth, method, steps, [int(size) for size in values])
     return errors | {"warnings": warnings}
 
 
@@ -330,7 +332,7 @@ def _system_of_many_modes(scene: Scene) -> pmr.System:
     return pmr.System.of(pmr.reduce(with_basis(scene, "flexibility", min(MANY, size // 2))).reduced)
 
 
-def tasks(settings: Settings) -> Iterator[dict[str, object]]:
+def tasks(settings: Settings) -> Iterator[dict[str, Any]]:
     """Yield the parameters of all rows; InputError for settings that can't be computed."""
     steps = sorted(settings["steps"], reverse=True)
     for name in settings["scenes"]:
