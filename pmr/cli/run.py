@@ -351,7 +351,8 @@ def _begin_to_help() -> None:
     """Follow the parent, leave its MPI job, and log warnings in the form in which the command line logs them."""
     for name in [name for name in os.environ if name.startswith(environment.MPI_VARIABLES)]:
         del os.environ[name]
-    _follow_parent()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     logging.basicConfig(format="%(levelname)s %(message)s")
 
 
@@ -362,15 +363,6 @@ def has_free_core() -> bool:
     with this one.  Other programs, which may use the cores as well, are not looked at.
     """
     return environment.available_cores() > 1 and environment.launched_process_count() == 1
-
-
-def _follow_parent() -> None:
-    """Ignore interrupts (SIGINT) in this process, and end the process as soon as its parent has ended.
-
-    The cause of the parent's end does not matter.
-    """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
 def _end_with_parent() -> None:

@@ -26,7 +26,6 @@ from pmr.compare.trust import (
     effects_not_covered,
     quantities_not_covered,
     stress_clauses,
-    unsettled_force_clauses,
 )
 from pmr.errors import InputError, SimulationError, percent, two_digits
 from pmr.errors.environment import Clock
@@ -246,7 +245,11 @@ def step_part(
     lacking = quantities_not_covered(
         scene, with_forces_on_machine(scene, simulated.response), step_estimate.errors, exact
     )
-    lacking = [SLIDER_IMPACTS] * impacts + lacking + unsettled_force_clauses(step_estimate.unsettled)
+    unsettled = [
+        f"{QUANTITIES[kind].label} beyond the stated error, as even smaller steps still change them"
+        for kind in step_estimate.unsettled
+    ]
+    lacking = [SLIDER_IMPACTS] * impacts + lacking + unsettled
     return SummaryPart({"step": step_summary(step_estimate, not_covered=lacking)}, messages)
 
 

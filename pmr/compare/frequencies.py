@@ -66,7 +66,10 @@ def closed_form_frequencies(scene: Scene, s: Array, count: int) -> Array:
         return np.empty((len(s), 0))
     axial = np.empty(0)
     if profile.axial and profile.axial_stiffness is not None:
-        axial = axial_frequencies(profile.length, profile.axial_stiffness, profile.mass_per_length, count)
+        n = np.arange(1, count + 1)  # a bar that is held at one end
+        axial = (
+            (2 * n - 1) * np.pi / (2.0 * profile.length) * np.sqrt(profile.axial_stiffness / profile.mass_per_length)
+        )
     beam = profile.length, profile.bending_stiffness, profile.mass_per_length
     within = np.minimum(s, profile.length)  # a path may pass the end by round-off
     bending = [bending_frequencies(float(at), *beam, count) for at in within]
@@ -94,16 +97,6 @@ def bending_frequencies(s: float, length: float, bending_stiffness: float, mass_
     ]
     beta = np.array(roots) / length
     return beta**2 * np.sqrt(bending_stiffness / mass_per_length)
-
-
-def axial_frequencies(length: float, axial_stiffness: float, mass_per_length: float, count: int) -> Array:
-    """The `count` lowest circular frequencies (count,) in rad/s of a bar that is held at one end.
-
-    They are (2 n - 1) pi / (2 L) sqrt(EA / rho A) for n = 1, 2, ...; L is its `length` in m, EA its `axial_stiffness`
-    in N, rho A its `mass_per_length` in kg/m (Blevins 1979, table 8-16).
-    """
-    n = np.arange(1, count + 1)
-    return (2 * n - 1) * np.pi / (2.0 * length) * np.sqrt(axial_stiffness / mass_per_length)
 
 
 def _characteristic(x: Array | float, share: float) -> Any:

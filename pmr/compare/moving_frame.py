@@ -350,7 +350,13 @@ class _EnergyBalance:
         """
         t, omega, gravity = self._run.t, self._turning.velocity, self._scene.gravity
         weight = (gravity.signal.value(t) if gravity else 0.0 * t)[:, None] * self._turning.up
-        V = _speeds(self._scene, omega, number, t)
+        # velocities (T, 4, 3) of points at rest in the frame, without the velocity of the pivot
+        place, out = np.zeros((len(t), 3)) + self._scene.present_frame.tail_position, np.zeros((len(t), 3))
+        for k in range(1, number + 1):
+            place[:, 0] += self._scene.extension(k).value(t)
+            out[:, 0] += self._scene.extension(k).rate(t)
+        tail = np.cross(omega, place) + out
+        V = np.stack([tail, *(np.cross(omega, axis) for axis in np.eye(3))], axis=1)
         V[:, 0] += self._base
         c = np.cross(V, omega[:, None])
         self.energy += _contract(V, moments.rate) + _contract(c, moments.u) + row_products(weight, moments.u[:, 0])
@@ -360,20 +366,6 @@ class _EnergyBalance:
         self.drives += by_rates + 2.0 * by_motion
         lifted = row_products(np.diff(weight, axis=0), step_means(moments.u[:, 0]))
         self.drives += _contract(np.diff(c, axis=0), step_means(moments.u)) + lifted
-
-
-def _speeds(scene: Scene, omega: Array, number: int, t: Array) -> Array:
-    """Velocities (T, 4, 3), at times t (T,), of points at rest in the frame, without the velocity of the pivot.
-
-    First comes the velocity at the tail of the section with this `number` in m/s, then its slopes over x, y and z in
-    1/s.  `omega` (T, 3) in rad/s is the angular velocity of the frame.
-    """
-    place, out = np.zeros((len(t), 3)) + scene.present_frame.tail_position, np.zeros((len(t), 3))
-    for k in range(1, number + 1):
-        place[:, 0] += scene.extension(k).value(t)
-        out[:, 0] += scene.extension(k).rate(t)
-    tail = np.cross(omega, place) + out
-    return np.stack([tail, *(np.cross(omega, axis) for axis in np.eye(3))], axis=1)
 
 
 def _pivot_velocity(frame: Frame, t: Array) -> Array:

@@ -18,7 +18,7 @@ cells are shorter than pads: `docs/accuracy.md` has measurements.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -30,7 +30,7 @@ from pmr.compare.outputs import RoundOffBounds, differences
 from pmr.compare.responses import Simulation, simulate_by
 from pmr.compare.trials import Sizes, Trials
 from pmr.errors import InputError
-from pmr.files.arrays import Indices, Summary
+from pmr.files.arrays import Summary
 from pmr.results import Response
 from pmr.results.quantities import COMPARED
 from pmr.results.response import Extremes
@@ -75,15 +75,10 @@ def other_mesh(scene: Scene) -> OtherMesh:
     if any(part.mesh.file is not None for part in scene.sections):
         allowed = "a mesh that is read from a file cannot be refined, so there is nothing to compare it with"
         raise InputError("scene", "mesh", None, allowed)
-    if has_rigid_beams(scene):
+    if all(traits_of(member).has_line and member.part.body.walls == "rigid" for member in members(scene)):
         order = FIRST_ORDER if has_long_elements(scene) else ORDER
         return OtherMesh(finer_beams(scene), "finer mesh", 1.0 / (1.0 - FINER**-order))
     return OtherMesh(coarser_walls(scene), "coarser mesh", 1.0 / (COARSER**FIRST_ORDER - 1.0))
-
-
-def has_rigid_beams(scene: Scene) -> bool:
-    """Whether all bodies are beams whose walls don't give way, or movers on such beams."""
-    return all(traits_of(member).has_line and member.part.body.walls == "rigid" for member in members(scene))
 
 
 def has_long_elements(scene: Scene) -> bool:
@@ -190,20 +185,14 @@ def mesh_errors(of_scene: Trials, other: Trials, sizes: Sizes, steps: int, share
     """
     mine, theirs = (trials.run_undamped(sizes, steps) for trials in (of_scene, other))
     floors = RoundOffBounds.for_system(of_scene.system(sizes), of_scene.with_steps(steps), mine.force)
-    numbers, other_numbers = _common_displacements(of_scene.output_positions, other.output_positions)
+    # numbers (2, c), in each of the two models, of the c displacements that both have
+    places, other_places = of_scene.output_positions, other.output_positions
+    at, near = {name: k for k, (name, _) in enumerate(other_places)}, SAME * np.ptp([x for _, x in places])
+    pairs = [(k, at[name]) for k, (name, x) in enumerate(places) if name in at]
+    common = [(k, j) for k, j in pairs if abs(other_places[j][1] - places[k][1]) <= near]
+    numbers, other_numbers = np.array(common, np.int64).reshape(-1, 2).T
     mine, theirs = mine.select_displacements(numbers), theirs.select_displacements(other_numbers)
     return {kind: share * size for kind, size in differences(theirs, mine, floors, of_scene.wanted).items()}
-
-
-def _common_displacements(places: Sequence[tuple[str, float]], other: Sequence[tuple[str, float]]) -> Indices:
-    """Numbers (2, c), in each of two models, of the c displacements that both models have.
-
-    `places` and `other` are the names and positions in m of the displacements of the two models.  Displacements are the
-    same if name and position are the same.  Of meshes with many nodes, not all nodes are observed.
-    """
-    at, near = {name: k for k, (name, _) in enumerate(other)}, SAME * np.ptp([x for _, x in places])
-    common = [(k, at[name]) for k, (name, x) in enumerate(places) if name in at and abs(other[at[name]][1] - x) <= near]
-    return np.array(common, np.int64).reshape(-1, 2).T
 
 
 @dataclass(frozen=True)

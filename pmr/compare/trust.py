@@ -178,17 +178,12 @@ def coverage_warnings(clauses: Sequence[str]) -> list[str]:
 def _clause_above(name: str, signal: SignalBase, stepping: TimeStepping, top: float) -> Iterator[str]:
     """Yield a clause on the part of the signal `name` that excites modes above `top` in Hz, unless it is small."""
     tones = [part.highest_frequency(0.0, stepping.end) for part in signal.parts]
-    aliased_tone = max((_aliased_frequency(tone, stepping.step) for tone in tones), default=0.0)
+    aliased_tone = max((abs(tone - round(tone * stepping.step) / stepping.step) for tone in tones), default=0.0)
     if aliased_tone > top:
         yield f"what {name}, {max(tones):.4g} Hz, excites beyond the highest enrichment mode, {top:.4g} Hz"
     elif (share := _share_above(signal, stepping, top)) > BEYOND:
         above = f"{two_digits(100.0 * share)} % of it above the highest enrichment mode, {top:.4g} Hz"
         yield f"what {name}, {above}, excites there"
-
-
-def _aliased_frequency(frequency: float, h: float) -> float:
-    """Frequency in Hz at which a tone of `frequency` in Hz appears in samples at steps of h in s."""
-    return abs(frequency - round(frequency * h) / h)
 
 
 def _share_above(signal: SignalBase, stepping: TimeStepping, top: float) -> float:
@@ -234,13 +229,6 @@ def quantities_not_covered(
     """
     stated = stated_quantities(scene, response)
     return [QUANTITIES[kind].label for kind in stated if part.get(kind) is None and kind not in exact]
-
-
-def unsettled_force_clauses(kinds: Sequence[str]) -> list[str]:
-    """List a clause for each of `kinds`, keys of quantities that still change as the step gets smaller."""
-    return [
-        f"{QUANTITIES[kind].label} beyond the stated error, as even smaller steps still change them" for kind in kinds
-    ]
 
 
 def reduction_warnings(summary: Summary) -> list[str]:

@@ -24,16 +24,9 @@ def tall(local: Array, like: PETSc.Mat) -> PETSc.Mat:
 
     The rows are distributed as those of `like`.
     """
-    return _tall(local, like.getSizes()[0], like.comm)
-
-
-def _tall(local: Array, sizes: tuple[int, int], comm: MPI.Comm) -> PETSc.Mat:
-    """Dense PETSc matrix with a copy of `local` (n_local, k), this rank's rows; collective.
-
-    `sizes` are the numbers n_local of rows on this rank and n of all rows.
-    """
+    sizes = like.getSizes()[0]
     assert len(local) == sizes[0]
-    matrix = PETSc.Mat().createDense((sizes, (PETSc.DECIDE, local.shape[1])), comm=comm)
+    matrix = PETSc.Mat().createDense((sizes, (PETSc.DECIDE, local.shape[1])), comm=like.comm)
     matrix.setUp()
     matrix.getDenseArray()[:] = local
     matrix.assemble()

@@ -297,7 +297,9 @@ def _field_value(hint: Any, parts: Mapping[str, NDArray[Any]]) -> Any:
         Arrays of the field, by the part of their key that follows the field's name; this part is ``""`` for an array
         with the field's name as its key.
     """
-    hint = _expand_alias(hint)
+    # NumPy's `NDArray` is an alias from NumPy 2.5 on
+    alias = getattr(get_origin(hint), "__value__", None)
+    hint = hint if alias is None else alias[get_args(hint)]
     origin, arguments = get_origin(hint), get_args(hint)
     nested: bool = is_dataclass(hint)
     if nested:
@@ -318,12 +320,6 @@ def _field_value(hint: Any, parts: Mapping[str, NDArray[Any]]) -> Any:
     if not isinstance(table := json.loads(str(array)), dict):
         raise TypeError(f"a table is allowed, not {table!r:.60}")
     return table
-
-
-def _expand_alias(hint: Any) -> Any:
-    """Return the type that NumPy's alias `NDArray` stands for from NumPy 2.5 on; other types are returned unchanged."""
-    alias = getattr(get_origin(hint), "__value__", None)
-    return hint if alias is None else alias[get_args(hint)]
 
 
 @cache

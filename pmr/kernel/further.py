@@ -150,7 +150,8 @@ def frame_output_arrays(frame: Frame | None, system: System, paths: Sequence[str
         "tip_place": np.array(frame.scene.frame.tail_position) + [scene.sections[-1].length, 0.0, 0.0],
         "cylinder_hinges": np.array([0.0] * 4 if cylinder is None else [*cylinder.foot, *cylinder.lug]),
     }
-    numbers = numbers_of_forces(system, reactions)
+    named = [*system.output_names, *reactions, *map(force_name, system.contact_names)]
+    numbers = {name: k for k, name in reversed([*enumerate(named)])}
     pressing, turns = pressing_forces(scene, paths, numbers), False
     if pressing is not None:
         wrenches = np.array(pressing.wrenches).reshape(-1, 6, 1 + len(paths))
@@ -173,15 +174,6 @@ def further_names(reactions: Sequence[str], arrays: Arrays) -> list[str]:
     """
     tip = [f"tip in space {axis}" for axis in "XYZ"] if "tip_numbers" in arrays else []
     return [*reactions, *tip, *([CYLINDER] if "cylinder_pin" in arrays else [])]
-
-
-def numbers_of_forces(system: System, reactions: Sequence[str]) -> dict[str, int]:
-    """Numbers by name in one count: first outputs, then `reactions` of rigid supports, then contact forces.
-
-    Of several quantities with one name, the first has the number.
-    """
-    named = [*system.output_names, *reactions, *map(force_name, system.contact_names)]
-    return {name: k for k, name in reversed([*enumerate(named)])}
 
 
 #: A quantity as a tuple, in which the axes x, y, z have the numbers 0, 1, 2:

@@ -61,7 +61,11 @@ class Kernel(StateSizes, DriverSizes):
 
     def __init__(self, block: bytes | bytearray) -> None:
         """Copy and open a block; an InputError is raised if the bytes are no block of this kernel, or damaged."""
-        self._block = _aligned_bytes(block)
+        room = np.empty(len(block) + LINE, np.uint8)
+        first = -room.ctypes.data % LINE  # an address that is a multiple of `LINE`
+        self._block = room[first : first + len(block)]
+        self._block[:] = np.frombuffer(block, np.uint8)
+        self._block.flags.writeable = False
         out, why = ffi.new("pmr_system **"), ffi.new(f"char[{lib.PMR_MESSAGE}]")
         if lib.pmr_system_open(ffi.from_buffer(self._block), len(self._block), out, why):
             raise InputError("system", "block", None, ffi.string(why).decode(errors="replace"))
@@ -153,16 +157,6 @@ def structure(kind: str, fields: Mapping[str, Any]) -> Any:
     address = ffi.new(f"{kind} *", values)
     _ARRAYS[address] = arrays
     return address
-
-
-def _aligned_bytes(block: bytes | bytearray) -> NDArray[np.uint8]:
-    """Read-only copy (k,) of the k bytes of `block` at an address that is a multiple of `LINE`."""
-    room = np.empty(len(block) + LINE, np.uint8)
-    first = -room.ctypes.data % LINE
-    array = room[first : first + len(block)]
-    array[:] = np.frombuffer(block, np.uint8)
-    array.flags.writeable = False
-    return array
 
 
 class Signal(Protocol):

@@ -324,20 +324,13 @@ def frames(mesh: NamedMesh) -> Array:
     For a triangle that lies across the body's axis, the next of the axes x, y, z is used instead of the body's axis.
     """
     corners = mesh.points[mesh.cells]
-    n = _outward(mesh, corners.mean(axis=1), unit_normals(corners))
+    # unit normals (f, 3), turned away from the body's axis
+    normals = unit_normals(corners)
+    largest = np.take_along_axis(normals, np.abs(normals).argmax(axis=1)[:, None], axis=1)[:, 0]
+    flat = bool(np.all(np.abs(normals @ normals[0]) > FLAT))
+    side = np.zeros(len(normals)) if flat else outward_signs(mesh, corners.mean(axis=1), normals)
+    n = np.asarray(normals * np.where(side == 0.0, np.sign(largest), side)[:, None])
     along = np.eye(3)[np.where(np.abs(n[:, mesh.axis]) > ACROSS, (mesh.axis + 1) % 3, mesh.axis)]
     e1 = along - np.sum(along * n, axis=1)[:, None] * n
     e1 /= np.linalg.norm(e1, axis=1)[:, None]
     return np.stack([e1, np.cross(n, e1), n], axis=1)
-
-
-def _outward(mesh: NamedMesh, places: Array, normals: Array) -> Array:
-    """Unit normals (f, 3) at the points `places` (f, 3) in m of a surface: `normals` turned away from the body's axis.
-
-    On a flat plate, or where a normal points neither away from the axis nor towards it, the normal is turned so that
-    its component of largest magnitude is positive.
-    """
-    largest = np.take_along_axis(normals, np.abs(normals).argmax(axis=1)[:, None], axis=1)[:, 0]
-    flat = bool(np.all(np.abs(normals @ normals[0]) > FLAT))
-    side = np.zeros(len(normals)) if flat else outward_signs(mesh, places, normals)
-    return np.asarray(normals * np.where(side == 0.0, np.sign(largest), side)[:, None])

@@ -93,16 +93,6 @@ def model_digest(model: FullModel) -> str:
     return hashlib.blake2b(repr(model.comm.allgather(digest.hexdigest())).encode(), digest_size=16).hexdigest()
 
 
-def structure_text(scene: Scene) -> str:
-    """JSON text of a scene without `IRRELEVANT_KEYS`, paths and signals of loads, which change no reduced model.
-
-    The content of files that the scene names is not included.
-    """
-    exclude: dict[str, Any] = dict.fromkeys(IRRELEVANT_KEYS, True)
-    exclude |= {"sections": {"__all__": {"slider": {"path"}, "loads": {"__all__": {"signal"}}}}}
-    return scene.model_dump_json(exclude=exclude)
-
-
 class SystemFiles(NamedTuple):
     """Paths of two files about the system of a scene; either may be missing.
 
@@ -166,7 +156,10 @@ class SystemCache:
         # joints are part of the structure, but the end of the simulated time decides how far pads get
         path = scene.travel if ALONE in scene.bodies else [member.pad_positions for member in members(scene)]
         files = [sorted(part.file_digests.items()) for part in scene.sections]
-        request = {"scene": structure_text(scene), "path": path, "files": files}
+        # paths and signals of loads change no reduced model
+        exclude: dict[str, Any] = dict.fromkeys(IRRELEVANT_KEYS, True)
+        exclude |= {"sections": {"__all__": {"slider": {"path"}, "loads": {"__all__": {"signal"}}}}}
+        request = {"scene": scene.model_dump_json(exclude=exclude), "path": path, "files": files}
         return SystemFiles(self._file("system", request), self._file("unheld", request | {"end": scene.time.end}))
 
     def _file(self, kind: str, request: Mapping[str, object]) -> Path:

@@ -166,17 +166,10 @@ def rigid_modes(model: FullModel) -> Array:
     for _ in range(2):  # a single pass loses last digits for rotations about a distant origin
         U = np.linalg.inv(np.linalg.cholesky(inner(R, times(model.M, R), model.comm)).T)
         R, held = R @ U, held @ U
-    return np.ascontiguousarray(R @ _null_space(np.vstack([held, _motion_measures(model, R)])))
-
-
-def _motion_measures(model: FullModel, R: Array) -> Array:
-    """Values (h, k) of the h fixed rows of a model for k motions R (n_local, k); collective.
-
-    R is this rank's part of the motions.
-    """
     first = model.M.getOwnershipRange()[0]
     rows = [row.project(R, first).c[-1, 0] for row in fixed_rows(model)]
-    return np.asarray(model.comm.allreduce(np.reshape(rows, (len(rows), R.shape[1]))))
+    on_rows = model.comm.allreduce(np.reshape(rows, (len(rows), R.shape[1])))  # values of the fixed rows for R
+    return np.ascontiguousarray(R @ _null_space(np.vstack([held, on_rows])))
 
 
 def _null_space(rows: Array) -> Array:

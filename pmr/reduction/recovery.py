@@ -123,16 +123,13 @@ class Recovery:
         """Full coordinates q (S, n_local) of the body in S `states`, this rank's part."""
         q = states.p @ self.V.T
         if self._residual is not None:
-            q += self._residual.apply(self._acting_loads(states)).T
+            # by the loads B f - C(s)^T z (n_local, S) in N, this rank's part
+            model_rows = self._model.rows
+            pressed = sp.csr_matrix((len(states.t), model_rows.size))
+            for name, z, at in zip(states.rows, states.multipliers.T, states.s.T, strict=True):
+                pressed = pressed + model_rows.rows[model_rows.names.index(name)].forces_on_coordinates(at, z)
+            q += self._residual.apply(self._inputs @ states.loads.T - pressed[:, self._share].T.toarray()).T
         return np.asarray(q)
-
-    def _acting_loads(self, states: BodyStates) -> Array:
-        """Loads B f - C(s)^T z (n_local, S) in N on the body in S `states`, this rank's part."""
-        model_rows = self._model.rows
-        pressed = sp.csr_matrix((len(states.t), model_rows.size))
-        for name, z, at in zip(states.rows, states.multipliers.T, states.s.T, strict=True):
-            pressed = pressed + model_rows.rows[model_rows.names.index(name)].forces_on_coordinates(at, z)
-        return np.asarray(self._inputs @ states.loads.T - pressed[:, self._share].T.toarray())
 
 
 #: Name that envelopes use for the stress by section forces in the corners of a profile.

@@ -19,7 +19,7 @@ from pmr.scene.hoist import ROPE
 from pmr.scene.keys import SLIDER as SLIDER
 from pmr.scene.keys import input_name
 from pmr.scene.mechanism import FrameTerm, frame_terms
-from pmr.scene.members import EXTENSION, Member, member_at, members
+from pmr.scene.members import EXTENSION, member_at, members
 from pmr.scene.run_settings import Simulation
 from pmr.scene.signals import SignalBase
 from pmr.simulation.frame import (
@@ -33,9 +33,9 @@ from pmr.simulation.frame import (
 )
 from pmr.simulation.frame_motion import (
     Acceleration,
+    ComputedMotion,
     Product,
     computed_inputs,
-    computed_parts,
     hold_computed_motions,
     rotation_products,
 )
@@ -81,10 +81,15 @@ class Excitation:
             )
             allowed = f"none is allowed here: only pmr run and pmr.simulate, with march, find {moves}"
             raise InputError("scene", key, value, allowed)
-        stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf, schedule=computed_parts(scene))
+        # numbers of parts into which steps were divided when a free extension was computed
+        samples = (path.samples for path in scene.paths.values() if isinstance(path, ComputedMotion))
+        parts = next((of.parts for of in samples if len(of.parts) == scene.time.steps), ())
+        stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf, schedule=parts)
         loads, paths = dict[str, SignalBase](), scene.paths
         for name, member in zip(scene.names, members(scene), strict=True):
-            signals = load_signals(scene, member) | member.weight | inertia_loads(scene, member)
+            signals = load_signals(scene, member) | member.weight
+            for axis in inertia_fields(member):
+                signals[INERTIA + axis] = section_acceleration(scene, member.number, axis, -1.0)
             if is_accelerated(member):
                 signals[EXTENSION] = Acceleration(paths=tuple(paths.values())[: member.number], step=stepping.step)
             loads |= {input_name(name, load): signal for load, signal in signals.items()}
@@ -295,13 +300,6 @@ def _signals_in(key: str, table: BaseModel) -> Iterator[tuple[str, SignalBase]]:
             yield f"{key}.{name}", value
         elif isinstance(value, BaseModel):
             yield from _signals_in(f"{key}.{name}", value)
-
-
-def inertia_loads(scene: Scene, member: Member) -> dict[str, SignalBase]:
-    """Amplitudes of the inertia inputs of a section in a frame, by the inputs' names; empty without such inputs."""
-    return {
-        INERTIA + field: section_acceleration(scene, member.number, field, -1.0) for field in inertia_fields(member)
-    }
 
 
 def term_signals(scene: Scene, which: Iterable[FrameTerm] | None = None) -> dict[str, SignalBase]:

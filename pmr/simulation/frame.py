@@ -137,7 +137,10 @@ class FrameAmplitude(FrameSignal):
             if kind == "shaken":
                 return np.asarray(self.base[int(of[0])].value(t))
             if kind == "reach":
-                return self._reach(t, int(of[0]), int(of[1]))
+                paths, order = self.paths[: int(of[0])], int(of[1])
+                if order == 2:
+                    return Acceleration(paths=paths, step=self.step).value(t)
+                return np.asarray(np.sum([getattr(path, ("value", "rate")[order])(t) for path in paths], axis=0))
             if kind == "raised":
                 return np.asarray((np.sin, np.zeros_like, np.cos)[int(of[0])](self.luffing.value(t)))
             if kind == "over":
@@ -161,16 +164,6 @@ class FrameAmplitude(FrameSignal):
             for signals in (self._slow_signals, self._fast_signals)
         )
         return max(2.0 * slow, fast + slow if fast else 0.0)
-
-    def _reach(self, t: Array, number: int, order: int) -> Array:
-        """Position (T,) of a section's tail on the axis in m at t (T,) s, or its derivative of order 1 or 2.
-
-        `number` is that of the section.
-        """
-        paths = self.paths[:number]
-        if order == 2:
-            return Acceleration(paths=paths, step=self.step).value(t)
-        return np.asarray(np.sum([getattr(path, ("value", "rate")[order])(t) for path in paths], axis=0))
 
 
 def products_of(signal: SignalBase, name: str) -> Products:

@@ -297,15 +297,6 @@ def hold_computed_motions(scene: Scene) -> Scene:
     return scene.with_keys(frame=held, sections=tuple(sections))
 
 
-def computed_parts(scene: Scene) -> tuple[int, ...]:
-    """Numbers of parts into which steps were divided when a free extension was computed; empty without division.
-
-    They are also empty if the scene has another number of steps by now.
-    """
-    samples = (path.samples for path in scene.paths.values() if isinstance(path, ComputedMotion))
-    return next((of.parts for of in samples if len(of.parts) == scene.time.steps), ())
-
-
 def has_computed_motion(scene: Scene) -> bool:
     """Whether a motion of the scene is or will be computed with the model: of a machine, luffing angle or extension.
 

@@ -44,7 +44,6 @@ import scipy.linalg
 from pmr.errors import InputError
 from pmr.files.arrays import Array
 from pmr.scene import Scene
-from pmr.scene.frame import INERTIA
 from pmr.scene.keys import LUFFING, input_name
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.rotation import skew
@@ -55,7 +54,6 @@ from pmr.simulation.exudyn.formulations import Start, zero_jacobian
 from pmr.simulation.exudyn.items import Steps, SystemItems, add_bodies, with_contacts
 from pmr.simulation.free_base import FrameMotion, FreeBase, Moments, base_equations
 from pmr.system.changing_rows import ChangingRows, EliminatedContacts
-from pmr.system.system import System
 
 
 def add_without_contacts(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
@@ -333,12 +331,6 @@ class Base:
             inner = L[6:, k:]
             stiffness = scipy.linalg.block_diag(np.zeros((k, k)), inner.T @ K @ inner)
         return AddedEquations(L.T @ pressed.mass @ L, L.T @ force, stiffness)
-
-
-def loads_on_base(system: System, loads: Mapping[str, Driving]) -> dict[str, Driving]:
-    """Return the `loads` by name, with zero for all inertia inputs, since the base adds the boom's inertia."""
-    nothing = Constant(amount=0.0)
-    return dict(loads) | {name: nothing for name in system.input_names if INERTIA in name}
 
 
 def terms_on_base(loads: Mapping[str, Driving], paths: Mapping[str, Driving], on: OnBody) -> dict[str, Driving]:

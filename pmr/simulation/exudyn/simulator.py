@@ -17,12 +17,14 @@ import numpy as np
 from pmr.errors import InputError
 from pmr.files.arrays import Array
 from pmr.scene.choice import refuse_unsupported
+from pmr.scene.frame import INERTIA
+from pmr.scene.signals import Constant
 from pmr.simulation.contact_step import StepParts, contact_frequency, with_schedule
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.exudyn.contacts import Balance, Contacts, Motion, Pads, balance_energy
 from pmr.simulation.exudyn.equations import Driving, Equations, NodeCoordinate, SignalInputs, TabulatedInputs
 from pmr.simulation.exudyn.formulations import ADD_BY, Formulation
-from pmr.simulation.exudyn.free_base import Base, OnBody, add_without_contacts, loads_on_base, terms_on_base, with_base
+from pmr.simulation.exudyn.free_base import Base, OnBody, add_without_contacts, terms_on_base, with_base
 from pmr.simulation.exudyn.items import (
     SystemItems,
     add_force_sensor,
@@ -31,7 +33,7 @@ from pmr.simulation.exudyn.items import (
     with_quasi_static,
     with_terms,
 )
-from pmr.simulation.exudyn.solver import override_newton, read_sensor, solve, solver_settings
+from pmr.simulation.exudyn.solver import read_sensor, solve, solver_settings
 from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.modal import LARGEST
 from pmr.simulation.native import systems
@@ -109,7 +111,9 @@ def add_system(
     """
     equations = Equations(system if on is None else with_all_inertia(system))
     if on is not None:
-        loads, terms = loads_on_base(system, loads), terms_on_base(loads, paths, on)
+        terms = terms_on_base(loads, paths, on)
+        inertia_inputs = [name for name in system.input_names if INERTIA in name]  # the base adds the boom's inertia
+        loads = dict(loads) | dict.fromkeys(inertia_inputs, Constant(amount=0.0))
     inputs = SignalInputs(mbs, equations, paths, loads, terms or {})
     name, add = ADD_BY[formulation]
     if free := [path for path, driving in paths.items() if isinstance(driving, NodeCoordinate)]:
@@ -217,7 +221,19 @@ class SystemRun:
         chosen = solver_settings(self._excitation.stepping.divide(self._lengths.finest), linear)
         chosen.timeIntegration.numberOfSteps = self._lengths.steps
         chosen.timeIntegration.newton.useModifiedNewton = self._formulation == "callbacks-modified-newton"
-        override_newton(chosen.timeIntegration.newton, self._excitation.options.newton)
+        # Overwrite Exudyn's settings `newton` of Newton's method by the `settings` of the same names, in place
+        names = [
+            name
+            for name, value in chosen.timeIntegration.newton.GetDictionary().items()
+            if not isinstance(value, Mapping)
+        ]
+        for name, value in self._excitation.options.newton.items():
+            if name not in names:
+                raise InputError("scene", f"simulation.newton.{name}", value, f"one of {', '.join(names)} is allowed")
+            try:
+                setattr(chosen.timeIntegration.newton, name, value)
+            except exu.ExudynError as error:
+                raise InputError("scene", f"simulation.newton.{name}", value, str(error).splitlines()[0]) from None
         times = self._lengths.times if np.ptp(self._lengths.parts) else None
         seconds = solve(self._mbs, chosen, self._describe, progress, times)
         motion, contacts = self._motion(), Contacts(self._equations, self._inputs)

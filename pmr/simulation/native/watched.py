@@ -155,12 +155,6 @@ def highest_pressure(oil: Oil) -> float:
     return oil.supply + max(oil.valve.laminar, ABOVE * oil.supply)
 
 
-def greatest_length(system: System, scene: Scene) -> float:
-    """Length in m of the boom with all sections as far out as the ranges of the system's paths permit."""
-    ranges = system.ranges
-    return scene.sections[-1].length + sum(ranges[name][1] for name in scene.names[1:])
-
-
 def _luffs_by_itself(scene: Scene) -> bool:
     """Whether the luffing angle is, or was, computed with the boom's motion."""
     luffing = None if scene.frame is None else scene.frame.luffing
@@ -231,7 +225,9 @@ def _ground(scene: Scene) -> Iterator[Limit]:
 
 def _displacements(scene: Scene, system: System) -> Iterator[Limit]:
     """Yield a limit for each output in m: the share `SMALL` of the boom's greatest length, in both directions."""
-    largest = SMALL * (length := greatest_length(system, scene))
+    ranges = system.ranges
+    length = scene.sections[-1].length + sum(ranges[name][1] for name in scene.names[1:])
+    largest = SMALL * length
     advice, watch = "the theory of small motions does not hold", Watch(once=True, seldom=True)
     for name, unit in zip(system.output_names, system.output_units, strict=True):
         if unit == "m":
