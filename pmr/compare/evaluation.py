@@ -24,7 +24,7 @@ from pmr.simulation.frame_motion import ComputedMotion, MotionSamples
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.free_motion import ACCELERATION, CYLINDER_UNITS, STOP, column_name
 from pmr.simulation.reactions import response_to_motion, with_row_multipliers, with_support_reactions
-from pmr.simulation.stepping import SimulationEnd, load_potential, row_blocks
+from pmr.simulation.stepping import BLOCK, SimulationEnd, load_potential
 from pmr.system.body import SlidingBody, Trajectory, clear_rates_without_inertia
 from pmr.system.contacts import Contact, Friction
 from pmr.system.states import SystemTrajectory, displacements
@@ -42,8 +42,8 @@ def evaluate_motion(system: System, trajectory: SystemTrajectory) -> Response:
     Raises SimulationError if outputs, forces or energies overflow.
     """
     evaluation = Evaluation(system, trajectory.t, trajectory.loads)
-    for block in row_blocks(len(trajectory.t)):
-        evaluation(block.start, trajectory.select(block))
+    for first in range(0, max(1, len(trajectory.t) - 1), BLOCK):  # each block begins with the last step of that before
+        evaluation(first, trajectory.select(slice(first, first + BLOCK + 1)))
     return evaluation.response(SimulationEnd(trajectory.seconds, trajectory.surplus))
 
 

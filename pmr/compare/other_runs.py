@@ -76,18 +76,14 @@ def other_mesh(scene: Scene) -> OtherMesh:
         allowed = "a mesh that is read from a file cannot be refined, so there is nothing to compare it with"
         raise InputError("scene", "mesh", None, allowed)
     if all(traits_of(member).has_line and member.part.body.walls == "rigid" for member in members(scene)):
-        order = FIRST_ORDER if has_long_elements(scene) else ORDER
+        has_long_elements = any(
+            member.part.length / member.part.mesh.elements > LONGEST_ELEMENT * ring.length > 0.0
+            for member in members(scene)
+            for ring in member.pads
+        )
+        order = FIRST_ORDER if has_long_elements else ORDER
         return OtherMesh(finer_beams(scene), "finer mesh", 1.0 / (1.0 - FINER**-order))
     return OtherMesh(coarser_walls(scene), "coarser mesh", 1.0 / (COARSER**FIRST_ORDER - 1.0))
-
-
-def has_long_elements(scene: Scene) -> bool:
-    """Whether elements of a beam are longer than `LONGEST_ELEMENT` times its shortest pad that has a length."""
-    return any(
-        member.part.length / member.part.mesh.elements > LONGEST_ELEMENT * ring.length > 0.0
-        for member in members(scene)
-        for ring in member.pads
-    )
 
 
 def finer_beams(scene: Scene) -> Scene:

@@ -6,6 +6,8 @@ Each function returns values by their keys, and warnings.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -60,8 +62,9 @@ from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation, contact_step
 from pmr.simulation.excitation import machine_signals
 from pmr.simulation.stepping import describe_lost_features, describe_overshoots
-from pmr.system.from_scene import with_hoist_of, with_terms_of
+from pmr.system.from_scene import with_hoist_of
 from pmr.system.system import System
+from pmr.system.terms import terms_of
 
 
 def origin_part(scene: Scene, libraries: Mapping[str, str] | None = None) -> SummaryPart:
@@ -249,7 +252,8 @@ def simulate_saved(system: System, scene: Scene) -> RunResult:
     scene = with_choice_of_terms(scene, system.terms)
     check_installed(scene)
     scene = with_models_of(scene, system)
-    system = with_terms_of(scene, with_hoist_of(scene, system))
+    # a system that is read from a file has only the terms of its own bodies
+    system = replace(with_hoist_of(scene, system), terms_of=partial(terms_of, scene))
     clock, excitation, models = Clock(), excitation_of_scene(scene, system), system.reduced
     results = simulate(scene, system, excitation, clock)
     responses, response = {"reduced": results.first.response}, results.first.response

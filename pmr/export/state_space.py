@@ -343,7 +343,9 @@ def _dmig_deck(space: StateSpace) -> Iterator[str]:
     yield f"SPOINT  {1:<8d}THRU    {r:<8d}"
     for matrix in _matrices(space):
         form = _RECTANGULAR_DMIG if matrix.form == _RECTANGULAR else matrix.form
-        yield from _lines_with_remainder(matrix.letter, matrix.number, matrix.A, form)
+        rounded = np.vectorize(lambda x: float(_field(x).replace("D", "e")), otypes=[float])(matrix.A)
+        yield from _dmig_lines(f"{matrix.letter}{matrix.number}", matrix.A, form)
+        yield from _dmig_lines(f"{matrix.letter}L{matrix.number}", matrix.A - rounded, form)
 
 
 def _output4_deck(space: StateSpace) -> Iterator[str]:
@@ -359,17 +361,6 @@ def _output4_deck(space: StateSpace) -> Iterator[str]:
                 yield from ("".join(f"{x:24.16E}" for x in values[k : k + 3]) for k in range(0, len(values), 3))
         yield f"{columns + 1:8d}{1:8d}{1:8d}"
         yield f"{1.0:24.16E}"
-
-
-def _lines_with_remainder(letter: str, number: str, A: Array, form: int) -> Iterator[str]:
-    """Yield the lines of the matrix A (n, m), and of the remainder (n, m) that its fields can't hold.
-
-    The matrix is called `letter` and `number`; an L after the letter marks the remainder.  `form` is the number of the
-    matrix's form in DMIG lines.
-    """
-    rounded = np.vectorize(lambda x: float(_field(x).replace("D", "e")), otypes=[float])(A)
-    yield from _dmig_lines(f"{letter}{number}", A, form)
-    yield from _dmig_lines(f"{letter}L{number}", A - rounded, form)
 
 
 def _dmig_lines(name: str, A: Array, form: int) -> Iterator[str]:

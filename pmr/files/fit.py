@@ -87,12 +87,6 @@ def negative_damping(D: sp.csr_matrix) -> Reason | None:
     return Reason("D", allowed)
 
 
-def is_uncheckable(body: Resistance) -> bool:
-    """Whether all nodes are near supports that K includes, so that points and axes can't be checked against K."""
-    used = np.unique(body.node)
-    return bool(body.near(body.missing_displacements.any(axis=1))[used].all())
-
-
 def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     """Yield a reason about ``M`` or ``K`` if a diagonal entry is negligible compared with the median diagonal entry.
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.errors import NAMED, InputError, is_name, missing_file_reason
 from pmr.files import npz
 from pmr.files.arrays import Array, Indices, Mask
-from pmr.files.fit import centre_of_mass, indefinite_superelement, is_uncheckable, misfit, negative_damping
+from pmr.files.fit import centre_of_mass, indefinite_superelement, misfit, negative_damping
 from pmr.files.rigid import DIRECTIONS, Resistance, rigid_motions
 
 logger = logging.getLogger(__name__)
@@ -93,7 +93,8 @@ class GivenMatrices:
         if reason := checked or (None if self.D is None else negative_damping(self.D)):
             raise self._refusal(reason[0], None, reason[1])
         object.__setattr__(self, "held", body.held_motions())
-        object.__setattr__(self, "unchecked", is_uncheckable(body))
+        used = np.unique(body.node)
+        object.__setattr__(self, "unchecked", bool(body.near(body.missing_displacements.any(axis=1))[used].all()))
 
     def without_condensed_nodes(self) -> GivenMatrices:
         """Return the body without nodes that have no coordinate; unchanged if K holds a rigid motion.

@@ -298,15 +298,6 @@ def _place(point: Array) -> str:
     return "({}) m".format(", ".join(f"{c + 0.0:.4g}" for c in np.round(point, 6)))
 
 
-def needed_matrices(scene: Scene) -> tuple[str, ...]:
-    """Names of the matrices that a scene needs: keys of ROTATING, CARRIED and STATES in `pmr.system.body_matrices`.
-
-    Only these matrices are assembled.  If the scene leaves second order out, the geometric stiffness matrices are
-    needed all the same, to tell how large the neglected terms are.
-    """
-    return tuple(dict.fromkeys(term.matrix for term in (*frame_terms(scene), *stress_terms(scene))))
-
-
 #: Relative error of the lowest frequency above which a warning says that the mesh is too fine.
 NOTICED_ROUND_OFF = 1e-4
 #: Number of positions at which free motions are looked for.
@@ -383,7 +374,8 @@ def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, 
         allowed = "a model by its name is allowed here: pmr.run and pmr.reduce measure which one will do"
         raise InputError("scene", scene.section_key(member.number, "body.model"), "auto", allowed)
     by_content, bodies = dict[tuple[str, str], AssembledBody](), dict[str, AssembledBody]()
-    matrices = needed_matrices(scene)
+    # of second order, too, where the scene leaves it out: a message says how much that changes
+    matrices = tuple(dict.fromkeys(term.matrix for term in (*frame_terms(scene), *stress_terms(scene))))
     for name, member in zip(scene.names, members(scene), strict=True):
         key = member.content, model_of(member)
         if key not in by_content:

@@ -215,10 +215,6 @@ class Beam(FiniteElementModel, ABC):
         rows.eliminate_zeros()
         return rows
 
-    def coordinates_at(self, places: Array) -> sp.csr_matrix:
-        """Rows (k d, n) of the d coordinates that nodes at each of k `places` (k,) in m along the axis would have."""
-        return sp.csr_matrix(sp.diags(np.tile(self.signs, len(places))) @ self.motions(places))
-
     def strip(self, face: str, window: Window) -> Strip:
         """Points within `window` on the line that represents a face, which is parallel to the axis.
 
@@ -277,7 +273,10 @@ class Beam(FiniteElementModel, ABC):
         picked = sp.csr_matrix((np.ones(len(inner)), (inner, column[number[inner]])), shape=shape)
         joined = sp.csr_matrix(sp.kron(picked, sp.eye(d)))
         pieces = parts * (len(x) - 1)
-        return Cut(beam, self.coordinates_at(beam.node_stations), joined, np.repeat(np.arange(pieces), 2) // parts)
+        at_nodes = sp.csr_matrix(
+            sp.diags(np.tile(self.signs, len(beam.node_stations))) @ self.motions(beam.node_stations)
+        )
+        return Cut(beam, at_nodes, joined, np.repeat(np.arange(pieces), 2) // parts)
 
     def end_forces(self) -> sp.csr_matrix:
         """Rows (P, n) that turn forces on the coordinates at elements' ends into section forces.

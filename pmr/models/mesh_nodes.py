@@ -58,21 +58,6 @@ class Nodes:
             raise KeyError(f"{np.sum(absent)} of {len(entity_codes)} entities are not part of any cell")
         return self.first[dim][place]
 
-    def component_coordinates(self, cells: Indices) -> list[Indices]:
-        """Numbers (c, d) of the d coordinates on each of c cells, one array for each component.
-
-        Coordinates are in the order of the element's functions; `cells` (c,) are numbers of cells.
-        """
-        tables = []
-        for component in sorted({c for carried in self.components.values() for c in carried}):
-            parts = [
-                self.first[dim][self.in_cell[dim][cells]] + carried.index(component)
-                for dim, carried in sorted(self.components.items())
-                if component in carried
-            ]
-            tables.append(np.concatenate(parts, axis=1))
-        return tables
-
 
 def number_nodes(cell: str, points: Array, cells: Indices, components: Mapping[int, tuple[int, ...]]) -> Nodes:
     """Number the nodes of a function space on a mesh with the vertices `points` (N, 3) and `cells` of the kind `cell`.

@@ -118,7 +118,15 @@ class MeshedModel(TracedModel):
 
     def element_coordinates(self, cells: Indices) -> list[Indices]:
         """Numbers (c, d) of the d coordinates on each of c cells, one array for each component."""
-        return self.nodes.component_coordinates(cells)
+        tables = []
+        for component in sorted({c for carried in self.nodes.components.values() for c in carried}):
+            parts = [
+                self.nodes.first[dim][self.nodes.in_cell[dim][cells]] + carried.index(component)
+                for dim, carried in sorted(self.nodes.components.items())
+                if component in carried
+            ]
+            tables.append(np.concatenate(parts, axis=1))
+        return tables
 
     def trace(self, place: str | float) -> Trace:
         """Trace of the displacement on `place`: a named group, or the cross-section at a distance in m along the axis.

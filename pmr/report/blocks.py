@@ -120,11 +120,6 @@ class ReportFiles:
     html: Path
     pdf: Path
 
-    @classmethod
-    def in_folder(cls, folder: Path) -> ReportFiles:
-        """Return the paths that the two files of a report have in a folder."""
-        return cls(*(folder / name for name in REPORT_FILES))
-
 
 @dataclass(frozen=True)
 class KeyNumber:

@@ -57,7 +57,7 @@ def write_page(text: str, folder: Path) -> ReportFiles:
         (new / "report.html").write_text(text, encoding="utf-8")
         write_pdf(text, new / "report.pdf")
     _log.info("report written to %s", folder)
-    return ReportFiles.in_folder(folder)
+    return ReportFiles(*(folder / name for name in REPORT_FILES))
 
 
 def with_date(kind: str, summaries: Sequence[Mapping[str, object]]) -> str:

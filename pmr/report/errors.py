@@ -129,7 +129,7 @@ def _error_rows(result: RunResult) -> Iterator[Row]:
     """
     published = result.scene.published
     printed: Mapping[str, Any] = published.model_dump().get("errors", {}) if published else {}
-    decimals = _decimals(printed)
+    decimals = max((max(decimals_of(value) - 2, 0) for pair in printed.values() for value in pair.values()), default=0)
     units = {
         name: unit
         for response in result.responses.values()
@@ -248,15 +248,6 @@ def _length_rows(result: RunResult) -> Iterator[Row]:
             printed, mark = format_length(other, _digits(other)), mark_for(value, other, is_error)
             row = replace(row, published=printed, deviation=signed_deviation(value, other), mark=mark)
         yield row
-
-
-def _decimals(printed: Mapping[str, Mapping[str, float]]) -> int:
-    """Number of decimals with which a publication states its errors in per cent.
-
-    The result is the largest number that an error in `printed` needs, and 0 if there are no errors.  `printed` has the
-    errors as fractions, 0.01 for 1 per cent, by pair of models and then by quantity.
-    """
-    return max((max(decimals_of(value) - 2, 0) for pair in printed.values() for value in pair.values()), default=0)
 
 
 def _digits(value: float) -> int:

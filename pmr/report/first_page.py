@@ -161,7 +161,8 @@ def largest_values(result: RunResult) -> list[LargestValue]:
     part to which they belong, in the order of `PLACES`.
     """
     return sorted(
-        _largest_values(result), key=lambda row: (0, -row.share) if row.share is not None else (1, _rank(row))
+        _largest_values(result),
+        key=lambda row: (0, -row.share) if row.share is not None else (1, PLACES.index(row.place)),
     )
 
 
@@ -175,11 +176,6 @@ HEADINGS = {
 }
 #: Places of quantities in the order of their rows on the first page.
 PLACES = tuple(place for places in HEADINGS.values() for place in places)
-
-
-def _rank(row: LargestValue) -> int:
-    """Return the number in `PLACES` of the part to which a row belongs."""
-    return PLACES.index(row.place)
 
 
 def _heading(row: LargestValue) -> str:

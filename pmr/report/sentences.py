@@ -50,7 +50,10 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
     """
     totals = trust.summed_errors(result.summary)
     if totals.by_key:
-        yield _total_error(totals)
+        key = max(totals.by_key, key=lambda name: totals.by_key[name])
+        note, probed = f"in {QUANTITIES[key].label}, {totals.sources_clause(key)}", "probe" in totals.by_key
+        what = f"largest sum of errors, without stresses{' away from probes' if probed else ''}"
+        yield KeyNumber(format_percent(totals.by_key[key], 2), what, note)
     else:
         yield from _error_key_numbers(result)
     yield from _simulation_time(result)
@@ -59,14 +62,6 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
     fewer = "" if full is None else format_percent(1.0 - reduced / full, 2 if reduced > 0.005 * full else 4)
     arrow = f"{reduced}" if full is None else f"{format_input(full)}{SPACE}→{SPACE}{reduced}"
     yield KeyNumber(arrow, "coordinates", f"{fewer} fewer" if fewer else "")
-
-
-def _total_error(totals: trust.SummedErrors) -> KeyNumber:
-    """Key number of the largest error after errors of all sources are added up."""
-    key = max(totals.by_key, key=lambda name: totals.by_key[name])
-    note, probed = f"in {QUANTITIES[key].label}, {totals.sources_clause(key)}", "probe" in totals.by_key
-    what = f"largest sum of errors, without stresses{' away from probes' if probed else ''}"
-    return KeyNumber(format_percent(totals.by_key[key], 2), what, note)
 
 
 def _error_key_numbers(result: RunResult) -> Iterator[KeyNumber]:

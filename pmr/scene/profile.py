@@ -141,41 +141,6 @@ class Edge:
         return self.radius * math.tan(self.turn(before) / 2.0)
 
 
-def rounded_sides(edges: Sequence[Edge], nothing: float) -> tuple[Side, ...]:
-    """Return the flat plates and arcs of a profile with the given `edges`, in their order.
-
-    Flat plates not longer than `nothing` (m) are left out.
-    """
-    sides = list[Side]()
-    for k, edge in enumerate(edges):
-        after = edges[(k + 1) % len(edges)]
-        a, b = edge.start + edge.trim(edges[k - 1]) * edge.direction, edge.end - after.trim(edge) * edge.direction
-        if (b - a) @ edge.direction > nothing:
-            sides.append(Side(edge.face, _pair(a), _pair(b), edge.thickness))
-        if after.radius:
-            end, centre = after.start + after.trim(edge) * after.direction, b - after.radius * edge.normal
-            angle = after.turn(edge)
-            sides.append(Side(after.arc, _pair(b), _pair(end), after.arc_thickness, _pair(centre), angle))
-    return tuple(sides)
-
-
-def sharp_corners(edges: Sequence[Edge]) -> tuple[Corner, ...]:
-    """Return the outer corners of a profile with the given `edges` in their order, as if all corners were sharp.
-
-    A corner between two faces that are not slanted has a name such as ``top left``.  Any other one has the names of its
-    faces in counter-clockwise order, such as ``left - top left``.
-    """
-    corners = list[Corner]()
-    for k, edge in enumerate(edges):
-        before = edges[k - 1]
-        walls = np.array([before.thickness, edge.thickness])
-        at = edge.start + np.linalg.solve(np.array([before.normal, edge.normal]), walls / 2.0)
-        up, side = sorted((before.face, edge.face), key=lambda face: face not in ("bottom", "top"))
-        name = f"{before.face} - {edge.face}" if " " in up + side else f"{up} {side}"
-        corners.append(Corner(name, _pair(at), float(walls.min())))
-    return tuple(corners)
-
-
 def gaps(inner: Sequence[Side], outer: Sequence[Side]) -> dict[str, float]:
     """Return the gap in m between the outside of an inner profile and the inside of an outer one, by side.
 
@@ -338,7 +303,17 @@ class BoxProfile(SceneTable):
     @property
     def sides(self) -> tuple[Side, ...]:
         """Flat plates and arcs in counter-clockwise order."""
-        return rounded_sides(self.edges, self.negligible)
+        sides, edges = list[Side](), self.edges
+        for k, edge in enumerate(edges):
+            after = edges[(k + 1) % len(edges)]
+            a, b = edge.start + edge.trim(edges[k - 1]) * edge.direction, edge.end - after.trim(edge) * edge.direction
+            if (b - a) @ edge.direction > self.negligible:
+                sides.append(Side(edge.face, _pair(a), _pair(b), edge.thickness))
+            if after.radius:
+                end, centre = after.start + after.trim(edge) * after.direction, b - after.radius * edge.normal
+                angle = after.turn(edge)
+                sides.append(Side(after.arc, _pair(b), _pair(end), after.arc_thickness, _pair(centre), angle))
+        return tuple(sides)
 
     @property
     def faces(self) -> dict[str, Side]:
@@ -348,7 +323,15 @@ class BoxProfile(SceneTable):
     @property
     def corners(self) -> tuple[Corner, ...]:
         """Outer corners in counter-clockwise order; a rounded corner is taken as if it were sharp."""
-        return sharp_corners(self.edges)
+        corners, edges = list[Corner](), self.edges
+        for k, edge in enumerate(edges):
+            before = edges[k - 1]
+            walls = np.array([before.thickness, edge.thickness])
+            at = edge.start + np.linalg.solve(np.array([before.normal, edge.normal]), walls / 2.0)
+            up, side = sorted((before.face, edge.face), key=lambda face: face not in ("bottom", "top"))
+            name = f"{before.face} - {edge.face}" if " " in up + side else f"{up} {side}"
+            corners.append(Corner(name, _pair(at), float(walls.min())))
+        return tuple(corners)
 
     @property
     def walls(self) -> dict[str, float]:

@@ -339,15 +339,6 @@ def describe_remedy(moving: list[str]) -> str:
     )
 
 
-def row_blocks(size: int) -> Iterator[slice]:
-    """Yield slices of some thousand of `size` steps; each slice begins with the last step of the slice before.
-
-    There is one slice at least, which is empty if `size` is 0.
-    """
-    for first in range(0, max(1, size - 1), BLOCK):
-        yield slice(first, min(first + BLOCK + 1, size))
-
-
 def half_form(A: Array | sp.csr_matrix, x: Array) -> Array:
     """Values x^T A x / 2 (T,), with A (n, n), for each row of x (T, n)."""
     if not sp.issparse(A) and not np.any(A - np.diag(np.diagonal(A))):

@@ -288,7 +288,7 @@ class TippingMoments:
         turned = boom_rotation(at.place.luffing[k : k + 1], at.place.slewing[k : k + 1])[0]
         about = np.hstack([edges[:, :3] @ turned, edges[:, 3:] @ turned])  # rows for forces in the boom's axes
         pull = amounts[at.loads.names.index(HOOK)] * at.hook_force(k)
-        moment = about[:, 3:] @ _cross_matrix(pull)
+        moment = np.cross(pull, about[:, 3:])  # rows for displacements of the tip
         return cls(
             machine=edges @ resting,
             boom=about @ pivot_rows(at),
@@ -333,12 +333,6 @@ def weight_of_masses(masses: Sequence[MachineMass], at: PostureMatrices, k: int,
         place = np.array([c * x - s * y, s * x + c * y, z] if part.slews else part.at)
         resting += np.concatenate([force, np.cross(place, force)])
     return resting
-
-
-def _cross_matrix(force: Array) -> Array:
-    """Return the matrix (3, 3) whose product with a vector u is the cross product u x F with the `force` F."""
-    x, y, z = force.tolist()
-    return np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
 
 
 def pivot_rows(at: PostureMatrices) -> Array:

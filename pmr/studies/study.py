@@ -333,7 +333,13 @@ class StudyResults:
 
     def column(self, name: str) -> NDArray[Any]:
         """Return the column `name` (runs,) of the table; a run without a value has NaN, or "" in a column of texts."""
-        return _column([run.row.get(name) for run in self.runs])
+        values = [run.row.get(name) for run in self.runs]
+        values_given = [value for value in values if value is not None]
+        if any(isinstance(value, str) for value in values_given):
+            return np.array(["" if value is None else str(value) for value in values])
+        if len(values_given) == len(values) and values_given:
+            return np.array(values_given)  # bool, int or float: the first type that holds all values
+        return np.array([np.nan if value is None else float(value) for value in values])
 
     def save(self, summary: Mapping[str, object], tables: Mapping[str, str | bytes] | None = None) -> None:
         """Write runs.csv, runs.npz, seconds.csv, summary.json (`summary` and the runs) and further `tables`.
@@ -393,19 +399,6 @@ def _cell(value: Scalar) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     return value if isinstance(value, str) else repr(value)
-
-
-def _column(values: Sequence[Scalar]) -> NDArray[Any]:
-    """Return the `values` of a column as an array (runs,): of texts if one of them is a text, else of numbers.
-
-    None becomes an empty text or NaN.
-    """
-    values_given = [value for value in values if value is not None]
-    if any(isinstance(value, str) for value in values_given):
-        return np.array(["" if value is None else str(value) for value in values])
-    if len(values_given) == len(values) and values_given:
-        return np.array(values_given)  # bool, int or float: the first type that holds all values
-    return np.array([np.nan if value is None else float(value) for value in values])
 
 
 def _write(path: Path, text: str) -> None:

@@ -52,14 +52,6 @@ def system_of(scene: Scene, bodies: Mapping[str, SlidingBody]) -> System:
     return replace(system, terms=terms(bodies), terms_of=terms, hoist=hoist_of(scene))
 
 
-def with_terms_of(scene: Scene, system: System) -> System:
-    """Return the system with the function `terms_of` of a scene, which makes terms for other bodies.
-
-    A system that is read from a file has only the terms of its own bodies.
-    """
-    return replace(system, terms_of=partial(terms_of, scene))
-
-
 def with_hoist_of(scene: Scene, system: System) -> System:
     """Return the system with the hoist of another `scene` of the same boom; unchanged if the system has no hoist."""
     return replace(system, hoist=hoist_of(scene)) if system.hoist else system

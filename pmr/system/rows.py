@@ -343,7 +343,24 @@ class Rows:
     @cached_property
     def shared_carriers(self) -> SharedCarriers:
         """The rows with their weights on common carriers U, which are stored once."""
-        return _shared_carriers(self.rows, self.size)
+        numbers: dict[bytes, int] = {}
+        new, touched = [sp.csr_matrix((0, self.size))], []
+        for row in self.rows:
+            used, count = np.unique(row.touched), len(numbers)
+            carriers = row.carriers[used].sorted_indices()
+            ends = zip(carriers.indptr[:-1], carriers.indptr[1:], strict=True)
+            contents = [
+                carriers.indices[a:b].astype(np.int64).tobytes() + carriers.data[a:b].tobytes() for a, b in ends
+            ]
+            at = np.array([numbers.setdefault(content, len(numbers)) for content in contents])
+            new.append(carriers[np.unique(at, return_index=True)[1][np.unique(at) >= count]])
+            touched.append(at[np.searchsorted(used, row.touched)])
+        U = sp.vstack(new, format="csr")
+        on_common = [replace(row, carriers=U, touched=numbers) for row, numbers in zip(self.rows, touched, strict=True)]
+        coordinates = np.unique(U.indices)
+        if 2 * len(coordinates) >= U.shape[0]:  # a mesh has many, of which each carrier touches few
+            return SharedCarriers(U, tuple(on_common))
+        return _on_single_coordinates(on_common, coordinates)
 
 
 @dataclass(frozen=True)
@@ -368,30 +385,6 @@ class SharedCarriers:
     def align_breaks(self, domain: tuple[float, float]) -> SharedCarriers:
         """Return all rows on the union of their breaks within `domain` (m), which a common table of all rows needs."""
         return self.refine(common_breaks([row._polynomial for row in self.rows], domain))
-
-
-def _shared_carriers(rows: Sequence[Row], size: int) -> SharedCarriers:
-    """Return `rows` on common carriers in `size` coordinates; each carrier is stored once.
-
-    If the number of coordinates that the carriers touch is less than half the number of carriers, these coordinates
-    themselves become the carriers.
-    """
-    numbers: dict[bytes, int] = {}
-    new, touched = [sp.csr_matrix((0, size))], []
-    for row in rows:
-        used, count = np.unique(row.touched), len(numbers)
-        carriers = row.carriers[used].sorted_indices()
-        ends = zip(carriers.indptr[:-1], carriers.indptr[1:], strict=True)
-        contents = [carriers.indices[a:b].astype(np.int64).tobytes() + carriers.data[a:b].tobytes() for a, b in ends]
-        at = np.array([numbers.setdefault(content, len(numbers)) for content in contents])
-        new.append(carriers[np.unique(at, return_index=True)[1][np.unique(at) >= count]])
-        touched.append(at[np.searchsorted(used, row.touched)])
-    U = sp.vstack(new, format="csr")
-    on_common = [replace(row, carriers=U, touched=numbers) for row, numbers in zip(rows, touched, strict=True)]
-    coordinates = np.unique(U.indices)
-    if 2 * len(coordinates) >= U.shape[0]:  # a mesh has many, of which each carrier touches few
-        return SharedCarriers(U, tuple(on_common))
-    return _on_single_coordinates(on_common, coordinates)
 
 
 def _on_single_coordinates(rows: Sequence[Row], coordinates: Indices) -> SharedCarriers:

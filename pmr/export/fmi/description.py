@@ -145,12 +145,9 @@ def _real_attributes(variable: Variable) -> dict[str, str]:
     attributes = {} if not variable.unit else {"unit": variable.unit}
     low, high = variable.within or (None, None)
     numbers = {"start": variable.start, "nominal": variable.nominal, "min": low, "max": high}
-    return attributes | {name: _number_text(value) for name, value in numbers.items() if value is not None}
-
-
-def _number_text(value: float) -> str:
-    """Number in the form of XML: ``NaN``, or all digits."""
-    return "NaN" if value != value else repr(value)
+    return attributes | {
+        name: "NaN" if value != value else repr(value) for name, value in numbers.items() if value is not None
+    }
 
 
 def _model_structure(variables: Sequence[Variable]) -> list[list[Variable]]:

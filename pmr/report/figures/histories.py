@@ -67,17 +67,6 @@ def sliding_spans(t: Array, rate: Array) -> tuple[Span, ...]:
     return tuple(Span(float(t[a]), float(t[min(b, last)])) for a, b in zip(starts, ends, strict=True))
 
 
-def _relative_rates(result: RunResult, t: Array) -> Array:
-    """Largest rate (T,) of all paths and changing angles, as fractions (0 to 1), at the times `t` (T,) in s.
-
-    Each rate is divided by its own largest absolute value, as rates of lengths and angles have no common unit.
-    """
-    angles = [angle.rate(t) for angle in subject.changing_angles(result).values()]
-    rates = np.abs(np.column_stack([result.paths.rates, *angles]))
-    fastest = rates.max(axis=0, initial=0.0)
-    return np.asarray((rates / np.where(fastest > 0.0, fastest, 1.0)).max(axis=1, initial=0.0))
-
-
 class Timeline:
     """Time axis of a run: the times of the reduced model, to which the signals of the other models are interpolated.
 
@@ -87,7 +76,11 @@ class Timeline:
     def __init__(self, result: RunResult) -> None:
         self.result = result
         self.t = result.responses["reduced"].t
-        self.phases = sliding_spans(self.t, _relative_rates(result, self.t))
+        angles = [angle.rate(self.t) for angle in subject.changing_angles(result).values()]
+        rates = np.abs(np.column_stack([result.paths.rates, *angles]))
+        fastest = rates.max(axis=0, initial=0.0)
+        shares = rates / np.where(fastest > 0.0, fastest, 1.0)
+        self.phases = sliding_spans(self.t, shares.max(axis=1, initial=0.0))
         #: Name of the model to which the others are compared: ``full`` or, if it was not simulated, ``ancf``; None if
         #: the reduced model was simulated alone.
         self.reference = next((name for name in ("full", "ancf") if name in result.responses), None)

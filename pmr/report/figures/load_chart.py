@@ -292,19 +292,11 @@ def _corners(place: Array) -> Array:
         turn = np.array([[np.cos(STRIP), np.sin(STRIP)], [-np.sin(STRIP), np.cos(STRIP)]])
         place = np.concatenate([place @ turn.T, place @ turn], axis=1)
     else:
-        place = _cell_angles(place)
+        # boundaries (E, A + 1, 2) in m of the cells along the angle
+        polar = np.stack([np.linalg.norm(place, axis=-1), np.arctan2(place[..., 1], place[..., 0])], axis=-1)
+        radius, angle = np.moveaxis(_midpoints(polar, 1), -1, 0)
+        place = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
     return np.concatenate([(1.0 - STRIP) * place, place]) if len(place) == 1 else _midpoints(place, 0)
-
-
-def _cell_angles(place: Array) -> Array:
-    """Boundaries (E, A + 1, 2) in m of the cells along the angle, from the positions `place` (E, A, 2) in m.
-
-    Boundaries are at the first angle, half way between neighbouring angles, and at the last angle.  A boundary between
-    two angles lies at the mean radius of both positions.
-    """
-    polar = np.stack([np.linalg.norm(place, axis=-1), np.arctan2(place[..., 1], place[..., 0])], axis=-1)
-    radius, angle = np.moveaxis(_midpoints(polar, 1), -1, 0)
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
 
 
 def _midpoints(values: Array, axis: int) -> Array:

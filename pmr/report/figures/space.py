@@ -101,7 +101,7 @@ def view_caption(result: RunResult, view: str) -> str:
         direction=view,
         times=t[steps].tolist(),
         worst=None if worst is None else float(t[worst.step]),
-        ring=ringed_stress_name(result),
+        ring=stress_name(result.scene) if wall_stress(result.summary) is None else QUANTITIES["wall_stress"].reported,
         moves_tip=result.frame is not None or (not is_alone(result) and slides),
         has_rope=rope_axis(result, steps) is not None,
         scale=exaggeration(result),
@@ -340,13 +340,6 @@ def largest_stress(result: RunResult) -> LargestStress | None:
     peak = walls or peak
     step = int(np.argmin(np.abs(result.responses["reduced"].t - peak["t"])))
     return LargestStress(step, peak.get("section", ""), float(peak["position"][0]), float(peak["value"]))
-
-
-def ringed_stress_name(result: RunResult) -> str:
-    """Name of the stress that `largest_stress` returns."""
-    if wall_stress(result.summary) is None:
-        return stress_name(result.scene)
-    return QUANTITIES["wall_stress"].reported
 
 
 def _tip_distance(result: RunResult) -> Array:

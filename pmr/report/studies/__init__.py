@@ -30,7 +30,7 @@ from pmr.report.blocks import (
 from pmr.report.document import ReportFiles, render, with_date, write_page
 from pmr.report.numbers import SPACE, decimals_of, format_in_unit, format_input, format_quantity, significant
 from pmr.report.studies import chart, runs
-from pmr.report.studies.tables import FinishedStudy, run_name, studies_in
+from pmr.report.studies.tables import FinishedStudy, run_name
 from pmr.studies.study import Statement
 from pmr.studies.tasks import Scalar, cell_number
 
@@ -51,7 +51,7 @@ def render_studies(folder: Path) -> str:
     by byte.
     """
     summary = json.loads((folder / "summary.json").read_text())
-    studies = studies_in(folder, summary)
+    studies = [FinishedStudy.load(folder / name) for name in summary.get("studies", ("",))]
     chapters = [study_chapter(study, f"study-{number}") for number, study in enumerate(studies, start=1)]
     chapters.append(_provenance_chapter(summary, studies))
     return render(

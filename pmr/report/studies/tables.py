@@ -69,11 +69,6 @@ class FinishedStudy:
         return [run for run in self.results.runs if run.status != "done"]
 
 
-def studies_in(folder: Path, summary: Summary) -> list[FinishedStudy]:
-    """Return the only study in a folder, or all studies of a collection; `summary` is the content of summary.json."""
-    return [FinishedStudy.load(folder / name) for name in summary.get("studies", ("",))]
-
-
 TIME = "simulate.reduced"  # name of the time in s that one simulation of the reduced model takes
 _PLACES = {"tip": "at the tip", "beam": "along the beam", "pad_force": "of the forces"}
 #: Words for positions on the path, by the parts of values' names that stand for these positions.

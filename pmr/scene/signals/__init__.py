@@ -241,23 +241,16 @@ class Sum(SignalBase):
             (fast if samples > MOST_SAMPLES else slow).append(part)
         low, high = np.sum([part.bounds(start, end) for part in fast], axis=0) if fast else (0.0, 0.0)
         if slow:
-            t = np.sort(self._samples(slow, start, end), kind="stable")
+            # sample times, with the breaks and the last number before each break
+            fastest = max(part.highest_frequency(start, end) for part in slow)
+            count = 1 + min(MOST_SAMPLES, max(FEWEST_SAMPLES, int(SAMPLES_A_PERIOD * fastest * (end - start))))
+            breaks = np.array([b for b in self.breaks if start <= b <= end])
+            before = np.maximum(start, np.nextafter(breaks, -np.inf))
+            t = np.sort(np.concatenate([np.linspace(start, end, count), breaks, before]), kind="stable")
             values = _sum_of_signals(slow, t)
             high += _largest_value(lambda t: _sum_of_signals(slow, t), t, values)
             low -= _largest_value(lambda t: -_sum_of_signals(slow, t), t, -values)
         return Interval(float(low), float(high))
-
-    def _samples(self, parts: list[SignalBase], start: float, end: float) -> Array:
-        """Return sample times (S,) in s from `start` to `end`, with the breaks and the last number before each break.
-
-        They are not in order.  The times are as dense as the highest frequency of the `parts` needs, but have at most
-        `MOST_SAMPLES` intervals beside the breaks.
-        """
-        fastest = max(part.highest_frequency(start, end) for part in parts)
-        count = 1 + min(MOST_SAMPLES, max(FEWEST_SAMPLES, int(SAMPLES_A_PERIOD * fastest * (end - start))))
-        breaks = np.array([b for b in self.breaks if start <= b <= end])
-        before = np.maximum(start, np.nextafter(breaks, -np.inf))
-        return np.concatenate([np.linspace(start, end, count), breaks, before])
 
 
 def _sum_of_signals(parts: Sequence[SignalBase], t: Array) -> Array:

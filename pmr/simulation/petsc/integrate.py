@@ -38,7 +38,8 @@ from typing import NamedTuple
 import numpy as np
 
 from pmr.errors import SimulationError, call_on_first_rank
-from pmr.fem.compat import MPI
+from pmr.fem.compat import MPI, PETSc
+from pmr.fem.distributed import without_zeros
 from pmr.fem.factor import MatrixFactor, factor_for_steps
 from pmr.files.arrays import Array
 from pmr.fullmodel.model import FullModel, FullSystem
@@ -52,7 +53,6 @@ from pmr.simulation.petsc.rows import (
     PathRows,
     StoredAnswers,
     contact_rows,
-    effective_matrix,
     rows_on_paths,
     solve_for_carriers,
 )
@@ -267,8 +267,15 @@ class Integrator:
         self.constraint = Constraint(system, self._factor, self._q_gain, rows, pushing, shared)
 
     def _factorise(self, model: FullModel) -> MatrixFactor:
-        """Factor of the effective matrix S of a model; errors as `factor_for_steps`."""
-        S = effective_matrix(model, self._v_gain, self._q_gain)
+        """Factor of the effective matrix S = M + dv D + dq K of a model; errors as `factor_for_steps`.
+
+        S is the derivative of the forces with respect to the acceleration at the end of a step.
+        """
+        full = model.K.copy()
+        full.scale(self._q_gain)
+        for gain, A in ((self._v_gain, model.D), (1.0, model.M)):
+            full.axpy(gain, A, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        S = without_zeros(full)
         factor = factor_for_steps(S, "M + dv D + dq K")
         S.destroy()
         return factor

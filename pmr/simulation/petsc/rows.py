@@ -22,8 +22,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from pmr.fem.compat import MPI, PETSc
-from pmr.fem.distributed import local_csr, without_zeros
+from pmr.fem.compat import MPI
+from pmr.fem.distributed import local_csr
 from pmr.fem.factor import BLOCK, MatrixFactor
 from pmr.files.arrays import Array, Indices
 from pmr.fullmodel.model import FullModel, FullSystem
@@ -65,18 +65,6 @@ class BlockFactor:
         """Free the factors' memory."""
         for factor in self._factors.values():
             factor.destroy()
-
-
-def effective_matrix(model: FullModel, v_gain: float, q_gain: float) -> PETSc.Mat:
-    """Matrix S = M + dv D + dq K, with dv = `v_gain`, dq = `q_gain`: derivative of forces by a step's acceleration.
-
-    The caller has to free its memory, by ``destroy``.
-    """
-    S = model.K.copy()
-    S.scale(q_gain)
-    for factor, A in ((v_gain, model.D), (1.0, model.M)):
-        S.axpy(factor, A, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    return without_zeros(S)
 
 
 class Course:
