@@ -13,12 +13,16 @@ coordinate x:
 The point :math:`a_k` is on the middle of wall k, and :math:`b_k` is farther inside by the depth of the frames.  Both
 change linearly along x.  Points of plates that close the section, which are not on walls, keep their shares in the
 triangle of the axis and a side.
+
+Where plates on one side of a wall begin or end, the mid-surface has a step.  It is drawn as a ramp of two layers of
+cells, in a group of its own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,7 +31,8 @@ import numpy as np
 from pmr.errors import InputError
 from pmr.files.arrays import Array, Mask
 from pmr.models.mesh_drawing import Drawing, Entity
-from pmr.scene.box import Stretch
+from pmr.models.trace import RAMP
+from pmr.scene.box import Stretch, mid_lines
 from pmr.scene.profile import Pair, Side
 
 #: Suffix of the group names of walls that are not parallel to the axis.
@@ -70,29 +75,46 @@ SLACK = 1e-6
 THIN = 1e-6
 
 
-def taper_points(points: Array, sides: Sequence[Side], parts: Sequence[Stretch], depth: float) -> Array:
-    """New positions (N, 3) in m of points of a tapered box that were drawn with the profile `sides` all along.
+def move_points(
+    points: Array, sides: Sequence[Side], parts: Sequence[Stretch], depth: float, ramps: Mapping[float, float]
+) -> Array:
+    """New positions (N, 3) in m of points of a box that were drawn with the profile `sides` all along.
 
     `points` (N, 3) m are the drawn points, and `parts` are the stretches of the box.  `depth` in m is the depth of the
-    frames, infinite if these close the section.  Points in stretches that do not taper keep their position.
+    frames, infinite if these close the section.  Points in stretches with the drawn profile keep their position.
+    `ramps` are half lengths in m of ramps between two stretches, by their coordinate x.
     """
-    tapered_points, unplaced, depth = points.copy(), np.ones(len(points), bool), depth if np.isfinite(depth) else 0.0
+    if not parts:
+        return points
+    moved_points, unplaced, depth = points.copy(), np.ones(len(points), bool), depth if np.isfinite(depth) else 0.0
+    begun = [_share_behind(points[:, 0], part.start, ramps) for part in parts[1:]]
+    begun = [np.ones(len(points)), *begun, np.zeros(len(points))]
     for place in (_in_side, _in_triangle):
         for k in range(len(sides)):
             first_share, second_share, within = place(points[:, 1:], sides, k, depth)
             placed = unplaced & within
             unplaced &= ~placed
-            for part in parts:
-                rows = np.flatnonzero(placed & (points[:, 0] >= part.start) & (points[:, 0] <= part.end))
-                if part.is_tapered and len(rows):
+            for part, inside in zip(parts, -np.diff(begun, axis=0), strict=True):
+                rows = np.flatnonzero(placed & (inside > 0.0))
+                if (part.is_tapered or mid_lines(part.first.sides) != mid_lines(sides)) and len(rows):
                     share = (points[rows, 0] - part.start)[:, None] / (part.end - part.start)
                     at = _side_points if place is _in_side else _triangle_points
                     first, last = (
                         at(first_share[rows], second_share[rows], each, k, depth)
                         for each in (part.first.sides, part.last.sides)
                     )
-                    tapered_points[rows, 1:] = (1.0 - share) * first + share * last
-    return tapered_points
+                    moved = (1.0 - share) * first + share * last - points[rows, 1:]
+                    moved_points[rows, 1:] += inside[rows, None] * moved
+    return moved_points
+
+
+def _share_behind(x: Array, at: float, ramps: Mapping[float, float]) -> Array:
+    """Share (N,) of what is behind the coordinate `at` in the profile at x (N,): 0 before it, 1 behind it.
+
+    All are in m.  At `at` itself, and in the middle of its ramp, the share is 1/2.
+    """
+    half = ramps.get(at, 0.0)
+    return np.clip((x - at) / (2.0 * half) + 0.5, 0.0, 1.0) if half else np.heaviside(x - at, 0.5)
 
 
 Places = tuple[Array, Array, Mask]
@@ -238,9 +260,38 @@ class BoxBoom:
 
     @property
     def stations(self) -> list[float]:
-        """Coordinates x in m where layers of cells must end: tail and tip, frames, and ends of stretches."""
+        """Coordinates x in m where layers of cells must end: tail, tip, frames, and ends of stretches and ramps."""
+        ramped = {x for at, half in self.ramps.items() for x in (at - half, at + half)}
+        return sorted({*self._stops, *ramped})
+
+    @property
+    def _stops(self) -> list[float]:
+        """Coordinates x in m of tail and tip, frames, and ends of stretches, ascending."""
         ends = {part.end for part in self.parts if part.end < self.length}
         return [0.0, *sorted(ends | set(self.frames)), self.length]
+
+    @property
+    def ramps(self) -> dict[float, float]:
+        """Half lengths in m of the ramps at steps of the mid-surface, by their coordinate x in m.
+
+        They are as long as a layer of cells, but at most a third of the way to the next end of a stretch or frame.
+        """
+        stops, half_lengths = self._stops, dict[float, float]()
+        for part, after in pairwise(self.parts):
+            if mid_lines(part.last.sides) != mid_lines(after.first.sides):
+                k = stops.index(part.end)
+                half_lengths[part.end] = min(self.layer, *(np.diff(stops[k - 1 : k + 2]) / 3.0).tolist())
+        return half_lengths
+
+    def suffix(self, k: int, x: float) -> str:
+        """End of the group's name of side k at the coordinate `x`, m: empty where the side is parallel to the axis."""
+        on_ramp = any(
+            abs(x - part.end) < self.ramps.get(part.end, 0.0)
+            and abs(_distance(part.last.sides[k]) - _distance(after.first.sides[k])) > SLACK * self.size
+            for part, after in pairwise(self.parts)
+        )
+        tapers = any(part.is_tapered for part in self.parts if part.start < x < part.end)
+        return TAPERED if tapers else RAMP * on_ramp
 
 
 def write_shell(boom: BoxBoom, file: Path) -> None:
@@ -254,13 +305,14 @@ def write_shell(boom: BoxBoom, file: Path) -> None:
         for start, end in zip(boom.stations[:-1], boom.stations[1:], strict=True):
             swept = drawing.sweep([(1, c) for c in curves], end - start, boom.layers(start, end), quads=True)
             curves = [tag for _, tag in swept[::4]]  # of each curve: its copy, the surface, two more lines
-            tapers = any(part.is_tapered for part in boom.parts if part.start < (start + end) / 2.0 < part.end)
-            for side, surface in zip(boom.sides, swept[1::4], strict=True):
-                groups.setdefault(side.name + tapers * TAPERED, []).append(surface)
+            for k, surface in enumerate(swept[1::4]):
+                name = boom.sides[k].name + boom.suffix(k, (start + end) / 2.0)
+                groups.setdefault(name, []).append(surface)
             if end in boom.frames:
                 groups.setdefault("frames", []).extend(_frame_surfaces(drawing, boom, curves, end))
         groups["tip"] = [(1, curve) for curve in curves]
-        drawing.write(groups, file, lambda points: taper_points(points, boom.sides, boom.parts, boom.frame_depth))
+        shape = boom.sides, boom.parts, boom.frame_depth, boom.ramps
+        drawing.write(groups, file, lambda points: move_points(points, *shape))
 
 
 def write_solid(boom: BoxBoom, file: Path, hexahedra: bool = True) -> None:
@@ -337,6 +389,11 @@ def _wall_patches(drawing: Drawing, boom: BoxBoom, quads: bool) -> list[Entity]:
             sides = [drawing.line(b, corner, 1), drawing.line(corner, next_, 1), drawing.line(next_, c, 1)]
             patches.append(drawing.patch([*sides, drawing.line(c, b, 1)], quads))
     return patches
+
+
+def _distance(side: Side) -> float:
+    """Distance in m of the plane of a flat side from the axis, or radius of an arc."""
+    return side.radius or float(side.normal @ side.start)
 
 
 def _outer_distance(side: Side) -> float:

@@ -155,7 +155,7 @@ def section_of(profile: BoxProfile, poisson: float) -> BeamSection:
         total = total.plus(_sector(side) if side.centre is not None else _strip(side, *neighbours))
     centroid = _zero_round_off(total.first / total.area, max(profile.width, profile.height))
     second = total.second - total.area * np.outer(centroid, centroid)
-    b, h, shear = profile.width, profile.height, np.diag(line.shear_compliance)
+    (b, h), shear = np.ptp([edge.start for edge in profile.edges], axis=0), np.diag(line.shear_compliance)
     (y, z), (y_s, z_s) = centroid, line.shear_centre
     return BeamSection(
         area=total.area,

@@ -61,7 +61,7 @@ from pmr.models.meshed import (
     region_properties,
 )
 from pmr.models.named_mesh import NamedMesh, unit_normals
-from pmr.models.trace import FLAT
+from pmr.models.trace import FLAT, RAMP
 from pmr.results.field_stress import PLANE, StressRows
 from pmr.scene import Body
 from pmr.scene.box import Box
@@ -299,7 +299,8 @@ def walls_along(box: Box, mesh: NamedMesh) -> Array:
     thickness = np.full(len(middle), box.frame_plate_thickness)
     for k, side in enumerate(boom.sides):
         for part in boom.parts:
-            cells = mesh.regions[side.name + part.is_tapered * TAPERED]
+            of_side = [mesh.regions[side.name + end] for end in ("", RAMP, TAPERED) if side.name + end in mesh.regions]
+            cells = np.concatenate(of_side)
             cells_of_part = cells[(part.start < middle[cells]) & (middle[cells] < part.end)]
             share = (middle[cells_of_part] - part.start) / (part.end - part.start)
             first, last = part.first.sides[k], part.last.sides[k]

@@ -228,6 +228,8 @@ def _cross_matrix(a: Array) -> Array:
 
 #: Cosine of the largest angle between a flat face's cells and their mean normal.
 FLAT = 0.9999
+#: Suffix of the names of groups of cells that join two parts of a flat face, of which one is farther out.
+RAMP = " ramp"
 #: A face counts as in the body's middle up to this distance, as a share of the body's extent.
 BESIDE = 1e-6
 #: Most pieces into which the cells of a strip are cut for a pad; more of them take gigabytes.
@@ -304,7 +306,7 @@ class FlatFace:
 
 
 def flat_face(mesh: NamedMesh, name: str) -> FlatFace:
-    """Flat face called `name`, with its normal, its axes and the bounds of its cells.
+    """Flat face called `name`, with its normal, its axes and the bounds of its cells, those of its ramps among them.
 
     Raises an `InputError` if there is no such face, it is not flat, or it lies across the axis.
     """
@@ -319,6 +321,9 @@ def flat_face(mesh: NamedMesh, name: str) -> FlatFace:
     if abs(normal @ axes[1]) > np.sqrt(1.0 - FLAT**2):  # the face is slanted
         axes[1] = np.cross(normal, unit[axis])
         axes[1] *= np.sign(axes[1][2] or axes[1].sum()) / np.linalg.norm(axes[1])
+    if (ramps := mesh.groups.get(name + RAMP)) is not None:
+        group = Group(2, np.concatenate([group.entities, ramps.entities]))
+        mesh = replace(mesh, groups={**mesh.groups, name: group})
     corners = (mesh.points @ axes.T)[group.entities]
     return FlatFace(mesh, name, normal, axes, corners.min(axis=1), corners.max(axis=1))
 

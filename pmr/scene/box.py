@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from pmr.scene.keys import Distance, Length, SceneTable, Size, Thickness, Usual, key_error
-from pmr.scene.profile import BoxProfile, Cut, Face, Half, WallName
+from pmr.scene.profile import BoxProfile, Cut, Edge, Face, Half, Side, WallName
 from pmr.scene.signals.base import Interval
 
 #: Least distance between breaks along a box as a share of its length: beams on shorter elements lose accuracy.
@@ -19,8 +21,12 @@ SLACK = 1e-9
 HALVES: tuple[Half, ...] = ("bottom", "top")
 
 
+#: How far the middle of a wall moves outwards by a plate, over the plate's thickness, by the side of the wall.
+SIDES = {"middle": 0.0, "outer": 0.5, "inner": -0.5}
+
+
 class Doubler(SceneTable):
-    """Plates on walls over a part of the length: the walls are thicker there and keep their mid-surface."""
+    """Plates on walls over a part of the length: the walls are thicker there, on one side or about their middle."""
 
     start: Distance = Field(description="Where the plates begin along x")
     end: Length = Field(description="Where the plates end along x")
@@ -30,6 +36,14 @@ class Doubler(SceneTable):
         min_length=1,
         description="Faces with plates, by default all; rounded corners go with bottom and top",
     )
+    side: Literal["middle", "outer", "inner"] = Field(
+        default="middle",
+        description="Side of the wall on which the plates lie; middle: half of their thickness on each side",
+    )
+
+    def thickness_on(self, name: WallName) -> float:
+        """Return the thickness in m that the plates add to the wall `name`, a face or bottom or top for corners."""
+        return self.thickness if self.faces is None or name in self.faces else 0.0
 
 
 class Taper(SceneTable):
@@ -48,6 +62,30 @@ class Taper(SceneTable):
     chamfer: Distance | Cut | dict[Half, Distance | Cut] | None = Field(
         default=None, description="What is cut off the corners at the end"
     )
+
+
+class ShiftedProfile(BoxProfile):
+    """A profile whose plates are farther out than its dimensions say, by `shifts` in m; no scene has this table."""
+
+    shifts: dict[WallName, float]
+
+    @property
+    def edges(self) -> list[Edge]:
+        """Faces as if all corners were sharp, where the shifted plates meet."""
+        edges = super().edges
+        normals = np.array([edge.normal for edge in edges])
+        apart = np.array([self.shift(edge.face) for edge in edges])
+        corners = [edge.start + np.linalg.solve(normals[[k - 1, k]], apart[[k - 1, k]]) for k, edge in enumerate(edges)]
+        ends = zip(edges, corners, [*corners[1:], corners[0]], strict=True)
+        return [replace(edge, start=start, end=end) for edge, start, end in ends]
+
+    def shift(self, face: str) -> float:
+        return {str(name): by for name, by in self.shifts.items()}.get(face, 0.0)
+
+    def radius_at(self, half: Half) -> float:
+        """Return the radius in m of the corners in a `half`, which shift with bottom or top; 0 for sharp corners."""
+        radius = super().radius_at(half)
+        return radius and radius + self.shift(half)
 
 
 @dataclass(frozen=True)
@@ -75,16 +113,18 @@ class Stretch:
     @property
     def is_tapered(self) -> bool:
         """Whether the walls' mid-lines change along the stretch; a change of thickness alone does not count."""
-        first, last = (
-            [(side.start, side.end, side.centre) for side in profile.sides] for profile in (self.first, self.last)
-        )
-        return first != last
+        return mid_lines(self.first.sides) != mid_lines(self.last.sides)
+
+
+def mid_lines(sides: Sequence[Side]) -> list[tuple[object, ...]]:
+    """Return start, end and centre of each of the `sides`, which say where their mid-lines are."""
+    return [(side.start, side.end, side.centre) for side in sides]
 
 
 def interpolate_profile(first: BoxProfile, last: BoxProfile, share: float) -> BoxProfile:
     """Return the profile with dimensions (1 - share) * `first` + share * `last`; share is from 0 to 1.
 
-    Both profiles have the same faces.
+    Both profiles have the same faces, and the same shifts of their plates.
     """
     if first is last or share == 0.0:
         return first
@@ -95,13 +135,17 @@ def interpolate_profile(first: BoxProfile, last: BoxProfile, share: float) -> Bo
 
     names: dict[WallName, None] = dict.fromkeys((*(edge.face for edge in first.edges), *HALVES))
     cuts = {half: zip(first.cut(half), last.cut(half), strict=True) for half in HALVES}
-    return BoxProfile(
-        width=mean(first.width, last.width),
-        height=mean(first.height, last.height),
-        wall={name: mean(first.thickness(name), last.thickness(name)) for name in names},
-        radius={half: mean(first.radius_at(half), last.radius_at(half)) for half in HALVES},
-        chamfer={half: (mean(*y), mean(*z)) for half, (y, z) in cuts.items()},
-    )
+    radii = {half: [BoxProfile.radius_at(profile, half) for profile in (first, last)] for half in HALVES}
+    dimensions = {
+        "width": mean(first.width, last.width),
+        "height": mean(first.height, last.height),
+        "wall": {name: mean(first.thickness(name), last.thickness(name)) for name in names},
+        "radius": {half: mean(*ends) for half, ends in radii.items()},
+        "chamfer": {half: (mean(*y), mean(*z)) for half, (y, z) in cuts.items()},
+    }
+    if isinstance(first, ShiftedProfile):
+        return ShiftedProfile(**dimensions, shifts=first.shifts)
+    return BoxProfile(**dimensions)
 
 
 class Box(BoxProfile):
@@ -301,6 +345,8 @@ class Box(BoxProfile):
     def _thicken(self, profile: BoxProfile, doublers: dict[int, Doubler]) -> BoxProfile:
         """Return a profile whose walls are thicker by the `doublers`, which are given by their number in the box.
 
+        The middle of a wall with plates on one side is farther out or in than that of the wall alone.
+
         If the profile has no room for all of them, an error is raised for the key of the first doubler that does not
         fit.
         """
@@ -308,13 +354,16 @@ class Box(BoxProfile):
             (*self._face_names, *HALVES)
         )  # corners are as thick as the bottom or the top
         walls: dict[WallName, float] = {
-            name: profile.thickness(name)
-            + sum(doubler.thickness for doubler in doublers.values() if doubler.faces is None or name in doubler.faces)
+            name: profile.thickness(name) + sum(doubler.thickness_on(name) for doubler in doublers.values())
             for name in names
         }
         dimensions = {key: getattr(profile, key) for key in BoxProfile.model_fields} | {"wall": walls}
+        shifts = {
+            name: sum(SIDES[doubler.side] * doubler.thickness_on(name) for doubler in doublers.values())
+            for name in names
+        }
         try:
-            return BoxProfile(**dimensions)
+            return ShiftedProfile(**dimensions, shifts=shifts) if any(shifts.values()) else BoxProfile(**dimensions)
         except ValidationError as error:
             *earlier, (i, doubler) = doublers.items()
             self._thicken(profile, dict(earlier))

@@ -357,7 +357,8 @@ def has_unlike_side_walls(member: Member) -> bool:
     """Return whether the walls of a box at left and right differ in thickness; False without a box."""
     box = member.part.body.box
     profiles = () if box is None else [profile for part in box.stretches for profile in (part.first, part.last)]
-    return any(profile.thickness(face) != profile.thickness(other) for profile in profiles for face, other in MIRRORS)
+    walls = ([(of.thickness(face), of.shift(face)) for face in pair] for of in profiles for pair in MIRRORS)
+    return any(wall != other for wall, other in walls)
 
 
 @dataclass(frozen=True)

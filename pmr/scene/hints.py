@@ -393,14 +393,18 @@ def strength_effects(scene: Scene, at_rest: bool = False, in_walls: bool = False
 
 
 def _wall_effects(scene: Scene) -> list[Effect]:
-    """Return one effect, the compliance of walls under pads that a beam with rigid walls leaves out.
+    """List what is left out of walls: their compliance under pads of a beam, and the side on which doublers lie.
 
-    The list is empty if no pad presses on a beam whose walls could be modelled as compliant.
+    The compliance is named if a pad presses on a beam whose walls could be modelled as compliant but are rigid.
     """
-    if not any(map(has_walls_that_could_give, members(scene))):
-        return []
-    text = "compliance of walls under pads, so that deflections are too small, frequencies too high and forces of pads "
-    return [Effect(f"{text}off", "body.walls = 'give' adds it", is_stated=True)]
+    effects = list[Effect]()
+    if any(map(has_walls_that_could_give, members(scene))):
+        text = "compliance of walls under pads, so that deflections are too small, frequencies too high and forces of "
+        effects.append(Effect(f"{text}pads off", "body.walls = 'give' adds it", is_stated=True))
+    boxes = [part.body.box for part in scene.sections if part.body.box is not None]
+    if any(doubler.side == "middle" for box in boxes for doubler in box.doublers):
+        effects.append(Effect("the side of walls on which doublers lie", "their key side adds it", is_stated=True))
+    return effects
 
 
 def _pad_effects(scene: Scene, at_rest: bool, play_in_bars: bool) -> list[Effect]:

@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from pmr.errors import BEYOND_ENDS, InputError
-from pmr.scene.box import SLACK, Box
+from pmr.scene.box import SLACK, Box, ShiftedProfile
 from pmr.scene.choice import SimulatorNeeds, has_axial_motion, has_driven_tail, is_planar, refuse_unsupported
 from pmr.scene.joints import BoomSection, JointPads, ScaledSignal
 from pmr.scene.mechanism import Drive, longest_rope, rope_length, rope_shares
@@ -61,6 +61,7 @@ def _check_fit(scene: Scene, number: int) -> None:
     allowed = f"{name} has to fit into {around}, but passes its {face} by {-beyond:.3g} m"
     refuse(beyond <= 0.0, f"sections[{number}].body.box", None, allowed)
     _check_tail(scene, number, inner, outer)
+    _check_doublers(scene, number, inner, outer)
     _check_frames(scene, number, inner, outer)
     for seat in seats(scene, number):
         if seat.joint == number:
@@ -80,6 +81,25 @@ def _check_tail(scene: Scene, number: int, inner: Box, outer: Box) -> None:
         f"leaves {-beyond:.3g} m too little room; a shorter taper or a larger extension is allowed"
     )
     refuse(beyond <= 0.0, f"sections[{number - 1}].body.box.tail_taper.length", low, allowed)
+
+
+def _check_doublers(scene: Scene, number: int, inner: Box, outer: Box) -> None:
+    """Refuse doublers on the outside of section `number` that come into the outer box, or inside this where it slides.
+
+    Doublers on both sides of a wall alike are not looked at.
+    """
+    first, _ = scene.extension(number).bounds(0.0, scene.time.end)
+    within = [(number, part, gaps(part.first.sides, outer.sides)) for part in inner.stretches
+              if part.start < outer.length - first]  # fmt: skip
+    around = [(number - 1, part, gaps(inner.sides, part.first.sides)) for part in outer.stretches if part.end > first]
+    for k, part, gap in (*within, *around):
+        beyond, face = min((room, face) for face, room in gap.items())
+        allowed = (
+            f"the plates from {part.start:g} to {part.end:g} m leave {beyond:.3g} m between {scene.names[number]} and "
+            f"{scene.names[number - 1]} at the {face}; more than 0 is allowed, or plates on the other side of the wall"
+        )
+        shifted = isinstance(part.first, ShiftedProfile)
+        refuse(shifted and beyond <= 0.0, f"sections[{k}].body.box.doublers", None, allowed)
 
 
 def _check_frames(scene: Scene, number: int, inner: Box, outer: Box) -> None:

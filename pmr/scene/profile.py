@@ -357,6 +357,10 @@ class BoxProfile(SceneTable):
         half = "sides" if face in ("left", "right") else face.split()[0]
         return by_name.get(face, by_name.get(half, 0.0))
 
+    def shift(self, face: str) -> float:
+        """Distance in m by which the plate on a face is farther out than the dimensions say, as doublers shift it."""
+        return 0.0
+
     def radius_at(self, half: Half) -> float:
         """Return the radius in m of the corners in a `half`, bottom or top; 0 if `radius` does not name it."""
         return self.radius.get(half, 0.0) if isinstance(self.radius, dict) else self.radius

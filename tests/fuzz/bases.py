@@ -104,7 +104,7 @@ DOUBLED: dict[str, Any] = BOOM | {
         | {
             "doublers": [
                 {"start": 0.0, "end": 0.7, "thickness": 0.006},
-                {"start": 0.4, "end": 1.5, "thickness": 0.004, "faces": ["bottom", "left"]},
+                {"start": 0.4, "end": 1.5, "thickness": 0.004, "faces": ["bottom", "left"], "side": "inner"},
             ]
         }
     },

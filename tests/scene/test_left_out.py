@@ -37,6 +37,14 @@ def test_walls_that_are_rigid_under_pads_are_named_with_the_key_by_which_they_gi
     assert "walls" not in left_out(scenes.load_any(Path("workflows/boom_three_shell.toml")))
 
 
+def test_sides_of_doublers_and_lines_of_action_are_named_unless_the_scene_has_them() -> None:
+    doubled = "sections.fly.body.box.doublers=[{{start=0.0,end=0.5,thickness=0.004,side='{}'}}]"
+    middle, inner = (left_out(scenes.load_any(CRANE, [doubled.format(side)])) for side in ("middle", "inner"))
+    assert "doublers" in middle["walls"] and "walls" not in inner and "offset" in inner["machine"]
+    placed = left_out(scenes.load_any(CRANE, ["sections.fly.joint.cylinder.offset=[0.0,-0.1]"]))
+    assert "offset" not in placed["machine"]
+
+
 def test_kinds_of_an_extension_name_the_free_one_and_kinds_of_an_angle_do_not() -> None:
     for key, has_free in (("section.joint.extension", True), ("frame.slewing", False)):
         with pytest.raises(InputError) as refused:
