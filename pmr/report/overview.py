@@ -73,8 +73,7 @@ def system_rows(result: RunResult) -> Rows:
                 yield "masses of the machine, x, y, z from the pivot", "; ".join(weights)
     for name, joint in ((part.name, part.joint) for part in scene.sections):
         if joint is not None and joint.line is not None:
-            what = "cylinder" if joint.rope is None else "rope"
-            yield f"{what} of {name}", f"acts {_distances(joint.line, BESIDE) or 'on'} the axis of the sections"
+            yield f"{joint.driver} of {name}", f"acts {_distances(joint.line, BESIDE) or 'on'} the axis of the sections"
     for number, extension in scene.free_extensions.items():
         low, high = extension.stroke
         yield f"extension of {scene.names[number]}", format_range(low, high, f"{SPACE}m") + _drive_clause(extension)

@@ -31,6 +31,8 @@ from pmr.scene.structure_checks import (
 
 #: Least cosine of the angle between the two faces that a pad touches.
 PARALLEL = 1.0 - 1e-6
+#: Largest distance of a line of action from the axis, over the larger side of the outer section.
+FAR_OUT = 2.0
 
 
 def _check_fit(scene: Scene, number: int) -> None:
@@ -60,6 +62,10 @@ def _check_fit(scene: Scene, number: int) -> None:
     beyond, face = min((room, face) for face, room in gaps(inner.sides, outer.sides).items())
     allowed = f"{name} has to fit into {around}, but passes its {face} by {-beyond:.3g} m"
     refuse(beyond <= 0.0, f"sections[{number}].body.box", None, allowed)
+    joint, most = scene.joint(number), FAR_OUT * max(outer.width, outer.height)
+    allowed = f"at most {most:g} m off the axis along y and z is allowed, twice the larger side of {around}"
+    is_far = joint.line is not None and max(map(abs, joint.line)) > most
+    refuse(is_far, f"sections[{number}].joint.{joint.driver}.offset", joint.line and [*joint.line], allowed)
     _check_tail(scene, number, inner, outer)
     _check_doublers(scene, number, inner, outer)
     _check_frames(scene, number, inner, outer)
@@ -218,9 +224,14 @@ def _check_drive(scene: Scene, number: int) -> None:
         f"{scene.names[number]} slides in, over the head of that one, which it follows with a ratio of 1"
     )
     refuse(joint.rope is not None and rope_length(scene, number) is None, f"{key}.rope.length", None, allowed)
-    word, line = "cylinder" if joint.rope is None else "rope", joint.line
+    line = joint.line
     allowed = "0 along y is allowed: planar beams move in the vertical plane, a beam in space moves out of it"
-    refuse(line and line[0] and is_planar(member_at(scene, number)), f"{key}.{word}.offset", line and [*line], allowed)
+    refuse(
+        line and line[0] and is_planar(member_at(scene, number)),
+        f"{key}.{joint.driver}.offset",
+        line and [*line],
+        allowed,
+    )
     path = scene.extension(number)
     if joint.rope is not None and longest_rope(scene, number) <= 0.0:
         least = min(joint.rope.lengthens * s for s in path.bounds(0.0, scene.time.end))

@@ -203,6 +203,11 @@ class Joint(SceneTable):
         return self
 
     @property
+    def driver(self) -> Literal["cylinder", "rope"]:
+        """What drives the section, by the key of its table."""
+        return "cylinder" if self.rope is None else "rope"
+
+    @property
     def line(self) -> tuple[float, float] | None:
         """Place y, z in m of the line of action of the rope or cylinder; None for the centroid of each tail."""
         return (self.cylinder if self.rope is None else self.rope).offset

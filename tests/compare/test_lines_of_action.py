@@ -11,6 +11,7 @@ import pytest
 import pmr
 from pmr import Response, RunResult
 from pmr import scene as scenes
+from pmr.report.figures import space
 from pmr.scene.choice import choose_model
 from pmr.scene.members import NEXT_TAIL, TAIL, member_at
 
@@ -111,6 +112,11 @@ def test_reduced_booms_move_as_full_ones_and_the_estimate_says_how_nearly() -> N
     assert true["beam"] < 1e-4 and true["pad_force"] < 5e-3 and true["cylinder_force"] < 5e-3
     for kind in ("beam", "pad_force", "cylinder_force"):
         assert 1.0 < estimated[kind] / true[kind] < 1.6
+    axes = space.side_view(result).axes[0]
+    drawn = {str(line.get_label()): np.asarray(line.get_xydata()) for line in axes.lines}
+    lines = drawn["cylinder of middle"][0] - drawn["base"][0], drawn["cylinder of fly"][0] - drawn["middle"][0]
+    assert [np.linalg.norm(line) for line in lines] == pytest.approx([0.1, 0.08], rel=1e-9)
+    assert lines[0][0] < 0.0 < lines[0][1] and lines[1][1] < 0.0 < lines[1][0]
 
 
 def test_lines_of_action_make_rows_where_they_differ() -> None:

@@ -76,6 +76,8 @@ REFUSED = {
          "sections[1].body.box.doublers: the plates from 5.5 to 6 m leave -0.0065 m between fly and middle"),
         ("section.joint.cylinder.offset=[0.1, 0.0]",
          "sections[1].joint.cylinder.offset = [0.1, 0.0]: 0 along y is allowed: planar beams move in the vertical"),
+        ("section.joint.cylinder.offset=[0.0, -120.0]",
+         "sections[1].joint.cylinder.offset = [0.0, -120.0]: at most 0.8 m off the axis along y and z is allowed"),
         ("section.joint.cylinder.offset=[0.0, 0.0, 0.1]", "joint.cylinder.offset…a list of 2 is allowed"),
         (("section.joint.rope={EA=1e7,length=9.0}", "section.joint.cylinder.offset=[0.0, 0.1]"),
          "give rope or keys of cylinder, one of them"),

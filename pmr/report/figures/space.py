@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import zip_longest
+from itertools import pairwise, zip_longest
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pmr.files.arrays import Array
 from pmr.report.blocks import Drawing
-from pmr.report.columns import axis_points, body_axes, frame_rotations, rope_axis, spread_indices
+from pmr.report.columns import Axis, axis_points, body_axes, frame_rotations, rope_axis, spread_indices
 from pmr.report.figures import (
     HALF,
     INK,
@@ -134,6 +134,10 @@ def _draw_boom(result: RunResult, view: str, across: str, up: str, from_side: bo
             colour = mix_with_white(colours[body.body], share)
             name = body.body if share == 1.0 and len(bodies) > 1 else ""
             ax.plot(*places.T, color=colour, linewidth=width, solid_capstyle="butt", zorder=over, label=name)
+    for name, lines in _lines_of_action(result, bodies, view):
+        for places, share in zip(lines, faint, strict=True):
+            colour = mix_with_white(MUTED, share)
+            ax.plot(*places.T, color=colour, linestyle=":", zorder=2.2, label=name if share == 1.0 else "")
     for cylinder, rope_line, share in zip_longest(raising, ropes, faint):
         for name, places, look in (("luffing cylinder", cylinder, RAISING), ("rope and payload", rope_line, ROPE)):
             if places is not None:
@@ -230,6 +234,20 @@ def _draw_loads(
         ax.annotate(", ".join(of_place), (x_foot, z_foot), (0.0, 2.0 if is_above else -2.0), color=LOAD, ha="right",
                     textcoords="offset points", va="bottom" if is_above else "top", fontsize=7.0, zorder=3.0,
                     bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6})  # fmt: skip
+
+
+def _lines_of_action(result: RunResult, bodies: Sequence[Axis], view: str) -> Iterator[tuple[str, Array]]:
+    """Yield name and ends (S, 2, 2) in m of each cylinder or rope that drives a section beside the axis, in a view.
+
+    The ends are at the first points of the axes of the two sections; `bodies` are all axes at S times.
+    """
+    for outer, inner in pairwise(bodies):
+        joint = result.scene.bodies[inner.body].joint
+        if joint is not None and joint.line is not None:
+            tails = np.stack([getattr(axis, view)[:, 0] for axis in (outer, inner)], axis=1)
+            along = getattr(inner, view)[:, -1] - tails[:, 1]
+            across = along[:, ::-1] * [-1.0, 1.0] / np.linalg.norm(along, axis=1)[:, None]
+            yield f"{joint.driver} of {inner.body}", tails + joint.line[view == "side"] * across[:, None]
 
 
 def _cylinders(result: RunResult, steps: NDArray[np.intp]) -> list[Array]:
