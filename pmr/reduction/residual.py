@@ -390,7 +390,7 @@ def tables(
 ) -> Flexibility:
     """Residual flexibility of the rows of `shared_carriers` as piecewise polynomials in s, over `domain` in m."""
     breaks = shared_carriers.rows[0].breaks if shared_carriers.rows else np.array(domain)
-    return TablesOnDemand(RowPolynomials.from_rows(shared_carriers.rows, breaks), flexibility)
+    return TablesOnDemand(RowPolynomials.from_rows(shared_carriers.rows, breaks), flexibility).multiply_out()
 
 
 def carrier_loads(model: FullModel, carriers: sp.csr_matrix) -> sp.csc_matrix:

@@ -100,6 +100,10 @@ class TablesOnDemand(Flexibility):
         """X(s) (o, m) in m/N."""
         return transpose(self.weights.times(self.on_carriers.outputs.T))
 
+    def multiply_out(self) -> Flexibility:
+        """Return all tables, which need the carriers no longer."""
+        return Flexibility(self.rows, self.inputs, self.outputs, self.direct, self.energy)
+
     def with_rows(self, numbers: Sequence[int]) -> TablesOnDemand:
         """Return the flexibility of the body with only the rows `numbers`, in this order and numbered anew from 0."""
         coefficients = self.weights.coefficients[list(numbers)]
@@ -346,8 +350,8 @@ def pack_model(model: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
     only its breaks are stored.  For a symmetric matrix between carriers, or between vectors, only the lower triangle is
     stored, row by row, as ``name.triangle``; for an antisymmetric matrix, as ``name.antitriangle``.
     """
-    flexibility = model.flexibility
-    if isinstance(flexibility, TablesOnDemand) and flexibility.on_carriers is model.carriers.flexibility:
+    flexibility, carriers = model.flexibility, model.carriers
+    if carriers and isinstance(flexibility, TablesOnDemand) and flexibility.on_carriers is carriers.flexibility:
         content = npz.record_arrays(replace(model, flexibility=None))
         del content["rows.coefficients"]
         content |= {f"flexibility.{name}": getattr(flexibility, name) for name in ("direct", "energy")}

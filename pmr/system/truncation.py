@@ -19,7 +19,7 @@ from scipy.linalg import block_diag
 from pmr.errors import InputError
 from pmr.files.arrays import Array
 from pmr.system.body_matrices import DAMPING, dependence_of_flexibility, symmetric_part
-from pmr.system.carriers import EnrichmentModes, Flexibility
+from pmr.system.carriers import EnrichmentModes
 from pmr.system.polynomials import add_tables, multiply_tables
 from pmr.system.reduced_model import ReducedModel
 
@@ -198,8 +198,7 @@ def with_floor(model: ReducedModel) -> ReducedModel:
     if not lacking.any():
         return model
     floor = PPoly(of_modes.c * np.outer(lacking, lacking), of_modes.x)
-    rows, like = add_tables(residual.rows, floor, FLOOR), residual
-    return replace(model, flexibility=Flexibility(rows, like.inputs, like.outputs, like.direct, like.energy))
+    return replace(model, flexibility=replace(residual, rows=add_tables(residual.rows, floor, FLOOR)))
 
 
 def check_independence(model: ReducedModel, numbers: list[int] | None = None) -> None:

@@ -12,7 +12,7 @@ from scipy.interpolate import PPoly
 from pmr import InputError, ReducedModel
 from pmr.files import npz
 from pmr.system.body_matrices import symmetric_part
-from pmr.system.carriers import Flexibility, pack_model, unpack_model
+from pmr.system.carriers import TablesOnDemand, pack_model, unpack_model
 
 FULL = rich_body()
 TABLES = ("rows", "flexibility.rows", "flexibility.inputs", "flexibility.outputs")
@@ -54,9 +54,9 @@ def test_what_carriers_tell_is_left_out_and_read_back(model: ReducedModel, tmp_p
 
 
 def test_tables_that_are_no_products_are_kept(model: ReducedModel, tmp_path: Path) -> None:
-    assert model.flexibility is not None
-    G, R = model.flexibility.rows, model.flexibility
-    other = replace(model, flexibility=Flexibility(PPoly(1.001 * G.c, G.x), R.inputs, R.outputs, R.direct, R.energy))
+    assert isinstance(model.flexibility, TablesOnDemand)
+    G, tables = model.flexibility.rows, model.flexibility.multiply_out()
+    other = replace(model, flexibility=replace(tables, rows=PPoly(1.001 * G.c, G.x)))
     with np.load(other.save(tmp_path / "m.npz")) as data:
         assert {f"{name}.coefficients" for name in TABLES} < set(data)
     same(ReducedModel.load(tmp_path / "m.npz"), other)
@@ -106,3 +106,8 @@ def test_a_table_whose_carriers_are_missing_is_refused_in_one_line(model: Reduce
     with pytest.raises(InputError, match="not a reduced model") as caught:
         ReducedModel.load(tmp_path / "m.npz")
     assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_model_without_carriers_keeps_tables_that_were_made_on_demand(model: ReducedModel, tmp_path: Path) -> None:
+    alone = replace(model, carriers=None, enrichment=None)
+    same(ReducedModel.load(alone.save(tmp_path / "m.npz")), alone)
