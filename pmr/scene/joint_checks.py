@@ -13,7 +13,7 @@ from pmr.scene.box import SLACK, Box, ShiftedProfile
 from pmr.scene.choice import SimulatorNeeds, has_axial_motion, has_driven_tail, is_planar, refuse_unsupported
 from pmr.scene.joints import BoomSection, JointPads, ScaledSignal
 from pmr.scene.mechanism import Drive, longest_rope, rope_length, rope_shares
-from pmr.scene.members import EXTENSION, Seat, member_at, members, ring_name, seats
+from pmr.scene.members import EXTENSION, Seat, member_at, members, name_in_scene, ring_name, seats
 from pmr.scene.profile import gaps
 from pmr.scene.rotation import wind_direction
 from pmr.scene.scene import Scene
@@ -175,7 +175,8 @@ def check_joints(scene: Scene) -> None:
 def _check_section_names(scene: Scene) -> None:
     """Refuse equal names of sections, a base with a joint, and a further section without a joint.
 
-    In a joint, equal names of rings at the same end are refused.  A mover is refused unless its joint is a wheel.
+    Rings of pads with equal names in the whole scene, such as ``fly tail``, are refused.  A mover is refused unless its
+    joint is a wheel.
     """
     check_names("sections", scene.names)
     if scene.sections[0].joint is not None:
@@ -186,9 +187,14 @@ def _check_section_names(scene: Scene) -> None:
             raise scene_error(f"sections[{number}].joint", None, f"a joint in which {part.name} slides is needed")
         if part.body.mover is not None:
             check_wheel(part.joint, f"sections[{number}].")
-        for ends in (part.joint.tail, part.joint.mouth):
-            if len({ring.name for ring in ends}) < len(ends):
-                raise scene_error(f"sections[{number}].joint", None, "rings at one end need names that differ")
+    keys = dict[str, str]()
+    for number, part in enumerate(scene.sections):
+        for key, ring in part.keyed_rings.items():
+            name = name_in_scene(part.name, key, ring)
+            if name in keys:
+                allowed = f"another name is allowed, as the pads of {keys[name]} are called {name!r}, too"
+                raise scene_error(f"sections[{number}].{key}.name", ring.name, allowed)
+            keys[name] = f"sections[{number}].{key}"
 
 
 def _check_reduction(scene: Scene, number: int) -> None:

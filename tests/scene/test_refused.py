@@ -36,6 +36,9 @@ REFUSED = {
         ("section.joint.tail.0.static_friction=0.2", "static_friction = 0.2 is allowed beside a smaller friction"),
         ("sections.fly.supports=[{on='tip',kind='clamped'}]", "supports[0].kind = 'clamped': directions"),
         ("sections.middle.supports=[{on='tip',directions=['x'],stiffness=1e5}]", "directions: directions without x"),
+        ("sections.fly.pads=[{name='tail',at=2.0,faces={bottom=[0.0]}}]", "sections[2].joint.tail[0].name = '': "
+         "another name is allowed, as the pads of sections[2].pads[0] are called 'fly tail', too"),
+        ("section.joint.mouth=[{at=0.15},{at=0.4}]", "sections[1].joint.mouth[1].name = '': another name is allowed"),
         ("sections.base.pads=[{name='p',moving=true,faces={bottom=[0.0]}}]", "pads[0].moving = True: false"),
         ("sections.fly.joint.extension=6.2", "extension: an extension of 6.2 m pulls fly out of middle; … 5.7 m"),
         ("sections.fly.joint.extension=5.75",
