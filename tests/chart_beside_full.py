@@ -69,7 +69,7 @@ def beside(scene: Scene, places: Array, limits: Sequence[Limit], up_to: float) -
     made = compute_postures(scene_arguments(scene) | asked | {"at": at, "fields": fields}, {})
     scene = with_fields(scene, fields, count)
     asked |= {"limits": [one.model_dump(mode="json") for one in limits], "gravity": GRAVITY, "rows": [0, count]}
-    cases = [{"weight": 1.0, "machine": 1.0, "load": 1.0, "loads": {}}]
+    cases = [{"weight": 1.0, "machine": 1.0, "load": 1.0, "hoisted": 0.0, "loads": {}}]
     asked |= scene_arguments(scene)
     found = allow_row(asked | {"cases": cases, "left": []}, {"postures": made}).arrays
     full = tasks.full_system(scene)

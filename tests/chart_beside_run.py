@@ -113,7 +113,7 @@ def chart(
             limits.append(unit.model_copy(update={key: value}))
     asked = scene_arguments(hooked) | common | {"gravity": G, "rows": [0, 1]}
     asked["limits"] = [one.model_dump(mode="json") for one in limits]
-    cases = [{"weight": 1.0, "machine": 1.0, "load": 1.0, "loads": {"wind": wind}}]
+    cases = [{"weight": 1.0, "machine": 1.0, "load": 1.0, "hoisted": 0.0, "loads": {"wind": wind}}]
     found = allow_row(asked | {"cases": cases, "left": []}, {"postures": made}).arrays
     load = found["load"][0][: len(limits)]
     if not error:
@@ -311,7 +311,7 @@ def beside(seed: int, offset: Point | None = None) -> list[tuple[str, float, flo
         there = runs[near] if near is not None else runs.setdefault(key, run(plain, wind, key, point))
         if limit.of == "overturning":
             share = there.value(limit)
-        elif limit.of in ("buckling", "frequency") and there.lifts:
+        elif limit.of == "buckling" and there.lifts:
             continue
         elif limit.least is not None:
             share = limit.least / there.value(limit)

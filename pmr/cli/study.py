@@ -227,35 +227,46 @@ def chart(
     ] = None,
     out_dir: Folder = None,
     jobs: Jobs = None,
+    overrides: Annotated[
+        list[str] | None, Option("--set", metavar="KEY=VALUE", help="Change a key of the scene; repeatable.")
+    ] = None,
 ) -> None:
     """Compute what a boom carries at every extension and angle.
 
     Writes chart.toml, a study over the extensions and luffing angles of the scene, into the folder DIR (--out), and
     computes it as `pmr study` does.  To change limits and factors, edit chart.toml and run the command again: a
-    chart.toml that exists is used as it is, and another load than its own is refused.
+    chart.toml that exists is used as it is.  Another load or other changes of the scene than its own are refused.
 
     Example:
 
         pmr chart crane
 
         pmr chart crane --up-to 20000
+
+        pmr chart crane --set sections.fly.body.box.wall=0.009
     """
     environment.check_report()  # before a folder is made, and before what needs the packages is imported
     from pmr.scene import load_any
     from pmr.scene.choice import traits_of
     from pmr.scene.members import members
-    from pmr.scene.tomlfiles import result_name
+    from pmr.scene.tomlfiles import merge_tables, override, result_name, toml_value
     from pmr.studies.chart_draft import chart_study_text, check_chart, usual_load, words_of_usual_load
 
     file = console.scene_file(scene)
     folder = out_dir or Path("reports", f"chart_{result_name(scene)}")
     written = folder / STUDY
-    loaded, largest = None if written.exists() else load_any(file), up_to
-    if loaded is None and up_to is not None:
-        present = console.tables_or_empty(written).get("up_to", up_to)
-        if present != up_to:
-            allowed = f"{present} is allowed, the up_to of {written}, which exists: change it there, or remove the file"
-            raise InputError("command line", "--up-to", up_to, allowed)
+    loaded, largest = None if written.exists() else load_any(file, overrides or ()), up_to
+    change = dict[str, object]()
+    for text in overrides or ():
+        change = merge_tables(change, override(text).tables)
+    present = console.tables_or_empty(written) if loaded is None else {}
+    for option, key, value in (("--up-to", "up_to", up_to), ("--set", "change", change or None)):
+        if present and value is not None and present.get(key) != value:
+            allowed = (
+                f"{toml_value(present[key]) if key in present else 'none'} is allowed, the {key} of {written}, which "
+            )
+            shown = ", ".join(overrides or ()) if option == "--set" else value
+            raise InputError("command line", option, shown, f"{allowed}exists: change it there, or remove the file")
     if loaded is not None:
         if any(traits_of(member).needs_fenicsx for member in members(loaded)):
             environment.check_installed("dolfinx")
@@ -263,7 +274,7 @@ def chart(
         check_chart(file, loaded, largest)
     console.prepare_folder(folder, (STUDY, "tasks/*.npz"))
     if loaded is not None and largest is not None:
-        written.write_text(chart_study_text(file, loaded, largest), encoding="utf-8")
+        written.write_text(chart_study_text(file, loaded, largest, change), encoding="utf-8")
         if up_to is None:
             sentence = f"{largest:.6g} kg is the largest load that is looked for, {words_of_usual_load(loaded)}"
             out.sentences(f"{sentence}; --up-to KG sets another")

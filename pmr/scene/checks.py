@@ -45,12 +45,20 @@ def check_scene(scene: Scene) -> None:
 
 
 def _check_payloads(scene: Scene) -> None:
-    """Refuse payloads that are not at the tip of the last section, where a load chart hangs the load in their place."""
+    """Refuse payloads and hoisted masses that are not at the tip of the last section, where a load chart has its load.
+
+    A mass that is both is refused, too.
+    """
     for number, part in enumerate(scene.sections):
         for k, mass in enumerate(part.masses):
-            if mass.payload and (part is not scene.sections[-1] or mass.on != "tip"):
+            key, at_load = scene.section_key(number, f"masses[{k}]"), part is scene.sections[-1] and mass.on == "tip"
+            if (mass.payload or mass.hoisted) and not at_load:
                 allowed = "false is allowed except for a mass on the tip of the last section"
-                raise scene_error(scene.section_key(number, f"masses[{k}].payload"), True, allowed)
+                raise scene_error(f"{key}.{'payload' if mass.payload else 'hoisted'}", True, allowed)
+            if mass.payload and mass.hoisted:
+                raise scene_error(
+                    f"{key}.hoisted", True, "false is allowed beside payload = true, which is hoisted anyway"
+                )
 
 
 def _check_single_body(scene: Scene) -> None:

@@ -177,6 +177,11 @@ class PointMass(SceneTable):
     payload: Switch = Field(
         default=False, description="Whether it is the load that is carried, which a load chart leaves out for its own"
     )
+    hoisted: Switch = Field(
+        default=False,
+        description="Whether it hangs on the rope with the load, as a hook block does: in load cases of a chart its "
+        "weight has the factor of the load",
+    )
 
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
         """Return the scale ``inertia`` in kg m^2: the mass times the square of the section's length."""

@@ -234,6 +234,18 @@ def toml_key(name: str) -> str:
     return name if re.fullmatch("[A-Za-z0-9_-]+", name) else json.dumps(name)
 
 
+def toml_value(value: object) -> str:
+    """Return a value that was read from TOML, or nested tables of such values, as TOML on one line.
+
+    Raises TypeError for dates and times.
+    """
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(f'{toml_key(name)} = {toml_value(inner)}' for name, inner in value.items())} }}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(toml_value, value))}]"
+    return repr(value) if isinstance(value, float) else json.dumps(value)
+
+
 def merge_tables(base: Mapping[str, object], update: Mapping[str, object]) -> dict[str, Any]:
     """Return the tables `base` with the tables `update` merged over them, key by key; the arguments are not changed."""
     merged = deepcopy(dict(base))

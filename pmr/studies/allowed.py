@@ -176,8 +176,9 @@ class Place:
         is expected, or NaN.
         """
         loaded = self.equilibria
-        if loaded.holds_both_ways and (directly := limit.kind.eigenvalue_load) is not None:
-            direct = directly(loaded.state(0.0).form, limit.allowed_amount)
+        directly, all_closed = limit.kind.eigenvalue_load, loaded.holds_both_ways or limit.kind.all_closed
+        if directly is not None and all_closed:
+            direct = directly(loaded.equations.all_closed, limit.allowed_amount)
             return direct if direct <= top else np.nan
         used, at_once = _used_shares(loaded, self.share(limit)), loaded.holds_both_ways
         return first_load(used, top, grows=limit.kind.grows, guess=guess, at_once=at_once)

@@ -25,7 +25,7 @@ from pmr.scene.joint_checks import check_extension
 from pmr.scene.keys import SceneTable, key_error
 from pmr.scene.members import members, pads_on_faces, ring_name, seats
 from pmr.scene.signals import Constant
-from pmr.scene.tomlfiles import toml_key
+from pmr.scene.tomlfiles import toml_key, toml_value
 from pmr.simulation.statics.postures import with_winds
 from pmr.studies.study import Count
 from pmr.system.from_scene import force_names
@@ -129,11 +129,11 @@ def _winds(scene: Scene, frame: Frame) -> dict[str, float | None]:
     if with_winds(scene, {"wind": (0.0, 1.0)}) == scene:
         return {"hoisting": None}
     quarter = 90.0 if frame.unit == "degrees" else math.pi / 2.0
-    winds: dict[str, float | None] = {"wind from behind": 0.0}
+    winds: dict[str, float | None] = {"wind from behind the boom": 0.0}
     if not any(map(is_planar, members(scene))):
-        winds["wind from the right"] = quarter
+        winds["wind from the right of the boom"] = quarter
         if _is_lateral(scene):
-            winds["wind from the left"] = -quarter
+            winds["wind from the left of the boom"] = -quarter
     return winds
 
 
@@ -230,13 +230,14 @@ def _allowed_luffing_forces(scene: Scene) -> dict[str, float]:
     return {of: force for of, force in forces.items() if math.isfinite(force)}
 
 
-def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
+def chart_study_text(file: Path, scene: Scene, up_to: float, change: Mapping[str, object] | None = None) -> str:
     """Return the text of a study file for a load chart, over the ranges of the scene's extensions and luffing angle.
 
     Limits are tipping, the stress at probes, the allowed forces of the luffing cylinder and of supports, the allowed
     pressure of pads, and the stress of walls at pads, as far as the scene has what they need.  The stress of walls is
     computed on shells of the sections, on which the pads press.  Load cases have a factor of hoisting, and wind on the
-    sections.  `up_to` is the largest load in kg.  The scene is one that `check_chart` accepts.
+    sections.  `up_to` is the largest load in kg.  The scene is one that `check_chart` accepts, with the keys `change`
+    of its file changed.
     """
     from jinja2 import Environment, PackageLoader
 
@@ -262,6 +263,7 @@ def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
     return templates.get_template("chart.toml").render(
         title=json.dumps(f"Load chart: {scene.title}"),
         scene=json.dumps(str(file.resolve())),
+        change=toml_value(change) if change else "",
         up_to=repr(float(up_to)),
         rows=rows,
         least=least,

@@ -271,10 +271,11 @@ class ChartModels:
         """Return the errors that error bars of a chart of `scene` with these `limits` cover at no point, as clauses."""
         if self.enriched is None:
             return ["any error: error_bars = false"]
-        of = sorted({limit.of for limit in limits if not limit.kind.in_richer_model})
+        of = [limit.name for limit in limits if not limit.kind.in_richer_model]
         model = f"the structural model: {self.no_structural}" if "model" not in self.comparisons else ""
         if not model and of:
-            model = f"the error of the structural model in limits of {' and '.join(of)}, {WHY_NOT_STRESS}"
+            limits_of = f"limit{'s' if len(of) > 1 else ''} {' and '.join(of)}"
+            model = f"the error of the structural model in the {limits_of}, {WHY_NOT_STRESS}"
         mesh = "" if "mesh" in self.comparisons else f"the mesh: {NO_OTHER_MESH}"
         may_have_play = any(ring.faces and ring.unilateral for part in scene.sections for ring in part.rings)
         is_left_out = may_have_play and not scene.compare.play and "play" not in self.comparisons

@@ -116,23 +116,25 @@ def unnamed_loads(scene: Scene, cases: Sequence[Summary]) -> tuple[str, bool]:
 
 
 def replaced_mass_warnings(original: Scene, scene: Scene, point: tuple[float, float, float] | None = None) -> list[str]:
-    """Return a line for each mass of `original` that `scene` lacks and that is neither at the tip nor at the load.
+    """Return a line for each mass in whose place the chart's load acts, or that is hoisted with it, but elsewhere.
 
-    Only masses of the last section that have a place of their own are looked at.  The load acts at `point` in m in the
-    axes of the last section; None stands for the tip, the end of the axis.
+    These are masses of `original` that `scene` lacks and that are neither at the tip nor at the load, and hoisted
+    masses of `scene` that are not at the load.  Only masses of the last section that have a place of their own are
+    looked at.  The load acts at `point` in m in the axes of the last section; None stands for the tip, the end of the
+    axis.
     """
     last, remaining = original.sections[-1], {mass.name for mass in scene.sections[-1].masses}
-    lines = list[str]()
+    lines, end = list[str](), (last.length, 0.0, 0.0)
     for mass in last.masses:
-        end = (last.length, 0.0, 0.0)
-        if mass.name in remaining or mass.at is None or not np.any(np.subtract(mass.at, end)):
+        place, is_kept = mass.at or end, mass.name in remaining
+        if not mass.hoisted if is_kept else not np.any(np.subtract(place, end)):
             continue
-        if np.any(offset := np.subtract(mass.at, point or end)):
-            place = ", ".join(f"{value:.4g}" for value in offset)
+        if np.any(offset := np.subtract(place, point or end)):
+            which = "which is hoisted with the chart's load" if is_kept else "in whose place the chart's load acts"
             lines.append(
-                f"mass {mass.name!r}, in whose place the chart's load acts, is ({place}) m from that load: the chart "
-                "lacks the moments of this offset and may allow too much; "
-                f"point = [{', '.join(f'{value:.6g}' for value in mass.at)}] in the study takes them along"
+                f"mass {mass.name!r}, {which}, is ({', '.join(f'{value:.4g}' for value in offset)}) m from that load: "
+                "the chart lacks the moments of this offset and may allow too much; "
+                f"point = [{', '.join(f'{value:.6g}' for value in place)}] in the study takes them along"
             )
     return lines
 

@@ -20,8 +20,15 @@ from pmr.results.quantities import stress_remark
 from pmr.scene import Scene
 from pmr.scene.choice import has_walls_that_could_give
 from pmr.scene.hints import left_out
-from pmr.scene.members import members
-from pmr.simulation.statics.postures import HOOK, MACHINE_WEIGHT, WEIGHT, DeflectionOutputs, PostureMatrices
+from pmr.scene.members import members, pads_on_faces
+from pmr.simulation.statics.postures import (
+    HOISTED,
+    HOOK,
+    MACHINE_WEIGHT,
+    WEIGHT,
+    DeflectionOutputs,
+    PostureMatrices,
+)
 from pmr.simulation.statics.swings import Rope, lift_off
 from pmr.studies import tasks
 from pmr.studies.allowed import JUST_BELOW, Place, allowed_loads, large_rotation_changes
@@ -41,6 +48,11 @@ from pmr.studies.tasks import Arguments, Needs, TaskResult
 MARGIN, MARGIN_OF_BUCKLING = 1.25, 2.0
 #: What separates clauses on errors that an error bar does not cover.
 CLAUSES = "; "
+#: Where winds of load cases on the sections come from, in words.
+WIND_WORDS = (
+    "it turns with the boom, so it blows at the same angle to the boom at all slewing angles: wind from behind blows "
+    "to where the boom points, and right and left are those of one who looks from the pivot to the tip"
+)
 #: Sources of error whose parts make up an error bar.
 PARTS = ("reduction", "mesh", "model", "rotation", "play")
 
@@ -223,9 +235,10 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     unnamed, has_wind = unnamed_loads(scene, [*cases, *arguments["left"]])
     left_out = left_out_of_chart(scene, chart.limits, has_play)
     left_out |= {"loads of the scene's run": unnamed} if unnamed and has_wind else {}
+    wind = {"wind": WIND_WORDS} if has_wind else {}
     pages |= {"place": best, "remarks": np.array([*remarks, ""]), "left_out": np.array(list(left_out.items()))}
     play = {"play of pads": _play_words(float(needs["postures"].arrays["gap"]))} if has_play else {}
-    pages["definitions"] = np.array(list((chart_definitions(scene, arguments.get("point")) | play).items()))
+    pages["definitions"] = np.array(list((chart_definitions(scene, arguments.get("point")) | wind | play).items()))
     pages["slewing"] = np.unique(np.rad2deg(slewing).round(9))
     arrays |= {f"at.{name}": values for name, values in pages.items()}
     everywhere, loose = models.not_covered(chart.limits, scene), np.isnan(arrays["error.play"]).all(axis=1) & has_play
@@ -248,8 +261,13 @@ def _remark(scene: Scene, limit: Limit) -> str:
     """Return the remark that the report prints after a limit: its note, empty if it has none.
 
     For a limit on the stress at probes, the names of the probes and the remark on stresses in the walls of boxes come
-    before the note.
+    before the note, and for a limit on the allowed pressures of the scene these pressures.
     """
+    if limit.by_scene:
+        pads = [pad.ring.allowed_pressure for name, pad in pads_on_faces(scene).items() if limit.concerns(name)]
+        allowed = [pressure for pressure in pads if pressure is not None]
+        words = " to ".join(f"{1e-6 * end:.4g}" for end in dict.fromkeys((min(allowed), max(allowed))))
+        return "; ".join(filter(None, (f"allowed_pressure of the scene: {words} MPa", limit.note)))
     if limit.of != "stress" or limit.kind.names is None:
         return limit.note
     places = ", ".join(filter(limit.concerns, limit.kind.names(scene)))
@@ -316,10 +334,14 @@ def chart_definitions(scene: Scene, point: tuple[float, float, float] | None) ->
     """Return what a chart of a scene calls load, radius, height and boom length, as text by subject.
 
     The load hangs at `point` in m in the axes of the last section; None stands for the tip.  Masses of the last section
-    that are no payload are named with the load.
+    that are no payload are named with the load, and with the factor of load cases that multiplies their weight.
     """
     last = scene.sections[-1]
-    remaining = [f"{mass.name}, {mass.mass:g} kg" for mass in last.masses if not mass.payload]
+    remaining = [
+        f"{mass.name}, {mass.mass:g} kg, with the factor of {'the load' if mass.hoisted else 'the weight of the boom'}"
+        for mass in last.masses
+        if not mass.payload
+    ]
     load = (
         "what hangs at the tip" if point is None else f"what hangs at {list(point)} m in the axes of the last section"
     )
@@ -399,10 +421,10 @@ def _least_case(loads: Array) -> NDArray[np.int64]:
 def case_amount(case: Summary, part: str) -> float:
     """Return the amount of the component `part` in a load case; 0 for a component that the case does not name.
 
-    A component is a weight or the load that is searched for, whose amount is a factor, or a load of the scene, whose
-    amount is in the load's own unit, such as N.
+    A component is a weight or the load that is searched for, whose amount is a factor; `HOISTED`, whose amount is in
+    kg; or a load of the scene, whose amount is in the load's own unit, such as N.
     """
-    key = {WEIGHT: "weight", MACHINE_WEIGHT: "machine", HOOK: "load"}.get(part)
+    key = {WEIGHT: "weight", MACHINE_WEIGHT: "machine", HOISTED: "hoisted", HOOK: "load"}.get(part)
     return float(case["loads"].get(part, 0.0) if key is None else case[key])
 
 

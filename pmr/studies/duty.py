@@ -138,6 +138,7 @@ class DutyTable:
     load: Array  # (R, E) kg
     lower: Array  # (R, E) kg: the load less its error bars
     which: NDArray[np.int64]  # (R, E), number of the limit that governs; -1 where no limit is reached
+    which_lower: NDArray[np.int64]  # (R, E), number of the limit with the smallest lower bound; -1 if that is `up_to`
     up_to: float  # kg
     extensions: tuple[Mapping[str, Any], ...] = ()  # (E,) mappings of extensions in m by parameter of the study's runs
     interpolation: float = 0.0  # largest share of a load by which straight lines differ from the curves between angles
@@ -174,27 +175,30 @@ class DutyTable:
         limited, which = load.min(axis=2), load.argmin(axis=2)
         between = (limited > 0.0) & (limited < up_to)
         share = np.take_along_axis(apart, which[..., None], 2)[between, 0] / limited[between]
-        lengths = np.linalg.norm(least.place[:, 0], axis=1)
-        which, extensions = np.where(limited < up_to, which, -1), tuple(rows[row] for row in least.order if rows)
-        return cls(radii, lengths, limited, bound.min(axis=2), which, up_to, extensions, share.max(initial=0.0))
+        lengths, smallest = np.linalg.norm(least.place[:, 0], axis=1), bound.min(axis=2)
+        which = np.where(limited < up_to, which, -1)
+        which_lower = np.where(smallest < up_to, bound.argmin(axis=2), -1)
+        extensions = tuple(rows[row] for row in least.order if rows)
+        return cls(radii, lengths, limited, smallest, which, which_lower, up_to, extensions, share.max(initial=0.0))
 
     def csv(self, names: Sequence[str]) -> str:
         """Return the table as text in CSV; `names` are the names of the limits.
 
-        Each boom length has columns for load, lower bound and limit; their cells are empty at radii that it does not
-        reach.
+        Each boom length has columns for load, lower bound, and the limits of the two; their cells are empty at radii
+        that it does not reach.
         """
         heads = ["radius [m]"]
         for name in self.column_names:
-            heads += [f"{name}: {column}" for column in ("load [kg]", "lower bound [kg]", "governed by")]
+            heads += [f"{name}: {of}" for of in ("load [kg]", "lower bound [kg]", "governed by", "lower bound by")]
         rows = []
         for r, radius in enumerate(self.radii):
             row = [f"{radius:.9g}"]
             for e in range(len(self.lengths)):
                 reached = np.isfinite(self.load[r, e])
-                by = names[self.which[r, e]] if self.which[r, e] >= 0 else NOT_LIMITED
-                cells = (*(self.load_text(of[r, e], ".9g") for of in (self.load, self.lower)), by)
-                row += cells if reached else ("", "", "")
+                numbers = (int(of[r, e]) for of in (self.which, self.which_lower))
+                by = (names[number] if number >= 0 else NOT_LIMITED for number in numbers)
+                cells = (*(self.load_text(of[r, e], ".9g") for of in (self.load, self.lower)), *by)
+                row += cells if reached else ("",) * len(cells)
             rows.append(row)
         return csv_text(heads, rows)
 
@@ -207,8 +211,10 @@ class DutyTable:
         """
         book = import_package("openpyxl").Workbook()
         book.properties.title = title
-        for sheet, values in ((book.active, self.load), (book.create_sheet(), self.lower)):
-            sheet.title = "Loads in kg" if values is self.load else "Lower bounds in kg"
+        tables = (("Loads in kg", self.load, self.which), ("Lower bounds in kg", self.lower, self.which_lower))
+        for title_of_sheet, values, which in tables:
+            sheet = book.active if values is self.load else book.create_sheet()
+            sheet.title = title_of_sheet
             lengths = zip(self.lengths, self.column_names, strict=True)
             heads = (name if "(" in name else round(float(length), 3) for length, name in lengths)
             sheet.append(["radius in m, boom length in m →", *heads])
@@ -216,7 +222,7 @@ class DutyTable:
                 loads = (None if np.isnan(cell) else float(cell) for cell in row)
                 cells = (self.load_text(cell) if cell is not None and cell >= self.up_to else cell for cell in loads)
                 sheet.append([float(radius), *cells])
-            for r, row in enumerate(self.which, start=2):
+            for r, row in enumerate(which, start=2):
                 for e, number in enumerate(row, start=2):
                     sheet.cell(r, e).number_format = f'0" {letters(int(number))}"' if number >= 0 else "0"
             sheet.freeze_panes, sheet.column_dimensions["A"].width = "B2", 32
@@ -304,7 +310,7 @@ def _round_radii(radius: Array) -> Array:
 class LeastAllowed(NamedTuple):
     """Posture of a run in which a chart allows least, and the load and limit of the chart there."""
 
-    load: float  # kg
+    load: float  # kg, less its error
     limit: int  # number of the limit that allows this load; -1 if no limit is reached
     t: float  # s
     luffing: float  # rad
@@ -324,9 +330,9 @@ def least_allowed(
     `least` are the loads of the chart, the smallest of all slewing angles, and `rows` the extensions in m of its rows
     by parameter, such as ``extension.fly``.  Postures are those at `TIMES` even times from 0 to the end of the run.
     The chart has a posture if its luffing angle is among those of the chart, and its extensions are between those of
-    two rows.  Loads are interpolated between luffing angles as in the duty table, and between two boom lengths in
-    their inverse.  Where one of these two allows nothing, nothing is allowed.  `up_to` in kg is the largest load that
-    was tried; the load is at most that.
+    two rows.  Loads less their errors are interpolated between luffing angles as in the duty table, and between two
+    boom lengths in their inverse.  Where one of these two allows nothing, nothing is allowed.  `up_to` in kg is the
+    largest load that was tried; the load is at most that.
     """
     assert scene.frame is not None and scene.frame.luffing is not None
     t, ordered = np.linspace(0.0, scene.time.end, TIMES), [rows[row] for row in least.order]
@@ -344,7 +350,7 @@ def least_allowed(
     t, number, luffing = t[inside], number[inside], np.clip(luffing[inside], angles[0], angles[-1])
     first = np.minimum(number.astype(int), max(len(ordered) - 2, 0))
     second, share = np.minimum(first + 1, len(ordered) - 1), (number - first)[:, None]
-    of_chart = np.nan_to_num(least.load[:, order], nan=up_to)
+    of_chart = np.maximum(ChartLoads(least.load, least.error, up_to).lower, 0.0)[:, order]
     loads = np.stack([interpolate_loads(luffing, angles, of_row, up_to) for of_row in of_chart])  # (E, T, l)
     low, high = (loads[rows_at, np.arange(len(t))] for rows_at in (first, second))
     some = np.minimum(low, high) > 0.0

@@ -8,7 +8,7 @@ r of a user's function or expression of `pmr.studies.further_limits.AtRest`.  Fo
 ===========  ===============================================================================
 lift-off     :math:`\gamma r_{least} / r` with the smallest force r of an outrigger on the ground
 buckling     :math:`\gamma \Lambda_{least} / \Lambda` with the buckling factor :math:`\Lambda` on all axial forces
-frequency    :math:`\gamma f_{least} / f` with the lowest frequency f, the load as a mass at the tip
+frequency    :math:`\gamma f_{least} / f` with the lowest frequency f, the load as a mass, all pads closed
 overturning  :math:`\gamma M_{load} / M_{rest}` with the moments of load and rest about each edge of the polygon
 ===========  ===============================================================================
 
@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from pmr.errors import InputError
+from pmr.errors import InputError, similar_name_hint
 from pmr.files.arrays import Array
 from pmr.results.quantities import (
     LIMITED,
@@ -95,6 +95,8 @@ class Kind:
     eigenvalue_load : callable, optional
         Only for eigenvalues.  Called with a form and the allowed amount; returns the load in kg at which the eigenvalue
         reaches the amount while no contact opens or closes, infinite if there is none.
+    all_closed : bool
+        Whether the eigenvalue is that with all contacts closed, also where pads that only push are open.
     grows : bool
         Whether the share can only grow with the load, so that the share at the largest load tells whether any load
         reaches the limit.
@@ -112,6 +114,7 @@ class Kind:
     usual: Usual | None = None
     names: Callable[[Scene], Sequence[str]] | None = None
     eigenvalue_load: Callable[[Form, float], float] | None = None
+    all_closed: bool = False
     grows: bool = False
     in_richer_model: bool = True
     words: str = ""
@@ -180,10 +183,12 @@ def _share_of_buckling(limit: Limit, at: PostureMatrices, k: int, amounts: Seque
 def _share_of_frequency(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
     """Return the function from p states to the used shares (p,) of a limit on the lowest natural frequency.
 
-    Posture and `amounts` are not used, as the frequency follows from the closed contacts of each state (`Form`).
+    The frequency is that with all contacts closed, as runs state it.  Posture and `amounts` are not used.
     """
     amount = limit.allowed_amount
-    return lambda states: np.array([_ratio(amount, form.frequency(load)) for form, load in _forms_and_loads(states)])
+    return lambda states: np.array(
+        [_ratio(amount, form.equations.all_closed.frequency(load)) for form, load in _forms_and_loads(states)]
+    )
 
 
 def _share_of_overturning(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
@@ -231,7 +236,9 @@ KINDS: Mapping[str, Kind] = {
     for key, q in LIMITED.items()
 } | {
     "buckling": Kind("least", "", _share_of_buckling, eigenvalue_load=Form.load_of_factor, grows=True),
-    "frequency": Kind("least", "Hz", _share_of_frequency, eigenvalue_load=Form.load_of_frequency, grows=True),
+    "frequency": Kind(
+        "least", "Hz", _share_of_frequency, eigenvalue_load=Form.load_of_frequency, all_closed=True, grows=True
+    ),
     "overturning": Kind("", "", _share_of_overturning, grows=True, words="tipping"),
     "function": Kind("most", "", _share_of_user_function, in_richer_model=False),
     "expression": Kind("most", "", _share_of_user_function, in_richer_model=False),
@@ -446,7 +453,10 @@ class Limit(SceneTable):
         If `names` is empty, the error says that the scene has nothing to limit.
         """
         no_such = f"there is no {self.of}{'' if self.which == ('*',) else ' of this name'}"
-        allowed = f"names among {', '.join(names)} are allowed" if names else no_such
+        wrong = [of for of in self.which if not any(matches_pattern((of,), name) for name in names)]
+        of_begin = [f"{of} *" for of in wrong if any(name.startswith(f"{of} ") for name in names)]
+        hint = f"did you mean {of_begin[0]!r}? " if of_begin else similar_name_hint(", ".join(wrong), names)
+        allowed = f"{hint}names among {', '.join(names)} are allowed" if names else no_such
         return InputError("study", f"limits.{self.name}.which", ", ".join(self.which), allowed)
 
 

@@ -103,7 +103,8 @@ class LoadCase(SceneTable):
         default=1.0, description="Factor on the weight of the machine's masses, which hold it down"
     )
     load: Annotated[float, Field(ge=0.0)] = Field(
-        default=1.0, description="Factor on the load that is looked for; 0 out of service, without a load"
+        default=1.0,
+        description="Factor on the load that is looked for and on hoisted masses; 0 out of service, without a load",
     )
     hoisting_class: str | None = Field(
         default=None, description="One of `classes`, whose factor multiplies the load too"
@@ -158,17 +159,20 @@ class LoadCase(SceneTable):
             return 1.0
         return hoisting_factor(classes[self.hoisting_class], self.hoisting_speed)
 
-    def acting_amounts(self, classes: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
-        """Return the case as plain values under the keys ``name``, ``weight``, ``machine``, ``load`` and ``loads``.
+    def acting_amounts(self, classes: Mapping[str, tuple[float, float]], hoisted: float = 0.0) -> dict[str, Any]:
+        """Return the case as plain values: ``name``, ``weight``, ``machine``, ``load``, ``hoisted`` and ``loads``.
 
         ``weight`` and ``machine`` are the factors on the weights of the boom and of the machine.  ``load`` is the
-        factor on the load that is searched for, times the hoisting factor with the hoisting `classes`.  ``loads`` maps
-        the names of loads to their values in their own units, such as N.  The wind's forces, or its pressure under
-        the name `Wind.section_load`, are among them.
+        factor on the load that is searched for, times the hoisting factor with the hoisting `classes`.  It multiplies
+        the masses of the scene that are `hoisted` with the load, in kg, too: ``hoisted`` is the mass in kg whose weight
+        has to be added for this, as the boom's weight has theirs with the factor ``weight``.  Without a load at the
+        tip it is 0.  ``loads`` maps the names of loads to their values in their own units, such as N.  The wind's
+        forces, or its pressure under the name `Wind.section_load`, are among them.
         """
         load, loads = self.load * self.hoisting_factor(classes), self.loads | (self.wind.acting if self.wind else {})
         factors = {"weight": self.weight, "machine": self.machine, "load": load}
-        return {"name": self.name, **factors, "loads": loads}
+        more = (load - self.weight) * hoisted if self.in_service else 0.0
+        return {"name": self.name, **factors, "hoisted": more, "loads": loads}
 
 
 def hoisting_factor(of_class: tuple[float, float], speed: float) -> float:

@@ -219,6 +219,8 @@ def test_the_study_that_it_writes_asks_for_all_that_the_scene_goes_through(
         done = run_command("chart", "crane", "--up-to", load, "--out", str(tmp_path))
         assert done.returncode == code, done.stderr
     assert "--up-to = 30000.0: 20000.0 is allowed, the up_to of" in done.stderr
+    done = run_command("chart", "crane", "--set", "time.end=9.0", "--out", str(tmp_path))
+    assert done.returncode == 2 and "--set = 'time.end=9.0': none is allowed, the change of" in done.stderr
     asked = call.load(tmp_path / "chart.toml").parts[0].study
     assert (asked.extensions[0], asked.extensions[-1]) == (
         {"middle": 0.6, "fly": 0.6}, {"middle": 4.5, "fly": 4.5},
@@ -275,6 +277,30 @@ def test_limits_of_walls_take_the_pads_of_their_joint_alone(
     assert {limit.most for limit in of_walls} == {35.5e3}
     places = ["tail of middle", "mouth of base", "tail of middle 2", "mouth of middle"]
     assert [limit.note.partition(";")[0] for limit in of_walls] == [f"at the {place}" for place in places]
+
+
+def test_a_chart_of_a_changed_scene_has_the_changes_in_its_study(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_command
+) -> None:
+    """The same command goes on with it; a list, a name with a blank and a text are written as TOML."""
+    _only_write_charts(monkeypatch)
+    (tmp_path / "crane.toml").write_text((TEMPLATES / "crane.toml").read_text())
+    changes = [
+        "section.joint.extension.values=[0.8, 3.0]", "sections.fly.masses.hook block.mass=200", "title=heavy hook",
+        "frame.ground.masses.carrier.mass=9000.0",
+    ]  # fmt: skip
+    options = [word for change in changes for word in ("--set", change)]
+    for _ in range(2):
+        done = run_command("chart", str(tmp_path / "crane.toml"), *options, "--out", str(tmp_path / "out"))
+        assert done.returncode == 0, done.stderr
+    study = call.load(tmp_path / "out" / "chart.toml").parts[0].study
+    assert study.title == "Load chart: heavy hook" and study.change["title"] == "heavy hook"
+    assert study.extensions[-1] == {"middle": 3.0, "fly": 3.0}
+    assert '"mass": 200.0' in json.dumps(study.plan().runs[0].arguments) and study.up_to < 21000.0
+    done = run_command("chart", str(tmp_path / "crane.toml"), *options[:2], "--out", str(tmp_path / "out"))
+    assert done.returncode == 2 and "--set = 'section.joint.extension.values=[0.8, 3.0]': { section" in done.stderr
+    done = run_command("chart", "crane", "--set", "nothing=1", "--out", str(tmp_path / "refused"))
+    assert done.returncode == 2 and "nothing" in done.stderr and not (tmp_path / "refused").exists()
 
 
 def test_an_allowed_pressure_of_pads_is_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_command) -> None:

@@ -12,7 +12,7 @@ from peers.test_calculix import HEIGHT, LENGTH, WALL, WIDTH, peer, simpson
 from peers.test_nested import peer as on_pads
 
 from pmr.scene import Scene, load_any
-from pmr.simulation.statics.postures import PostureMatrices
+from pmr.simulation.statics.postures import HOISTED, PostureMatrices
 from pmr.studies.allowed import Place, allowed_loads
 from pmr.studies.limits import Limit
 
@@ -54,7 +54,10 @@ def moved(at: PostureMatrices, deck: Deck, folder: Path, points: Sequence[tuple[
     share = simpson(nodes := deck.sets["TIP"])
     found = []
     for k, (angle, most) in enumerate(points):
-        limit, place = Limit(name="tip", of="deflection", most=most), Place(at, k, [1.0] * len(at.loads.names), GRAVITY)
+        limit, place = (
+            Limit(name="tip", of="deflection", most=most),
+            Place(at, k, [float(part != HOISTED) for part in at.loads.names], GRAVITY),
+        )
         pull = allowed_loads([limit], place, 1e6)[0] * GRAVITY
         along, across = -np.sin(angle) * pull, -np.cos(angle) * pull
         loads = [(n, d, f * w) for n, w in zip(nodes, share, strict=True) for d, f in ((1, along), (3, across))]

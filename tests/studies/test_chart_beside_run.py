@@ -18,7 +18,7 @@ from pmr.studies.limits import KINDS, Limit
 pytestmark = pytest.mark.slow
 
 COUNT = 150
-SAMPLED = [10]  # the third one hangs its load beside the axis, below
+SAMPLED = [7]  # a machine with open pads; the third one, without, hangs its load beside the axis, below
 FOOT, LUG, LENGTH, DENSITY = [0.7, -1.3], [1.6, -0.3], 8.0, 7850.0
 BOXES = ((0.28, 0.38, 0.008), (0.235, 0.33, 0.0065))
 

@@ -98,6 +98,7 @@ def test_files_hold_the_table() -> None:
         for column, values in (("load [kg]", duty.load), ("lower bound [kg]", duty.lower)):
             read = [float(row[f"{length}: {column}"] or "nan") for row in rows]
             np.testing.assert_allclose(read, values[:, e], rtol=1e-8)
+        assert [row[f"{length}: lower bound by"] for row in rows] == [row[f"{length}: governed by"] for row in rows]
         by = [row[f"{length}: governed by"] for row in rows]
         assert by == [
             ["tipping", "tip"][k] if x == x else "" for k, x in zip(duty.which[:, e], duty.load[:, e], strict=True)
@@ -111,6 +112,18 @@ def test_files_hold_the_table() -> None:
         np.testing.assert_allclose(cells, values, rtol=1e-15)  # a sheet has 16 digits
     sheet = book["Loads in kg"]
     assert sheet.cell(2, 2).number_format == '0" B"' and [cell.value for cell in book["Limits"][3]] == ["B", "tip"]
+
+
+def test_a_lower_bound_has_the_letter_of_the_limit_whose_error_makes_it() -> None:
+    """1000 kg with an error of 10, 1200 kg with one of 500: the first limit governs, the second may allow 700 kg."""
+    angle = np.deg2rad([0.0, 30.0])
+    place, load = 10.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1), np.tile([1000.0, 1200.0], (2, 1))
+    row = {"load": load, "error": np.tile([10.0, 500.0], (2, 1)), "place": place, "luffing": angle}
+    duty = DutyTable.from_loads(LeastLoads.from_rows([row], 1), UP_TO)
+    assert duty.lower == pytest.approx(np.full_like(duty.lower, 700.0))
+    assert (duty.which == 0).all() and (duty.which_lower == 1).all()
+    written = next(csv.DictReader(io.StringIO(duty.csv(["tipping", "tip"]))))
+    assert (written["10 m: governed by"], written["10 m: lower bound by"]) == ("tipping", "tip")
 
 
 def test_of_slewing_angles_the_least_load_counts() -> None:

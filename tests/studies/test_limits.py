@@ -24,7 +24,15 @@ from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.structures import PointMass
 from pmr.simulation import Excitation
 from pmr.simulation.native import systems
-from pmr.simulation.statics.postures import HOOK, MACHINE_WEIGHT, WEIGHT, DeflectionOutputs, PostureMatrices, with_hook
+from pmr.simulation.statics.postures import (
+    HOISTED,
+    HOOK,
+    MACHINE_WEIGHT,
+    WEIGHT,
+    DeflectionOutputs,
+    PostureMatrices,
+    with_hook,
+)
 from pmr.studies import tasks
 from pmr.studies.allowed import Place, allowed_loads, large_rotation_changes
 from pmr.studies.chart_models import ComparedModel
@@ -104,6 +112,8 @@ def test_stress_and_deflection_under_the_weight(level: PostureMatrices) -> None:
     assert np.isnan(stability)
     factored = loads(limits, level, **{HOOK: 2.0, WEIGHT: 0.0})
     assert factored[1] == pytest.approx(0.06 * E * I * 3.0 / L**3 / G / 2.0, rel=1e-6)
+    beside_others = loads(limits, level, **{HOOK: 2.0, HOISTED: 150.0})
+    assert beside_others[:2] == pytest.approx((np.array([stress, deflection]) - 150.0) / 2.0, rel=1e-6)
 
 
 @pytest.fixture(scope="module")
@@ -149,7 +159,10 @@ def elastica(bent: float) -> float:
 def test_large_rotations_are_within_their_part_of_the_error_bar(share: float) -> None:
     """Euler's elastica beside what is linear, of which the bar is not twice what it has to be; at no angle."""
     at = at_rest(cantilever(1e-6, 10), [0.0])
-    place, limits = Place(at, 0, [1.0] * len(at.loads.names), G), [Limit(name="b", of="deflection", most=share * L)]
+    place, limits = (
+        Place(at, 0, [float(part != HOISTED) for part in at.loads.names], G),
+        [Limit(name="b", of="deflection", most=share * L)],
+    )
     found = allowed_loads(limits, place, 1e9)
     exact = elastica(share) * E * I / L**2 / G
     bar, _ = MARGIN * large_rotation_changes(limits, place, found, L)
@@ -161,7 +174,10 @@ def test_a_stop_of_luffing_swings_a_load_on_a_massless_boom() -> None:
     scene = cantilever(1e-6, 10)
     arrays, mass, speed = arrays_at_rest(scene, [0.0]), 2000.0, 0.05
     at = at_rest(scene, [0.0])
-    place, omega = Place(at, 0, [1.0] * len(at.loads.names), G), np.sqrt(3.0 * E * I / (mass * L**3))
+    place, omega = (
+        Place(at, 0, [float(part != HOISTED) for part in at.loads.names], G),
+        np.sqrt(3.0 * E * I / (mass * L**3)),
+    )
     limit = Limit(name="tip", of="deflection", most=1.0)
     weight = mass * G * L**3 / (3.0 * E * I)
     for share in (0.1, 0.3, 0.5, 1.7):
@@ -206,7 +222,7 @@ def test_a_stop_of_slewing_swings_the_boom_sideways_and_leaves_the_load_behind(a
     """Its own mass swings, softer where the load presses along it, and beside what the load bends down."""
     scene, speed = turning(7850.0), 0.05
     arrays, at = arrays_at_rest(scene, [angle]), at_rest(scene, [angle])
-    place = Place(at, 0, [0.0 if part == WEIGHT else 1.0 for part in at.loads.names], G)
+    place = Place(at, 0, [float(part not in (WEIGHT, HOISTED)) for part in at.loads.names], G)
     down = berry(mass, angle)[0] if angle else mass * G * L**3 / (3.0 * E * I)
     for within in (0.01, 0.05, 0.3, 5.0):
         found = StopMotion("slewing", speed, within, arrays["turned.slewing"]).stop_figures(
@@ -255,7 +271,10 @@ def test_a_stop_that_is_simulated_moves_the_tip_as_the_chart_has_it(of: str, dir
     """
     scene, mass, speed, at = turning(7850.0, 12), 400.0, 0.05, 0.05
     arrays, here = arrays_at_rest(scene, [0.0]), at_rest(scene, [0.0])
-    place, limit = Place(here, 0, [1.0] * len(here.loads.names), G), Limit(name="tip", of="deflection", most=1.0)
+    place, limit = (
+        Place(here, 0, [float(part != HOISTED) for part in here.loads.names], G),
+        Limit(name="tip", of="deflection", most=1.0),
+    )
     found = StopMotion(of, speed, within, arrays[f"turned.{of}"]).stop_figures(place, mass, limit)
     pull = Load(name="load", on="tip", direction="z", axes="ground", signal=Constant(amount=-mass * G))
     hung = {"masses": (PointMass(name="load", on="tip", mass=mass),)} if of == "luffing" else {"loads": (pull,)}
@@ -371,7 +390,7 @@ def test_a_load_of_the_scene_that_is_named_weight_is_no_weight() -> None:
     scene = cantilever(1e-6, 20)
     load = Load(name="weight", on="tip", direction="z", signal=Constant(amount=0.0))
     at = at_rest(scene.with_keys(sections=(scene.sections[0].with_keys(loads=(load,)),)), [0.0])
-    case = {"weight": 1.3, "machine": 1.0, "load": 1.0, "loads": {"weight": -500.0}}
+    case = {"weight": 1.3, "machine": 1.0, "load": 1.0, "hoisted": 0.0, "loads": {"weight": -500.0}}
     place = Place(at, 0, [case_amount(case, part) for part in at.loads.names], G)
     allowed = allowed_loads([Limit(name="tip", of="deflection", most=0.06)], place, 1e6)[0]
     assert allowed == pytest.approx((0.06 * 3.0 * E * I / L**3 - 500.0) / G, rel=1e-5)
@@ -423,7 +442,9 @@ def test_ropes_bear_by_statics_what_follows() -> None:
 
 
 def test_the_model_that_lacks_what_is_limited_is_named(level: PostureMatrices) -> None:
-    chart = Chart([Limit(name="ropes", of="rope", most=1.0)], [[1.0] * len(level.loads.names)], 1e3, G)
+    chart = Chart(
+        [Limit(name="ropes", of="rope", most=1.0)], [[float(part != HOISTED) for part in level.loads.names]], 1e3, G
+    )
     models = SimpleNamespace(comparisons={"model": ComparedModel(level, "coarse shell", 1.0)})
     with pytest.raises(InputError, match="there is no rope in the coarse shell that the scene is compared with"):
         chart.comparison_errors(models, "model", 0, np.ones((1, 2)))

@@ -38,6 +38,13 @@ def test_the_smallest_load_is_that_of_the_posture_between_two_boom_lengths() -> 
     assert 20.0 < np.rad2deg(found.luffing) < 60.0
 
 
+def test_the_errors_of_the_loads_are_taken_off() -> None:
+    """Errors of 10 % leave 0.9 / (0.5 / 2000 + 0.5 / 1000) = 1200 kg."""
+    loads, rows = chart_of()
+    found = least_allowed(crane(3.575), loads._replace(error=0.1 * loads.load), rows, 2e4)
+    assert found is not None and found.load == pytest.approx(1200.0, rel=1e-9)
+
+
 def test_postures_that_a_chart_lacks_are_not_looked_at() -> None:
     """In a chart whose fly stays inside the run has the first posture alone, 3000 kg at 7.6 m; beyond 20 t none."""
     found = least_allowed(crane(4.5), *chart_of(("middle",)), 2e4)
@@ -57,7 +64,7 @@ def test_the_page_says_whether_the_run_lifts_more_than_the_chart_allows() -> Non
         (1000.0, "payload of 1000 kg is within this chart."),
     ):
         text = payload_sentences({"payload": 1000.0, "payload.load": load} | posture).replace("\u00a0", " ")
-        assert f"it allows {int(load)} kg, error bar not taken off (limit: walls)." in text and said in text
+        assert f"it allows {int(load)} kg after its error bar (limit: walls)." in text and said in text
         assert lifts_more({"payload": 1000.0, "payload.load": load}) is (load < 1000.0)
         assert "at 6.9 s of the run, with a boom length of 15 m, raised by 55.5°" in text
     assert payload_sentences({"payload": 1000.0}).endswith("no posture of the scene's run is in this chart.")

@@ -286,7 +286,8 @@ def _use_tables(names: list[str], n: int, arrays: Mapping[str, Array], sections:
     table.
     """
     used = zip(names, arrays["at.used"][n], strict=True)
-    tables = [Table("Used share of each limit", tuple((name, f"{100.0 * share:.3g}{SPACE}%") for name, share in used))]
+    shares = tuple((name, f"{100.0 * share:.3g}{SPACE}%") for name, share in used)
+    tables = [Table("Used share of each limit, safety factor included", shares)]
     if len(stress := arrays["at.stress"][n]):
         probes = zip(arrays["at.stress.names"], stress, strict=True)
         tables.append(

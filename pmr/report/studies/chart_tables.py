@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pmr.errors import letters, two_digits
 from pmr.files.arrays import Array, Summary
@@ -183,13 +184,14 @@ def headline(study: FinishedStudy, least_loads: Array, lower: Array, points: int
         hint = "" if limits else f" Only {STABILITY_WORDS} was evaluated: the study file can add limits."
         most = format_input(study.study_file["up_to"], "kg")
         return f"No limit is reached up to {most} at any of {points} points.{hint}"
-    is_permitted, rounded = least_loads > 0.0, as_in_duty_table(least_loads, study.study_file["up_to"])
+    up_to = study.study_file["up_to"]
+    is_permitted, rounded = ~(least_loads <= 0.0), as_in_duty_table(least_loads, up_to)
     loads, bounds = (
-        [rounded(end) for end in (of.min(), of.max())] if len(of) else []
-        for of in (least_loads[is_permitted], lower[is_permitted])
+        [*dict.fromkeys(ceiling(study) if end >= up_to else rounded(end) for end in (of.min(), of.max()))]
+        if len(of)
+        else []
+        for of in (np.nan_to_num(least_loads, nan=up_to)[is_permitted], lower[is_permitted])
     )
-    if np.isnan(least_loads).any():
-        loads = [*loads[:1], ceiling(study)]
     shown = {str(limit["name"]): str(limit["name"]) for limit in limits} | {STABILITY: STABILITY_WORDS}
     counts = {words: int(str(study.figures.get(f"governs.{name}", 0))) for name, words in shown.items()}
     return prose(
@@ -364,10 +366,10 @@ def case_grid(study: FinishedStudy) -> Grid:
 def _format_amount(limit: Mapping[str, object], amount: float | None) -> str:
     """Format the amount of a limit with its unit.
 
-    None is printed as ``none`` or, for pads, as words for the allowed pressure that the scene states.
+    None is printed as ``none`` or, for pads, as words for the allowed pressures, which the remark on the limit states.
     """
     if amount is None:
-        return "allowed pressure of the scene" if limit["of"] == "pad" else "none"
+        return "of each pad" if limit["of"] == "pad" else "none"
     unit = "Pa" if limit.get("area") else KINDS[str(limit["of"])].unit
     if unit == "Hz":
         return f"{amount:g}{SPACE}Hz"  # nobody speaks of a boom's millihertz
@@ -385,17 +387,18 @@ def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Itera
     """
     columns, step = spread_indices(len(duty.lengths), MOST_LENGTHS), load_step(float(np.nanmax(duty.load, initial=0.0)))
 
-    def cell(r: int, e: int, values: Array) -> str:
+    def cell(r: int, e: int, values: Array, which: NDArray[np.int64]) -> str:
         """Entry of `values` (radii, lengths) in kg at radius number `r` and length number `e`, and its limit's letter.
 
-        The text is `OUTSIDE` for NaN.  It is ``>`` and the largest load that was tried if no limit is reached, and
-        `NO_LOAD` if nothing remains after rounding down.
+        `which` (radii, lengths) are the numbers of the limits, -1 for none.  The text is `OUTSIDE` for NaN.  It is
+        ``>`` and the largest load that was tried if no limit is reached, and `NO_LOAD` if nothing remains after
+        rounding down.
         """
         if np.isnan(values[r, e]):
             return OUTSIDE
         if values[r, e] >= duty.up_to:
             return duty.load_text(values[r, e])
-        letter = letters(int(duty.which[r, e])) if duty.which[r, e] >= 0 else "–"
+        letter = letters(int(which[r, e])) if which[r, e] >= 0 else "–"
         load = round_down(float(values[r, e]), step)
         return f"{load:.10g}{SPACE}{letter}" if load > 0.0 else f"{NO_LOAD}{SPACE}{letter}"
 
@@ -411,23 +414,22 @@ def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Itera
         shown=len(columns),
         count=len(duty.lengths),
     )
-    tables = [("Allowed load", caption, duty.load)]
+    tables = [("Allowed load", caption, duty.load, duty.which)]
     if study.study_file["error_bars"]:
-        bounds = (
-            "Lower bounds: allowed loads minus error bars and the error of interpolation. Use these loads, not those "
-        )
-        bounds += f"above. Errors that they do not contain: {not_covered}."
-        tables.append(("Lower bounds", bounds, duty.lower))
+        tables.append(("Lower bound", prose("lower_bounds", not_covered=not_covered), duty.lower, duty.which_lower))
     parts_of_columns = np.array_split(columns, -(-len(columns) // LENGTHS_BESIDE))
     digit = 0.01 if np.diff(duty.radii).min(initial=np.inf) >= 0.01 - 1e-9 else 1e-4
-    for name, text, values in tables:
+    for name, text, values, which in tables:
         for n, part in enumerate(parts_of_columns):
-            head = ("radius in m", *(f"{duty.lengths[e]:.2f}{SPACE}m{duty.differences[e]}" for e in part))
+            head = (
+                f"{name}, kg, at radius in m",
+                *(f"{duty.lengths[e]:.2f}{SPACE}m{duty.differences[e]}" for e in part),
+            )
             rows = [
-                (f"{round_down(radius, digit):g}", *(cell(r, int(e), values) for e in part))
+                (f"{round_down(radius, digit):g}", *(cell(r, int(e), values, which) for e in part))
                 for r, radius in enumerate(duty.radii)
             ]
-            caption = f"{name} for longer booms." if n else text
+            caption = f"{name} for longer booms, in kg." if n else text
             yield Grid(caption, head, tuple(row for row in rows if set(row[1:]) != {OUTSIDE}), "small")
 
 

@@ -84,6 +84,11 @@ class Equations:
     load_flexibility: Array  # (d, d)
     names: tuple[str, ...] = ()  # (m,): of the contacts, for errors
 
+    @cached_property
+    def all_closed(self) -> Form:
+        """Equilibria with all contacts closed, also those that only push; computed once."""
+        return Form(self, np.ones(len(self.pushes), dtype=bool))
+
     @property
     def unstressed(self) -> Equations:
         """Equations without geometric stiffness."""

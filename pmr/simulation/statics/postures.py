@@ -36,6 +36,9 @@ HOOK = "load of the chart"
 #: Names of further components of the loads: the weights of the boom, with masses on it, and of the machine's masses.
 #: Loads of a scene can't have these names, which do not begin with a letter.
 WEIGHT, MACHINE_WEIGHT = "(weight of the boom)", "(weight of the machine)"
+#: Name of a further component, in kg, which acts as `HOOK` does but does not grow: weight of masses that are hoisted
+#: with the load, beyond what `WEIGHT` has of it.
+HOISTED = "(weight of hoisted masses)"
 #: Name of a load that is always zero: without it a model would lack the modes in which a boom buckles sideways.
 SIDEWAYS = "sideways in the chart"
 
@@ -177,9 +180,10 @@ class HookInputs:
 
 @dataclass(frozen=True)
 class UnitLoads:
-    """Loads of w components, each by a unit: `WEIGHT`, `MACHINE_WEIGHT`, then every load by its name, in P postures.
+    """Loads of w components, each by a unit, in P postures.
 
-    A unit is 1 N, 1 N m, or the weight of 1 kg of `HOOK`.  The weight of the machine does not act on the boom.
+    They are `WEIGHT`, `MACHINE_WEIGHT` and `HOISTED`, then every load by its name.  A unit is 1 N, 1 N m, or the weight
+    of 1 kg of `HOOK` and `HOISTED`.  The weight of the machine does not act on the boom.
     """
 
     names: tuple[str, ...]  # (w,)
@@ -200,10 +204,12 @@ class UnitLoads:
             driven = Excitation.from_scene(_still_scene(scene, postures, {acting: unit[acting]} if acting else {}))
             f.append(driven.forces(system.input_names, numbers))
             c.append(driven.amplitudes(system.term_names, numbers))
+        hook = 1 + names.index(HOOK)
         of_load, amplitude = (
-            np.array([of[0], np.zeros_like(of[0]), *(each - of[0] for each in of[1:])]) for of in (f, c)
+            np.array([of[0], np.zeros_like(of[0]), of[hook] - of[0], *(each - of[0] for each in of[1:])])
+            for of in (f, c)
         )
-        return cls((WEIGHT, MACHINE_WEIGHT, *names), of_load, amplitude)
+        return cls((WEIGHT, MACHINE_WEIGHT, HOISTED, *names), of_load, amplitude)
 
 
 @dataclass(frozen=True)

@@ -54,9 +54,10 @@ class Study(StudyBase):
     is the number of points at which no limit is exceeded.  ``outward.most`` is the largest distance in m by which
     deflections under the allowed load move the tip away from the pivot.
 
-    With masses that are payloads, ``payload`` is their sum in kg.  ``payload.load`` is the smallest load in kg that the
-    chart allows in the postures of the scene's run, at ``payload.t`` in s, ``payload.luffing`` in degrees and the boom
-    length ``payload.length`` in m; ``payload.limit`` is the name of the limit.
+    With masses that are payloads, ``payload`` is their sum in kg.  ``payload.load`` is the smallest load in kg, less
+    its error, that the chart allows in the postures of the scene's run.  This posture is at ``payload.t`` in s, at the
+    angle ``payload.luffing`` in degrees and with the boom length ``payload.length`` in m; ``payload.limit`` is the name
+    of the limit.
     """
 
     kind: Literal["chart"] = Field(description="Kind of study")
@@ -151,11 +152,12 @@ class Study(StudyBase):
             label = "the richer model for error bars"
             common_tasks["model"] = Task("model", compute_richer_postures, richer, cost=20.0, label=label)
         needs = {name: task.key for name, task in common_tasks.items()}
+        hoisted = sum(mass.mass for mass in scene.sections[-1].masses if mass.hoisted)
         row_arguments = boom | {
             "up_to": self.up_to,
             "limits": [limit.model_dump(mode="json") for limit in self.limits],
-            "cases": [case.acting_amounts(self.classes) for case in self._in_service],
-            "left": [case.acting_amounts(self.classes) for case in self._out_of_service],
+            "cases": [case.acting_amounts(self.classes, hoisted) for case in self._in_service],
+            "left": [case.acting_amounts(self.classes, hoisted) for case in self._out_of_service],
             "gravity": scene.gravity.acceleration if scene.gravity else 0.0,
             "stops": [{"of": stop.of, "speed": stop.speed / radian, "within": stop.within} for stop in self.stops],
             "warnings": [*self._replaced_masses, *self._scope_warnings],
@@ -211,11 +213,11 @@ class Study(StudyBase):
         """Return the payload of the scene's run, and the posture of this run in which the chart allows least.
 
         The keys are those in the docstring of `Study`.  If no posture of the run is in the chart, ``payload`` is the
-        only key.  There are no keys if the scene without `change` has no payload, is not valid, or does not prescribe
+        only key.  There are no keys if the scene with `change` has no payload, is not valid, or does not prescribe
         luffing angle and extensions.
         """
         with suppress(InputError):
-            scene = scenes.load_any(self.scene)
+            scene = scenes.vary(self.scene, [Change(self.change, "change")])
             luffing = None if scene.frame is None else scene.frame.luffing_signal
             if luffing is not None and not scene.free_extensions and (payload := payload_of(scene)):
                 rows = [run.parameters for run in results.done]

@@ -109,6 +109,14 @@ def test_the_first_sentence_has_the_range_of_loads_and_always_the_limits(loads: 
     assert rows["load cases"].endswith("not a rated capacity")
 
 
+@pytest.mark.parametrize(("least", "end"), [(19990.0, "19 990 kg"), (2e4, "more than 20 000 kg (search ends there)")])
+def test_the_first_sentence_has_the_upper_end_of_lower_bounds_where_no_limit_is_reached(least: float, end: str) -> None:
+    study: Any = SimpleNamespace(figures={}, study_file=ASKED | {"error_bars": True})
+    sentence = headline(study, np.array([[500.0, np.nan]]), np.array([[480.0, least]]), 2)
+    said = sentence.replace("\u00a0", " ").replace("\u202f", " ")
+    assert f"After the error bars this is 480 kg to {end}: use these lower bounds." in said
+
+
 def test_no_load_is_called_zero_where_a_limit_is_passed_without_a_load() -> None:
     """In the first sentence, the picture, the lines over the radius, and the terminal's table."""
     load, which = np.array([[900.0, 600.0], [300.0, 0.0]]), np.zeros((2, 2), dtype=int)
@@ -186,19 +194,25 @@ def test_tables_of_loads_have_all_boom_lengths_and_are_not_wider_than_paper() ->
     """Twelve lengths stand in two tables of six, without rows that are empty in one of them."""
     lengths, radii = np.linspace(7.6, 15.0, 12), np.array([5.0, 14.0])
     load = np.array([[9000.0] * 12, [np.nan] * 11 + [551.3]])
-    duty = DutyTable(radii, lengths, load, load, np.zeros(load.shape, dtype=int), 2e4)
+    which = np.zeros(load.shape, dtype=int)
+    duty = DutyTable(radii, lengths, load, load, which, which, 2e4)
     study: Any = SimpleNamespace(figures={}, study_file={"error_bars": False})
     first, second = duty_grids(study, replace(duty, interpolation=0.0071), "")
     assert "The error of this is below 0.71\u00a0% as a rule, the difference to straight lines." in first.caption
     heads = [*first.head[1:], *second.head[1:]]
     assert heads == [f"{length:.2f}\u00a0m" for length in lengths] and len(first.head) == 7
     assert [len(grid.rows) for grid in (first, second)] == [1, 2]
+    assert first.head[0] == second.head[0] == "Allowed load, kg, at radius in m"
+    bounds = replace(duty, lower=0.9 * load, which_lower=which + 2)
+    *_, last = duty_grids(SimpleNamespace(figures={}, study_file={"error_bars": True}), bounds, "none")
+    assert last.head[0] == "Lower bound, kg, at radius in m" and last.rows[1][-1] == "490\u00a0C"
     assert second.rows[1] == ("14", *["·"] * 5, "550\u00a0A")
     for fine in (
         np.array([0.29, 0.58]),
         np.array([0.005, 0.01]),
     ):  # also where a radius times 100 is just below a number
-        grid = next(duty_grids(study, DutyTable(fine, lengths[:1], load[:, :1], load, np.zeros((2, 1), int), 2e4), ""))
+        single = DutyTable(fine, lengths[:1], load[:, :1], load, which[:, :1], which[:, :1], 2e4)
+        grid = next(duty_grids(study, single, ""))
         assert grid.rows[0][0] == f"{fine[0]:g}"
 
 

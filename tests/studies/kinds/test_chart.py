@@ -137,6 +137,26 @@ def test_rows_of_extensions_may_name_the_sections_in_any_order(tmp_path: Path) -
     assert first == second and float(first["extension middle [m]"]) == 1.5 and float(first["extension fly [m]"]) == 3.0
 
 
+def test_the_factor_of_the_load_multiplies_the_weight_of_a_hoisted_mass(tmp_path: Path) -> None:
+    """It takes (f - w) m / f from the load, with the factors f of the load and w of the boom's weight."""
+    case = '[[cases]]\nname = "hoisting"\nweight = 1.1\nload = 1.4\n'
+    static = STUDY[: STUDY.index('[[limits]]\nname = "frequency"')]  # a frequency does not follow from weights
+    loads, words = list[np.ndarray](), list[str]()
+    for hoisted in (", hoisted = true", ""):
+        (tmp_path / "scene.toml").write_text(
+            f'{SCENE}masses = [{{ name = "hook", on = "tip", mass = 150.0{hoisted} }}]\n'
+        )
+        results = finished(tmp_path, f"error_bars = false\n{static}{case}")
+        loads.append(np.concatenate([results.arrays(run.key)["load"] for run in results.runs]))
+        words.append(dict(results.arrays("row1")["at.definitions"])["load"])
+    carries = loads[0] > 0.0
+    assert carries.sum() > 30
+    assert loads[0][carries] == pytest.approx(loads[1][carries] - 150.0 * 0.3 / 1.4, rel=1e-9)
+    assert [text.rpartition("hook, 150 kg, with the factor of ")[2] for text in words] == [
+        "the load", "the weight of the boom",
+    ]  # fmt: skip
+
+
 def test_a_hoisted_load_pulls_with_more_than_its_weight(small: StudyResults, folder: Path) -> None:
     """On any boom with less than on a tip that does not move; nothing is hoisted where nothing is carried."""
     figures, found = json.loads((folder / "summary.json").read_text())["figures"], rows(folder)
@@ -453,6 +473,7 @@ def test_a_limit_of_the_users_own_is_what_its_function_says(
         ("luffing = { least = 0.0, most = 70.0", "luffing = { least = 80.0, most = 70.0", "at least 80"),
         ('name = "pads"', 'name = "pads"\nwhich = ["*bottom*"]', "names among middle tail above, middle tail below"),
         ('name = "pads"', 'name = "pads"\nwhich = ["fly *", "nose"]', "limits.pads.which = 'fly *, nose': names among"),
+        ('name = "pads"', 'name = "pads"\nwhich = ["fly tail"]', "'fly tail': did you mean 'fly tail *'? names among"),
         ('name = "pads"', 'name = "pads"\nwhich = []', "limits[0].which = []: a list of at least 1 is allowed"),
         ('name = "cylinder"', 'name = "cylinder"\nwhich = ["ram"]', "names among base pin x"),
         ('of = "pad"', 'of = "cylinder"\nwhich = ["ram"]', "names among cylinder of middle, cylinder of fly are"),
