@@ -19,6 +19,7 @@ from pmr.scene import Scene
 from pmr.scene.built import friction_name, reaction_name
 from pmr.scene.hoist import KINDS, OUTPUTS
 from pmr.scene.keys import ALONE, LUFFING_CYLINDER
+from pmr.scene.mechanism import MACHINE
 from pmr.simulation import Excitation
 from pmr.simulation.frame_motion import ComputedMotion, MotionSamples
 from pmr.simulation.native.form import SystemForm
@@ -185,10 +186,6 @@ def hoist_outputs(system: BodySystem[Any]) -> list[Output]:
     """Descriptions of the outputs of a system's hoist, which belong to the section with the hoist's head."""
     section = [*system.bodies][len(system.hoist.reach[0])]  # each section before it travels along a path but the first
     return [Output(name, KINDS[name], section, unit=unit) for name, unit in OUTPUTS.items()]
-
-
-#: Kind of the outputs of a machine that moves by itself, and beginning of their names.
-MACHINE = "machine"
 
 
 def append_machine(scene: Scene, response: Response) -> Response:

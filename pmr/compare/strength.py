@@ -7,22 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from pmr.compare.evaluation import MACHINE
 from pmr.compare.responses import march_once
 from pmr.compare.simulated import excitation_of_scene
 from pmr.errors import InputError, SimulationError
 from pmr.files.arrays import Array, Summary
 from pmr.results import Response
 from pmr.results.fatigue import Damage, RepeatedCycles, SNLine
-from pmr.results.quantities import with_unit
+from pmr.results.quantities import reactions_on_machine, with_unit
 from pmr.results.response import ROUND_OFF, Output
 from pmr.results.run import SummaryPart
 from pmr.results.tables import support_forces
 from pmr.scene import Scene
-from pmr.scene.built import Load, reaction_name
+from pmr.scene.built import Load
 from pmr.scene.joints import BoomSection as Body
 from pmr.scene.keys import SLIDER
-from pmr.scene.mechanism import AT_GROUND, AT_PIVOT
 from pmr.scene.signals import Constant
 from pmr.simulation.at_rest import scene_at_rest
 from pmr.simulation.native.form import SystemForm
@@ -32,8 +30,6 @@ from pmr.system.system import System
 #: supports of several directions.
 RESULTANT = "resultant"
 KINDS = ("pad", "support", "reaction", RESULTANT, "cylinder", "outrigger", "tipping")
-#: Beginnings of names of forces on the machine.
-ON_MACHINE = tuple(reaction_name(f"{place} ") for place in (AT_PIVOT, AT_GROUND, MACHINE))
 
 
 def dynamic_factors_part(scene: Scene, system: System | SystemForm, response: Response) -> SummaryPart:
@@ -86,7 +82,7 @@ def _histories_of_kind(scene: Scene, response: Response, kind: str) -> dict[str,
     return {
         output.name: response.column(number)
         for number, output in enumerate(response.outputs)
-        if output.kind == kind and output.unit in ("N", "1") and not output.name.startswith(ON_MACHINE)
+        if output.kind == kind and output.unit in ("N", "1") and not output.name.startswith(reactions_on_machine(scene))
     }
 
 
@@ -145,7 +141,7 @@ def missed_stress_part(scene: Scene, response: Response) -> SummaryPart:
         return SummaryPart()
     histories, largest = dict[Output, Array](), dict[tuple[str, str], float]()
     for number, output in enumerate(response.outputs):
-        if output.kind in STRESSING and not output.name.startswith(ON_MACHINE):
+        if output.kind in STRESSING and not output.name.startswith(reactions_on_machine(scene)):
             histories[output] = np.abs(response.column(number))
             of = output.kind, output.unit
             largest[of] = max(largest.get(of, 0.0), float(histories[output].max()))

@@ -150,18 +150,21 @@ def _support_use_rows(result: RunResult) -> LargestValues:
         of_force = "reaction" if used.support.stiffness == "rigid" else "support_force"
         of = f"the allowed {format_quantity(used.allowed, 'N')}{'' if spacing is None else ' of a lug'}"
         note = f"{_bearer_words('support', used.name)}, {extreme_clause(result, used.extremes.largest)}"
-        note += _moment_clause(result, used.name) if spacing is None else LUGS.format(format_input(spacing, "m"))
+        note += _moment_clause(result, used) if spacing is None else LUGS.format(format_input(spacing, "m"))
         size = used.extremes.size
         yield _use_row(result, "support_use", format_quantity(size, "N"), size / used.allowed, of, note, of_force)
 
 
-def _moment_clause(result: RunResult, name: str) -> str:
-    """Clause on the largest moment of the support `name` that its share of an allowed force leaves out, empty if none.
-
-    `name` is as `resultant_name` returns it.
-    """
-    reactions = [of for of in result.summary.get("reactions", ()) if of["unit"] == "N m"]
-    sizes = [Extremes.from_summary(of).size for of in reactions if str(of["name"]).startswith(f"{name} r")]
+def _moment_clause(result: RunResult, used: UsedSupport) -> str:
+    """Clause on the largest moment of a support that its share of an allowed force leaves out; empty if none."""
+    names = [
+        qualified_name(body, used.support.row_name(direction))
+        for body in result.scene.bodies
+        if resultant_name(body, used.support) == used.name
+        for direction in used.support.held_directions
+    ]
+    reactions = [of for of in result.summary.get("reactions", ()) if of["unit"] == "N m" and of["name"] in names]
+    sizes = [Extremes.from_summary(of).size for of in reactions]
     if not any(sizes):
         return ""
     return (

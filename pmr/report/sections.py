@@ -216,10 +216,9 @@ def _published_frequency_grids(result: RunResult) -> Iterator[Grid]:
     if rows and (published := result.scene.published) is not None:
         remarks = "".join(f" {remark}" for remark in published.remarks)
         caption = f"First natural frequency in Hz beside the published one ({published.source}).{remarks}"
-        of = result.frequencies
-        if of.t is not None and len(of.along) > 1 and not np.ptp(of.along):
-            end = format_time(float(of.t[-1]))
-            caption += f" The boom keeps its length; the frequency is that of its last posture, at {end}."
+        along = result.frequencies.along
+        if len(along) > 1 and not np.ptp(along):
+            caption += " The boom keeps its length; the frequency is the lowest one of its postures."
         yield Grid(caption, ("boom length", "published", *models), tuple(rows))
 
 

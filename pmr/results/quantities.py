@@ -22,7 +22,7 @@ from pmr.results.response import Extreme, Extremes, Output, Response
 from pmr.scene.built import Support, force_name, reaction_name
 from pmr.scene.choice import traits_of
 from pmr.scene.keys import cylinder_name, qualified_name
-from pmr.scene.mechanism import AT_GROUND, AT_PIVOT, CYLINDER, drive_rows, rope_shares
+from pmr.scene.mechanism import AT_GROUND, AT_PIVOT, CYLINDER, MACHINE, drive_rows, rope_shares
 from pmr.scene.members import members, pads_on_faces
 from pmr.scene.scene import Scene
 
@@ -36,6 +36,8 @@ DIRECTION = re.compile(r" r?[xyz](?= (?:at|on) |$)")
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
 #: Beginnings of the names of forces of contacts, of reactions of rigid supports, and of those at the pivot.
 FORCE_OF, REACTION_OF, PIVOT = force_name(""), reaction_name(""), reaction_name(f"{AT_PIVOT} ")
+#: Beginnings of the names of reactions at the pivot, on the ground and of a machine that moves.
+ON_MACHINE = tuple(reaction_name(f"{place} ") for place in (AT_PIVOT, AT_GROUND, MACHINE))
 #: Matrices A by which the square of the von Mises stress is s^T A s, by the names of the stress components s.
 MISES: Mapping[tuple[str, ...], Array] = {
     ("axial",): FIBRE[:1, :1],
@@ -64,6 +66,8 @@ class Columns:
     lugs : mapping
         For each pin with lugs, by body and support such as ``base pin``, the shares (2, 3, c) with which the columns
         are summed to the forces of both lugs along x, y and z (`pmr.scene.built.Support.lug_shares`).
+    on_machine : tuple of str
+        Beginnings of the names of reactions that are no support's.
     """
 
     names: tuple[str, ...]
@@ -74,6 +78,7 @@ class Columns:
     ropes: tuple[str, ...] = ()
     pad_forces: Array = field(default_factory=lambda: np.zeros(0))
     lugs: Mapping[str, Array] = field(default_factory=dict)
+    on_machine: tuple[str, ...] = ON_MACHINE
 
     @classmethod
     def from_scene(cls, scene: Scene, response: Response) -> Columns:
@@ -103,6 +108,7 @@ class Columns:
             drive_rows(scene, names),
             tuple(rope_shares(scene)),
             np.array([pads[output.name].allowed_force if output.name in pads else np.inf for output in outputs]),
+            on_machine=reactions_on_machine(scene),
         )
         return replace(columns, lugs=_lug_shares(scene, columns))
 
@@ -118,9 +124,8 @@ class Columns:
         return {name.removeprefix(PIVOT): k for k, name in enumerate(self.names) if name.startswith(PIVOT)}
 
     def support_columns(self) -> list[int]:
-        """Return the numbers of the columns of support forces and moments, but for those at pivot and ground."""
-        on_machine = (PIVOT, reaction_name(f"{AT_GROUND} "))
-        return [k for k in self.numbers_of_kind("support", "reaction") if not self.names[k].startswith(on_machine)]
+        """Return the numbers of the columns of support forces and moments, but for those on the machine."""
+        return [k for k in self.numbers_of_kind("support", "reaction") if not self.names[k].startswith(self.on_machine)]
 
     def stress_columns(self) -> dict[str, dict[str, int]]:
         """Return, by the name of each probe, the numbers of its columns of stress by the stress component."""
@@ -130,6 +135,11 @@ class Columns:
             if separator:
                 by_probe.setdefault(probe, {})[component] = k
         return by_probe
+
+
+def reactions_on_machine(scene: Scene) -> tuple[str, ...]:
+    """Return `ON_MACHINE` for a scene with a frame; empty without one, where a support may have such a name."""
+    return () if scene.frame is None else ON_MACHINE
 
 
 #: Function that returns the `Measure` of a limit, or None if the limit depends on no column.  Its arguments are the
@@ -264,7 +274,7 @@ def _support_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measu
     """Return a function from the values (T, c) of all c columns to the largest resultant force (T,) of a support.
 
     Supports may be rigid or elastic; `looks_at` says whether a limit depends on the support of a name.  Moments are
-    used only if no force column is chosen, and columns at the pivot and on the ground are never used.  None is returned
+    used only if no force column is chosen, and columns on the machine are never used.  None is returned
     if no column is chosen.
     """
     groups = list(columns_by_support(columns, looks_at).values())
@@ -277,7 +287,7 @@ def columns_by_support(columns: Columns, looks_at: Callable[[str], bool]) -> dic
     """Return the numbers of the columns of each support's forces, by body and support such as ``base pivot``.
 
     If no chosen support has a force, they are the columns of moments.  `looks_at` takes one of the two names of
-    `support_names` and says whether this support is chosen.  Columns at the pivot and on the ground are never chosen.
+    `support_names` and says whether this support is chosen.  Columns on the machine are never chosen.
     """
     chosen = [k for k in columns.support_columns() if any(looks_at(name) for name in support_names(columns, k))]
     groups = dict[str, list[int]]()

@@ -18,8 +18,8 @@ from pmr.scene.built import Gravity
 from pmr.scene.choice import has_axial_motion, input_directions, is_planar, model_of, traits_of
 from pmr.scene.frame import Frame, Machine
 from pmr.scene.joints import JointPads
-from pmr.scene.keys import LUFFING
-from pmr.scene.mechanism import NEAR, supports_at_lug
+from pmr.scene.keys import ALONE, LUFFING
+from pmr.scene.mechanism import AT_GROUND, AT_PIVOT, MACHINE, NEAR, supports_at_lug
 from pmr.scene.members import member_at, members
 from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase, Table
@@ -108,6 +108,7 @@ def check_frame(scene: Scene) -> None:
         prefix = f"sections[{number}]." if scene.sections[0].name else ""
         for k, load in enumerate(part.loads):
             frame.refuse_without_unit(f"{prefix}loads[{k}].azimuth", load.azimuth)
+    _check_names_of_supports(scene)
     _check_cylinder(scene, frame)
     _check_drive(scene, frame)
     if frame.luffing == "free":
@@ -273,6 +274,16 @@ def check_hoist(scene: Scene) -> None:
         k = int(np.argmax(hanging <= 0.0))
         allowed = f"a longer rope is needed, as the hook of the slack rope reaches the head at {t[k]:.4g} s"
         raise scene_error(f"hoist.{'speed' if hoist.is_wound else 'length'}", None, allowed)
+
+
+def _check_names_of_supports(scene: Scene) -> None:
+    """Refuse supports of a body alone whose reactions would have names as those of the pivot, ground or machine."""
+    reserved = (AT_PIVOT, AT_GROUND, MACHINE)
+    allowed = f"beside [frame] a name that does not begin with one of {', '.join(reserved)} is allowed"
+    for k, support in enumerate(scene.bodies[ALONE].supports if ALONE in scene.bodies else ()):
+        rows = [support.row_name(direction) for direction in support.held_directions]
+        taken = any(row.startswith(tuple(f"{of} " for of in reserved)) for row in rows)
+        refuse(taken, f"supports[{k}].name", support.name, f"{allowed}: these have reactions")
 
 
 def misplaced_supports(scene: Scene) -> dict[int, float]:

@@ -42,7 +42,7 @@ from pmr.scene.scene import Scene
 
 #: Prefixes of the names of force and moment at the pivot and on the ground; names of the luffing moment and of the
 #: cylinder's force.
-AT_PIVOT, AT_GROUND = "pivot", "ground"
+AT_PIVOT, AT_GROUND, MACHINE = "pivot", "ground", "machine"
 #: Prefix of the names of margins against tipping over an edge of the support polygon.
 TIPPING_MARGIN = "tipping margin over "
 MOMENT, CYLINDER = reaction_name(f"{AT_PIVOT} ry"), reaction_name(f"{AT_PIVOT} cylinder")

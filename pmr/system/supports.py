@@ -26,7 +26,7 @@ from scipy.sparse.linalg import spsolve
 
 from pmr.files.arrays import Array
 from pmr.system.body import SlidingBody, Trajectory
-from pmr.system.carriers import CarrierFlexibility
+from pmr.system.carriers import CarrierFlexibility, Flexibility
 from pmr.system.polynomials import (
     add_tables,
     apply_table,
@@ -129,8 +129,8 @@ def with_support_forces(modal: ReducedModel, X: Array, rows: tuple[int, ...], su
         flexibility = modal.residual
         breaks = common_breaks([flexibility.outputs, pressed], modal.domain)
         c = same_degree(refine_table(flexibility.outputs, breaks).c, refine_table(pressed, breaks).c)
-        direct = np.vstack([flexibility.direct, supports.inputs])
-        with_pressed = replace(flexibility, outputs=PPoly(np.concatenate(c, axis=2), breaks), direct=direct)
+        tables, direct = PPoly(np.concatenate(c, axis=2), breaks), np.vstack([flexibility.direct, supports.inputs])
+        with_pressed = Flexibility(flexibility.rows, flexibility.inputs, tables, direct, flexibility.energy)
         return replace(modal, outputs=outputs, flexibility=with_pressed)
     carriers = modal.carriers
     residual = carriers.flexibility or CarrierFlexibility.zero(len(carriers.values), i, o)

@@ -64,14 +64,14 @@ def test_the_energy_in_space_is_said_with_who_does_the_work() -> None:
     assert energy_sentence(_Result()) == ""  # type: ignore[arg-type]
 
 
-def test_published_frequencies_of_a_boom_that_keeps_its_length_say_at_which_time_they_are(make_result) -> None:
+def test_published_frequencies_of_a_boom_that_keeps_its_length_say_of_which_posture_they_are(make_result) -> None:
     published = {"source": "a paper", "frequencies": [{"reach": 9.0, "first": 2.0}]}
     row = {"reach": 9.0, "published": 2.0, "reduced": 2.1}
     result = make_result(published=published, summary={"published_frequencies": [row]})
     for along, says in ((np.full(3, 9.0), True), (np.array([8.0, 9.0, 10.0]), False)):
         frequencies = Frequencies(along, along[:, None], {}, t=np.array([0.0, 1.0, 2.5]))
         (grid,) = basis_block(replace(result, frequencies=frequencies), "a").grids
-        assert grid.caption.endswith("its last posture, at 2.5\u00a0s.") is says
+        assert grid.caption.endswith("the frequency is the lowest one of its postures.") is says
 
 
 FRAME = {

@@ -9,7 +9,8 @@ import pytest
 from pmr import Response
 from pmr.results import Energy
 from pmr.results.quantities import LIMITED, QUANTITIES, Columns, matches_pattern, support_names
-from pmr.results.response import KINDS, Extreme, Extremes
+from pmr.results.response import KINDS, Extreme, Extremes, Output
+from pmr.scene import load_any
 from pmr.scene.run_settings import OutputKind
 
 
@@ -59,6 +60,14 @@ def test_each_quantity_stands_once_and_is_of_kinds_that_responses_have() -> None
 def test_a_support_has_the_name_of_its_contact_with_its_body_once(body: str, name: str, contact: str) -> None:
     columns = Columns((name,), ("support",), ("N",), (body,))
     assert support_names(columns, 0) == (name, contact)
+
+
+@pytest.mark.parametrize(("name", "supports"), [("paper_simple", 4), ("crane", 1)])
+def test_what_the_machine_bears_is_no_support(name: str, supports: int) -> None:
+    """Without a frame these are supports that are called so: their forces and limits were missing."""
+    outputs = [Output(f"reaction of {of} x", "reaction", "", unit="N") for of in ("pin", "pivot", "ground", "machine")]
+    columns = Columns.of_outputs(load_any(name), outputs)
+    assert columns.support_columns() == list(range(supports))
 
 
 @pytest.mark.parametrize(

@@ -156,6 +156,8 @@ REFUSED = {
         ("section.body.model=beam2d", "bottom, top, left and right are allowed for beam2d, or body.model = 'beam3d'"),
     ],
     "boom_beam": [
+        (("supports=[{name='cylinder',on='tail',directions=['x']},{name='pivot',on='tail'}]", PIVOT, LUFFING),
+         "supports[1].name = 'pivot': beside [frame] a name that does not begin with one of pivot, ground, machine"),
         (BOX + "doublers=[{start=0.5, end=0.5, thickness=0.005}]}",
          "body.box.doublers[0].end…from 0.506 m up to the length, 6 m"),
         (BOX + "doublers=[{start=0.0, end=6.1, thickness=0.005}]}",

@@ -29,6 +29,7 @@ from pmr.report.blocks import Block, Chapter
 from pmr.report.document import render, with_date, write_page
 from pmr.report.studies import comparison
 from pmr.results.run import SummaryPart, combine_parts
+from pmr.scene import Scene
 from pmr.scene.hints import hints
 from pmr.simulation import Excitation, contact_step
 from pmr.studies.study import Statement
@@ -164,7 +165,7 @@ def _read(file: Path) -> Row:
         return {name: array if array.ndim else array.item() for name, array in data.items()}
 
 
-def full_body(scene: pmr.Scene) -> FullBody:
+def full_body(scene: Scene) -> FullBody:
     """Return the full model of a scene with a single body."""
     body = pmr.full_model(scene)
     assert isinstance(body, FullBody)
