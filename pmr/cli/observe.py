@@ -19,7 +19,6 @@ from pmr.files.whole import finish_swap, write_text
 
 if TYPE_CHECKING:
     from pmr.files.arrays import Array
-    from pmr.system.system import System
 
 
 def observe(
@@ -102,13 +101,9 @@ def identify(
     table, file, changes = FrequencyTable.read(measured), scene_file(scene), list(overrides or ())
     start = _starts(fit)
 
-    def reduce_with(fitted: Sequence[str]) -> System:
-        """Reduce the scene with fitted values, and return its system."""
-        return pmr.reduce(load_any(file, [*changes, *fitted])).system
-
     folder = out_dir or Path("reports", f"identify_{result_name(scene)}")
     prepare_folder(folder)
-    result = table.identify(reduce_with, start)
+    result = table.identify(lambda fitted: pmr.reduce(load_any(file, [*changes, *fitted])).system, start)
     fitted, figures = folder / "fitted.toml", folder / "identify.json"
     base = f"extends = {json.dumps(os.path.relpath(file, folder))}"
     lines = {change.partition("=")[0].strip(): _toml_line(change) for change in [*changes, *result.overrides()]}

@@ -199,8 +199,11 @@ def check_same_scene(model: System | ReducedModel, scene: Scene, number: int | N
         differing = _body_differences(recorded_scene, member_at(scene, number or 0))
         read: Mapping[str, Path] = scene.sections[number or 0].files
     else:
-        differing, read = _scene_differences(recorded_scene, scene), scene.files_read
-    of_gravity, of_files = _gravity_differences(recorded_scene, scene), _file_differences(files, read)
+        keys = [key for key in ("damping", "sections") if key in recorded_scene]
+        differing = (d for key in keys for d in _part_differences(recorded_scene[key], getattr(scene, key), key))
+        read = scene.files_read
+    gravity, of_files = recorded_scene.get("gravity"), _file_differences(files, read)
+    of_gravity = _part_differences(gravity, scene.gravity, "gravity") if gravity and scene.gravity else ()
     of_mechanism = _mechanism_differences(recorded_scene, scene) if isinstance(model, System) else ()
     for key, value, of_model in itertools.chain(of_gravity, of_mechanism, differing, of_files):
         shown = list(value) if isinstance(value, tuple) else value
@@ -214,15 +217,6 @@ class Difference(NamedTuple):
     key: str
     present: object
     recorded: object
-
-
-def _gravity_differences(recorded_scene: Mapping[str, object], scene: Scene) -> Iterator[Difference]:
-    """Yield the differences in gravity between `recorded_scene`, the keys of a model's scene, and `scene`.
-
-    Nothing is yielded unless both have gravity.
-    """
-    if recorded_scene.get("gravity") and scene.gravity:
-        yield from _part_differences(recorded_scene["gravity"], scene.gravity, "gravity")
 
 
 #: Keys of a frame and a hoist that are in the contacts, terms and inputs of a system.
@@ -270,13 +264,6 @@ def _body_differences(recorded_scene: Mapping[str, Any], member: Member) -> Iter
     for name, value in (fields | {"pads": member.pads, "damping": member.scene.damping}).items():
         if name in recorded_scene and not (name == "slider" and value is None):
             yield from _part_differences(recorded_scene[name], value, name)
-
-
-def _scene_differences(recorded_scene: Mapping[str, object], scene: Scene) -> Iterator[Difference]:
-    """Yield the differences in damping and sections between `recorded_scene`, keys of a system's scene, and `scene`."""
-    for name in ("damping", "sections"):
-        if name in recorded_scene:
-            yield from _part_differences(recorded_scene[name], getattr(scene, name), name)
 
 
 def _file_differences(recorded_digests: Mapping[str, str], read: Mapping[str, Path]) -> Iterator[Difference]:

@@ -23,7 +23,6 @@ from pmr.files.arrays import Array
 from pmr.results.field_series import CUBE, Boxes, Fields, Grid, Pose, pad_corners
 from pmr.results.quantities import FORCE_OF
 from pmr.results.run import RunResult
-from pmr.scene.box import Box
 from pmr.scene.keys import ALONE
 
 
@@ -39,7 +38,11 @@ def pads_over_time(result: RunResult) -> Boxes | None:
     places = [(ring, *place) for ring in scene.pads for place in ring.named_pads]
     if not places:
         return None
-    t, response, body = fields.t, result.responses["reduced"], _extent(fields, scene.body.box)
+    t, response = fields.t, result.responses["reduced"]
+    body = np.array([fields.points.min(axis=0), fields.points.max(axis=0)])  # least and largest coordinates
+    if fields.kind == "line" and scene.body.box is not None:
+        outside = np.array([corner.position for corner in scene.body.box.corners])
+        body += [[0.0, *outside.min(axis=0)], [0.0, *outside.max(axis=0)]]
     corners = np.empty((len(t), len(places), 8, 3))
     force = np.full((len(t), len(places)), np.nan)
     for k, (ring, name, face, across) in enumerate(places):
@@ -51,18 +54,6 @@ def pads_over_time(result: RunResult) -> Boxes | None:
     if (pose := result.pose(t)) is not None:
         corners = pose.positions(corners.reshape(len(t), -1, 3)).reshape(corners.shape)
     return Boxes(tuple(name for _, name, _, _ in places), corners, {"force": force})
-
-
-def _extent(fields: Fields, box: Box | None) -> Array:
-    """Return the least and the largest coordinates (2, 3) in m of an undeformed body.
-
-    A beam has the width and height of its `box`; if that is None, it is a line.
-    """
-    extent = np.array([fields.points.min(axis=0), fields.points.max(axis=0)])
-    if fields.kind == "line" and box is not None:
-        outside = np.array([corner.position for corner in box.corners])
-        extent += [[0.0, *outside.min(axis=0)], [0.0, *outside.max(axis=0)]]
-    return extent
 
 
 Named = Mapping[str, NDArray[Any]]

@@ -50,7 +50,7 @@ def misfit(M: sp.csr_matrix, body: Resistance) -> Reason | None:
     checks: tuple[Callable[[sp.csr_matrix, Resistance], Iterator[Reason]], ...] = (
         _vanishing_entries,
         _few_digits,
-        lambda M, body: _indefinite(M, body.K),
+        lambda M, body: indefinite(M, body.K),
         _unknown_motions,
         _separate_parts,
         _missing_mass,
@@ -63,14 +63,6 @@ def misfit(M: sp.csr_matrix, body: Resistance) -> Reason | None:
         check_density,
     )
     return next((reason for check in checks for reason in check(M, body)), None)
-
-
-def indefinite_superelement(M: sp.csr_matrix, K: sp.csr_matrix) -> Reason | None:
-    """Return a reason about ``M`` or ``K`` if the matrix of a superelement has negative eigenvalues.
-
-    The matrices have rows of nodes and of modal amplitudes.  None is returned if neither has negative eigenvalues.
-    """
-    return next(_indefinite(M, K), None)
 
 
 def negative_damping(D: sp.csr_matrix) -> Reason | None:
@@ -125,7 +117,7 @@ def _few_digits(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
         )
 
 
-def _indefinite(M: sp.csr_matrix, K: sp.csr_matrix) -> Iterator[Reason]:
+def indefinite(M: sp.csr_matrix, K: sp.csr_matrix) -> Iterator[Reason]:
     """Yield a reason about ``M`` or ``K`` for each of the two matrices that has negative eigenvalues."""
     for name, A in (("M", M), ("K", K)):
         least = _least_eigenvalue(A, A.diagonal())

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.errors import NAMED, InputError, is_name, missing_file_reason
 from pmr.files import npz
 from pmr.files.arrays import Array, Indices, Mask
-from pmr.files.fit import centre_of_mass, indefinite_superelement, misfit, negative_damping
+from pmr.files.fit import centre_of_mass, indefinite, misfit, negative_damping
 from pmr.files.rigid import DIRECTIONS, Resistance, rigid_motions
 
 logger = logging.getLogger(__name__)
@@ -89,7 +89,7 @@ class GivenMatrices:
                 )
         M, K = (self.M, self.K) if len(at) == n else (self.M[at][:, at], self.K[at][:, at])
         body = Resistance(K, self.points, self.node[at], self.direction[at])
-        checked = misfit(M, body) or (indefinite_superelement(self.M, self.K) if len(at) < n else None)
+        checked = misfit(M, body) or (next(indefinite(self.M, self.K), None) if len(at) < n else None)
         if reason := checked or (None if self.D is None else negative_damping(self.D)):
             raise self._refusal(reason[0], None, reason[1])
         object.__setattr__(self, "held", body.held_motions())

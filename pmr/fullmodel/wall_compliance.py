@@ -97,27 +97,20 @@ def wall_compliance(
 
     Raises an `InputError` if a pad leaves its face.
     """
-
-    def compute() -> dict[str, Array]:
-        computed = _compute_compliance(body, standing, ends, rings)
-        by_name = {"standing": computed.standing}
-        for i, ring in enumerate(computed.sliding):
-            by_name |= npz.record_arrays(ring, f"{i}.")
-        return by_name
-
     request = repr((body, standing, ends, rings, environment.computing_digest()))
-    stored = npz.stored_or_computed("walls", request, compute)
+    stored = npz.stored_or_computed("walls", request, lambda: _compliance_arrays(body, standing, ends, rings))
     sliding = [npz.record_from_arrays(SlidingCompliance, stored, f"{i}.") for i in range(len(rings))]
     return WallCompliance(stored["standing"], sliding)
 
 
-def _compute_compliance(
+def _compliance_arrays(
     body: PlateBody, standing: tuple[Pad, ...], ends: tuple[tuple[str, str], ...], rings: tuple[Ring, ...]
-) -> WallCompliance:
+) -> dict[str, Array]:
     """Compute the compliance of a body's walls under the pads `standing` and those of the `rings` that slide.
 
     The compliance is the difference between that of the shell and that of the beam of the body.  `ends` are pairs such
-    as ``("tip", "y")``: a group at an end, and the direction of its mean motion.
+    as ``("tip", "y")``: a group at an end, and the direction of its mean motion.  The result has the array ``standing``
+    and, with the number of the ring before their names, the fields of `SlidingCompliance`.
     """
     box, line = body.box, beam_of(body)
     shell, beam = HeldModel(shell_of(body), body), HeldModel(line, body)
@@ -125,15 +118,16 @@ def _compute_compliance(
         sp.vstack([model.pads(standing, np.zeros(1)), model.motions(ends)], "csr") for model in (shell, beam)
     )
     C = shell.compliance(fixed_shell, fixed_shell) - beam.compliance(fixed_beam, fixed_beam)
-    sliding = []
-    for ring in rings:
+    arrays = {"standing": (C + C.T) / 2.0}
+    for i, ring in enumerate(rings):
         u, k = places_along(ring.span, box.layer), len(ring.pads)
         D = shell.compliance_along(ring.pads, u, fixed_shell) - beam.compliance_along(ring.pads, u, fixed_beam)
         under_pads = (D[:, :k] + D[:, :k].transpose(0, 2, 1)) / 2.0
-        sliding.append(SlidingCompliance(u, _smooth(under_pads), _smooth(D[:, k:].transpose(0, 2, 1))))
+        sliding = SlidingCompliance(u, _smooth(under_pads), _smooth(D[:, k:].transpose(0, 2, 1)))
+        arrays |= npz.record_arrays(sliding, f"{i}.")
     for model in (shell, beam):
         model.destroy()
-    return WallCompliance((C + C.T) / 2.0, sliding)
+    return arrays
 
 
 class HeldModel:

@@ -170,7 +170,9 @@ def _arrange_exactly(system: System) -> Arrangement:
         return Arrangement(parts, paths, (domain,), blocks_of_tables, C, F, H, X, friction)
     paths, blocks = system.paths, list[Block]()
     ranges = tuple(system.ranges[path] for path in paths)
-    of_all = [*system.sides, *_rubbing_sides(system, friction)]
+    pads, m = [] if friction is None else friction.pads.tolist(), len(system.contacts)
+    rubbing = [Side(m + k, s.place, s.sign) for k, pad in enumerate(pads) for s in system.sides if s.contact == pad]
+    of_all = [*system.sides, *rubbing]  # moments by friction act on the sides of its pads, as on further sides
     for part, name in zip(parts, system.bodies, strict=True):
         sides = [side for side in of_all if side.place.body == name]
         stays = [side for side in sides if side.place.path is None]
@@ -244,16 +246,6 @@ def _block_on_path(
         outputs=C.times(part.flexibility.outputs.T),
         on_carriers=tuple(rows),
     )
-
-
-def _rubbing_sides(system: System, friction: Friction | None) -> list[Side]:
-    """Sides of pads with friction as further sides, on which moments act; empty if `friction` is None.
-
-    The new sides have row numbers that follow those of the m contacts.
-    """
-    pads = [] if friction is None else friction.pads.tolist()
-    m = len(system.contacts)
-    return [Side(m + k, s.place, s.sign) for k, pad in enumerate(pads) for s in system.sides if s.contact == pad]
 
 
 def _modal_row(system: System, side: Side) -> Row:

@@ -197,7 +197,7 @@ class FullOrder:
         response = response_to_motion(
             system, history.t, history.y, history.contacts.forces, history.contacts.peaks, history.energy
         )
-        response = with_reactions(response, *_support_reactions(system, history))
+        response = _with_support_reactions(response, system, history)
         response = replace(
             append_friction(response, system.contacts, history.contacts.friction),
             residual_position=history.errors.position,
@@ -243,19 +243,8 @@ def _states_of_bodies(
     return states_of_bodies
 
 
-class SupportReactions(NamedTuple):
-    """Rigid supports of each body, h of them, and their forces or moments (T, h) in N or N m, by body."""
-
-    supports: Mapping[str, Supports]
-    forces: Mapping[str, Array]
-
-
-def _support_reactions(full_system: FullSystem, history: History) -> SupportReactions:
-    """Return the rigid supports whose forces are no outputs of the system, and their forces (T, h), by body.
-
-    Forces are in N, moments in N m, at T times; h is the number of such supports on the body.  Bodies without such
-    supports are left out.
-    """
+def _with_support_reactions(response: Response, full_system: FullSystem, history: History) -> Response:
+    """Return the response with the forces in N and moments in N m of those rigid supports that are no outputs yet."""
     system, bearing_contacts = full_system.with_supports(), set(output_contacts(full_system))
     inner = {k: contact.inner for k, contact in enumerate(system.contacts) if k not in bearing_contacts}
     rows = {(side.body, side.row): k for k, side in inner.items()}
@@ -266,7 +255,7 @@ def _support_reactions(full_system: FullSystem, history: History) -> SupportReac
         if support_rows:
             supports[name] = [(row.name, row.unit) for row in support_rows]
             reactions[name] = forces[:, [rows[name, row.name] for row in support_rows]]
-    return SupportReactions(supports, reactions)
+    return with_reactions(response, supports, reactions)
 
 
 def _lanczos_frequencies(full_system: FullSystem, places_of: Array, count: int, c: Array) -> Array | None:

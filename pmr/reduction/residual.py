@@ -121,7 +121,7 @@ def section_model(
     span, spanned = _spanning_vectors(residual, loads) if has_span else _Span(None, np.zeros((0, loads.shape[1])))
     body.free_factor()
     free_dropped(model.comm)
-    values = _carrier_measures(model, shared, basis)
+    values = np.asarray(model.comm.allreduce(shared.carriers[:, model.share] @ V))  # U V (K, r) of the carriers U
     carriers = CarrierRows.from_rows(released_rows(model).shared_carriers.rows, values, flexibility)
     flexible = reduced.with_carriers(carriers)
     if basis.size < model.size:  # all motions of a body leave no flexibility out
@@ -131,12 +131,6 @@ def section_model(
         carriers = replace(carriers, support_inertia=np.asarray(model.comm.allreduce(moved.T @ loads)))
     of_carriers = _with_matrices(carriers, model, [V, span, x], motions)
     return _with_coordinates(replace(flexible, carriers=of_carriers), coordinates)
-
-
-def _carrier_measures(model: FullModel, shared_carriers: SharedCarriers, basis: Basis) -> Array:
-    """Values U V (K, r) of a basis V on the K carriers U of `shared_carriers`; collective."""
-    measured = shared_carriers.carriers[:, model.share] @ np.array(basis.V.getDenseArray())
-    return np.asarray(model.comm.allreduce(measured))
 
 
 def _tail_weights(shared_carriers: SharedCarriers) -> Array | None:
