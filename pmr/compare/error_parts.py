@@ -32,7 +32,7 @@ from pmr.errors.environment import Clock
 from pmr.files.arrays import Array
 from pmr.results.quantities import QUANTITIES
 from pmr.results.run import SummaryPart
-from pmr.scene import Reduction, Scene
+from pmr.scene import Scene
 from pmr.scene.keys import ALONE
 from pmr.scene.signals import SignalBase
 from pmr.simulation import Excitation, TimeStepping
@@ -46,8 +46,6 @@ from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 from pmr.system.truncation import extend
 
-#: Least number of coordinates of a model that serves to estimate the error of another model.
-FEWEST = 6
 #: A warning asks for more modes if more than this share of the first truncated mode's motion is not quasi-static.
 REACHED = 0.5
 #: Largest product of step and highest circular frequency with which a moving slider was stable with rho_inf = 1.
@@ -70,25 +68,6 @@ class ReductionError:
         The part is empty if the section has no estimate.
         """
         return {"estimate": self.sections[name]} if name in self.sections else {}
-
-
-def needs_other_model(scene: Scene, reduced: ReducedModel) -> bool:
-    """Whether the scene asks for an estimate of the error that needs another model of the body than `reduced`.
-
-    The estimate needs another model if the error of `reduced` itself can't be estimated; the other model is that of
-    `estimate_by_other_model`.
-    """
-    return scene.reduction.estimate and reason_without_estimate({ALONE: reduced}) is not None
-
-
-def other_model_scene(scene: Scene, reduced: ReducedModel) -> Scene:
-    """Scene with another reduction: free modes with residual flexibility, and no fewer coordinates than `reduced`.
-
-    The number of coordinates is that of `reduced`, but at least `FEWEST`.
-    """
-    choice = scene.reduction
-    other = Reduction(basis="free_modes", coordinates=max(FEWEST, reduced.size), solver=choice.solver)
-    return scene.model_copy(update={"reduction": other})
 
 
 def estimate_reduction(

@@ -47,7 +47,6 @@ from pmr.compare.trust import (
 )
 from pmr.errors import GrowthError, SimulationError
 from pmr.files.arrays import Array
-from pmr.results import Response
 from pmr.results.quantities import UNSETTLED_KINDS, with_unit
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
@@ -134,7 +133,8 @@ def estimate_error(models: Models, first: SimulatedSystem) -> Estimate:
         indicator = chi(body, motion, richer.simulation.run.loads, model.size)
     without = {"probe", *(() if outputs.force.size else ("pad_force",))}
     kinds = [kind for kind in dict.fromkeys((*OUTPUT_KINDS, *outputs.kinds)) if kind not in without]
-    errors = _errors_by_name(first.response, richer.simulation.response, excitation)
+    responses = {"reduced": first.response, "full": richer.simulation.response}
+    errors = errors_between(responses, boom_quantities(excitation, first.response))["reduced_vs_full"]
     errors |= differences(outputs, better, floors, kinds)
     if "pad_force" not in unknown or "pad_force" in richer.unsettled:  # supports bear what pads and sliders press
         errors |= _reaction_error(first, richer.simulation)
@@ -240,15 +240,6 @@ def _with_enrichment(model: ReducedModel, count: int) -> ReducedModel:
     """The model with its first `count` enrichment modes as coordinates, or with all if it has fewer than `count`."""
     most = 0 if model.enrichment is None else model.enrichment.count
     return extend(model, min(count, most)) if min(count, most) else model
-
-
-def _errors_by_name(response: Response, richer: Response, excitation: Excitation) -> dict[str, float]:
-    """Errors of `response` against `richer` in all outputs that `errors_between` compares: fractions without margin.
-
-    The errors include reactions and probes by name, and forces of each kind between kinks of extensions.
-    """
-    responses, measured = {"reduced": response, "full": richer}, boom_quantities(excitation, response)
-    return errors_between(responses, measured)["reduced_vs_full"]
 
 
 def _errors_by_section(system: System, displacement: Array, better: Array) -> dict[str, float]:

@@ -46,7 +46,11 @@ def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
     - the data would replace a file that does not hold data of a script.
     """
     npz_path, target = Path(npz_path), Path(target)
-    system = System.load(npz_path).ensure_constant(npz_path.name).ensure_lengths_stay(npz_path.name)
+    system = System.load(npz_path).ensure_constant(npz_path.name)
+    if system.compliance.paths:
+        names = ", ".join(contact.name for contact in system.contacts if contact.lengthening)
+        allowed = "0 is allowed here; `pmr simulate` follows ropes whose length changes"
+        raise InputError(npz_path.name, "rope.lengthens", names, allowed)
     arrays, data_file = script_data(system, npz_path.name), target.with_suffix(".npz")
     if data_file.resolve() == npz_path.resolve() or not _is_free(data_file):
         raise InputError(

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmr.compare.accuracy import Choice, Search, prepare_scene, scene_on_other_mesh
-from pmr.compare.error_parts import ReductionError, estimate_reduction, needs_other_model, other_model_scene, step_part
+from pmr.compare.error_parts import ReductionError, estimate_reduction, step_part
 from pmr.compare.evaluation import SimulatedSystem
 from pmr.compare.frequencies import WayPoints, frequencies_on_way, way_points
+from pmr.compare.motion import reason_without_estimate
 from pmr.compare.responses import Simulations, compared_quantities, simulate
 from pmr.compare.second_order import decide_second_order
 from pmr.compare.strength import utilisation_part
@@ -34,7 +35,7 @@ from pmr.results import BodyResult, Frequencies, Response, Shapes
 from pmr.results.field_series import mean_by_place
 from pmr.results.field_stress import FORCES
 from pmr.results.run import SummaryPart
-from pmr.scene import Scene
+from pmr.scene import Reduction, Scene
 from pmr.scene.choice import traits_of
 from pmr.scene.joints import BoomSection
 from pmr.scene.keys import ALONE
@@ -46,6 +47,9 @@ from pmr.system.states import BodyStates
 
 if TYPE_CHECKING:
     from pmr.fullmodel.wall_stress import LoadedRing, SectionStates, WallPeak
+
+#: Least number of coordinates of a model that serves to estimate the error of another model.
+FEWEST = 6
 
 
 @dataclass(frozen=True)
@@ -248,11 +252,15 @@ class Bodies:
 
         None is returned if the body's own model can estimate its error, or if the other model can't be made.
         """
-        if ALONE not in self.bodies or not needs_other_model(self.scene, self.bodies[ALONE].model):
+        if ALONE not in self.bodies or not (choice := self.scene.reduction).estimate:
             return None
-        other = other_model_scene(self.scene, self.bodies[ALONE].model)
+        model = self.bodies[ALONE].model
+        if reason_without_estimate({ALONE: model}) is None:
+            return None
+        other = Reduction(basis="free_modes", coordinates=max(FEWEST, model.size), solver=choice.solver)
+        scene = self.scene.model_copy(update={"reduction": other})
         try:
-            return cached_body(other, self.built[ALONE].model, self.caches.get(ALONE)).model
+            return cached_body(scene, self.built[ALONE].model, self.caches.get(ALONE)).model
         except (InputError, ConvergenceError):  # a small mesh has too few modes: the run goes on
             return None
 

@@ -250,12 +250,9 @@ def _force_measure(kind: str) -> Callable[[Columns, Callable[[str], bool]], Meas
     The function takes the columns, and a function that says whether a limit depends on the column of a name.  It
     returns None if there is no such column.
     """
-
-    def measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-        """Return the measure of the columns for whose names `looks_at` is true; None if there are no such columns."""
-        return _largest_measure([k for k in columns.numbers_of_kind(kind) if looks_at(columns.names[k])])
-
-    return measure
+    return lambda columns, looks_at: _largest_measure(
+        [k for k in columns.numbers_of_kind(kind) if looks_at(columns.names[k])]
+    )
 
 
 def pad_pressure_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:

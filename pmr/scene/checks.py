@@ -64,9 +64,8 @@ def _check_payloads(scene: Scene) -> None:
 def _check_single_body(scene: Scene) -> None:
     """Check the keys of a scene of one body; raise an InputError for the first key that is not allowed."""
     part = scene.only_section
-    if part.joint is not None:
-        allowed = "a section alone does not slide in another one: supports or pads hold it"
-        raise scene_error("sections[0].joint", None, allowed)
+    allowed = "a section alone does not slide in another one: supports or pads hold it"
+    refuse(part.joint is not None, "sections[0].joint", None, allowed)
     if part.slider is None and any(ring.moving for ring in part.pads):
         raise scene_error("slider", None, "a table slider is needed, with the path along which the moving pads slide")
     _check_reduction(scene)
@@ -166,9 +165,8 @@ def _check_frequency_response(scene: Scene) -> None:
         key = scene.section_key(number, "observe.frequency_response")
         allowed = f"false is allowed, as the tip of the boom is the tip of {scene.names[-1]}"
         refuse(number < len(scene.sections) - 1, key, True, allowed)
-        if any(ring.unilateral for ring in rings):
-            allowed = "false is allowed, as some pads only push; a response in frequency needs pads that hold both ways"
-            raise scene_error(key, True, allowed)
+        allowed = "false is allowed, as some pads only push; a response in frequency needs pads that hold both ways"
+        refuse(any(ring.unilateral for ring in rings), key, True, allowed)
         if any(ring.friction for ring in rings if isinstance(ring, JointPads)):
             raise scene_error(key, True, "false is allowed, as pads have friction, which is not linear")
         if len(scene.sections) == 1 and not part.reduction.flexibility and _has_rigid_rows(scene):

@@ -179,9 +179,8 @@ def _check_section_names(scene: Scene) -> None:
     joint is a wheel.
     """
     check_names("sections", scene.names)
-    if scene.sections[0].joint is not None:
-        allowed = "the base does not slide in another section: supports or pads hold it"
-        raise scene_error("sections[0].joint", None, allowed)
+    allowed = "the base does not slide in another section: supports or pads hold it"
+    refuse(scene.sections[0].joint is not None, "sections[0].joint", None, allowed)
     for number, part in enumerate(scene.sections[1:], start=1):
         if part.joint is None:
             raise scene_error(f"sections[{number}].joint", None, f"a joint in which {part.name} slides is needed")
@@ -395,9 +394,8 @@ def _check_pads(scene: Scene, number: int) -> None:
     points = [seat for seat in touching if seat.ring.faces is None]
     if points:
         key = f"sections[{points[0].joint}].joint.{points[0].key}.faces"
-        if not is_planar(member_at(scene, number)):
-            allowed = "faces are needed, as pads without faces are points, which only planar beams have"
-            raise scene_error(key, None, allowed)
+        allowed = "faces are needed, as pads without faces are points, which only planar beams have"
+        refuse(not is_planar(member_at(scene, number)), key, None, allowed)
         if len(points) < len(touching) or scene.sections[number].pads:
             some = f"faces are needed, as other pads on {scene.names[number]} have faces"
             raise scene_error(key, None, f"{some}; on one section either all pads are points, or none")

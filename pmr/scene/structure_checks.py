@@ -135,9 +135,8 @@ def _check_sliding_points(member: Member) -> None:
     length = member.part.body.length
     if not member.points:
         return
-    if any(ring.moving for ring in member.pads):
-        allowed = "leave it out, as each ring of pads has its place in `at`"
-        raise scene_error("slider.offsets", list(member.points), allowed)
+    allowed = "leave it out, as each ring of pads has its place in `at`"
+    refuse(any(ring.moving for ring in member.pads), "slider.offsets", list(member.points), allowed)
     if not traits_of(member).is_planar or length is None:
         raise scene_error("pads", None, "at least one ring of pads with moving = true is needed, as nothing slides")
     if len(set(member.points)) != len(member.points):
@@ -290,9 +289,8 @@ def _check_flexible_walls(member: Member) -> None:
         return  # the walls of these models give way anyway
     allowed = f"'rigid' is allowed, as the walls of {model_of(member)} are not computed"
     refuse(not traits.walls_may_give, key, "give", allowed)
-    if member.points or not member.pads:
-        allowed = "'rigid' is allowed, as walls give way only under pads with faces, and there are none"
-        raise scene_error(key, "give", allowed)
+    allowed = "'rigid' is allowed, as walls give way only under pads with faces, and there are none"
+    refuse(member.points or not member.pads, key, "give", allowed)
 
 
 def _check_planar_beam(member: Member) -> None:

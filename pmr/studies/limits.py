@@ -418,7 +418,7 @@ class Limit(SceneTable):
             plugin_function(self.name, self.function)
         if self.expression is not None:
             check_names(self.name, self.expression, scene)
-        if self.of == "field" and not bodies_with_field(scene):
+        if self.of == "field" and not any(traits_of(member).has_cells for member in members(scene)):
             raise self._unknown_name(())
         if self.kind.names is not None:
             names = self.kind.names(scene)
@@ -468,12 +468,6 @@ def _forms_and_loads(states: LoadedStates) -> Iterator[tuple[Form, float]]:
 def _ratio(part: float, total: float) -> float:
     """Return `part` divided by `total`; infinite if `total` is not positive."""
     return part / total if total > 0.0 else np.inf
-
-
-def bodies_with_field(scene: Scene) -> list[str]:
-    """Names of a scene's bodies with a stress field (shells, solids); ``"walls"`` stands for a body without a name."""
-    named_members = zip(scene.names, members(scene), strict=True)
-    return [name or WHOLE for name, member in named_members if traits_of(member).has_cells]
 
 
 def with_fields(scene: Scene, patterns: Sequence[str], places: int) -> Scene:

@@ -389,17 +389,6 @@ class System(BodySystem[SlidingBody]):
             raise InputError(source, "friction", names, "0 is allowed here; `pmr simulate` follows friction")
         return self
 
-    def ensure_lengths_stay(self, source: str) -> System:
-        """Return the system; raise an InputError about `source` if the length of any rope changes with a path.
-
-        `source` is what can't handle such ropes.
-        """
-        if self.compliance.paths:
-            names = ", ".join(contact.name for contact in self.contacts if contact.lengthening)
-            allowed = "0 is allowed here; `pmr simulate` follows ropes whose length changes"
-            raise InputError(source, "rope.lengthens", names, allowed)
-        return self
-
     def ensure_without_terms(self, source: str) -> System:
         """Return the system; raise an InputError about `source` if the system has terms that vary in time.
 

@@ -300,8 +300,9 @@ def input_cubics(drivers: Drivers, excitation: Excitation) -> Array:
         second = np.array([name in (*frame.paths, *frame.angles) for name in frame.drivers])
         orders[0] = at[0].T
         x, v, a = at[0].T, at[1].T, at[2].T
-        lines, drives = straight_line(x[:-1], x[1:], h), (DRIVE, EXTENSION_DRIVE)
-        drive = [name.startswith(drives) for name in frame.drivers]
+        slope = (x[1:] - x[:-1]) / h
+        lines = np.array([x[:-1], slope, 0.0 * slope, 0.0 * slope])  # with rates of order one to three
+        drive = [name.startswith((DRIVE, EXTENSION_DRIVE)) for name in frame.drivers]
         lines = np.where(drive, cubic_by_rates(x[:-1], x[1:], v[:-1], v[1:], h), lines)
         orders[:, :-1] = np.where(second, cubic_by_second_rates(x[:-1], x[1:], a[:-1], a[1:], h), lines)
         return orders
@@ -364,12 +365,3 @@ def cubic_by_second_rates(begun: Array, ended: Array, begun_second: Array, ended
     third = (ended_second - begun_second) / h
     rate = (ended - begun) / h - h / 2.0 * begun_second - h**2 / 6.0 * third
     return np.array([begun, rate, begun_second, third])
-
-
-def straight_line(begun: Array, ended: Array, h: float) -> Array:
-    """Value and rates of order one to three (4, ...) at the beginning of a step of h s, of a straight line.
-
-    The line leads from `begun` to `ended` (...); the second and third rates are zero.
-    """
-    rate = (ended - begun) / h
-    return np.array([begun, rate, 0.0 * rate, 0.0 * rate])

@@ -133,11 +133,6 @@ class Drivers:
         return len(self.paths)
 
     @property
-    def first_motion_number(self) -> int:
-        """Index of the first motion among the drivers."""
-        return self.first_load_number + len(self.loads)
-
-    @property
     def has_free_motion(self) -> bool:
         """Whether the luffing angle or an extension is free, so that only its start is given."""
         return self.frame is not None and self.frame.computed is not None
@@ -311,7 +306,7 @@ def _driver_variables(drivers: Drivers) -> Iterator[Variable]:
     for k, (name, unit) in enumerate(zip(drivers.loads, drivers.load_units, strict=True), 1):
         if name not in drivers.system.hoist.inputs:
             yield Variable(name, drivers.first_load_number + k, f"load {name}", INPUT, unit)
-    for k, name in enumerate(drivers.motions, 1 + drivers.first_motion_number):
+    for k, name in enumerate(drivers.motions, 1 + drivers.first_load_number + len(drivers.loads)):
         if name in AXES:
             yield Variable(f"{name} acceleration", k, f"acceleration of the pivot, {name}", INPUT, "m/s2")
         elif name in drivers.started:

@@ -30,7 +30,7 @@ from pmr.report.figures import (
 )
 from pmr.report.numbers import unit_for
 from pmr.report.subject import direction_words, field_times
-from pmr.results import BodyResult, Response, RunResult
+from pmr.results import BodyResult, RunResult
 from pmr.results.quantities import UNIT_QUANTITIES
 from pmr.results.response import Output
 
@@ -45,11 +45,6 @@ class Span:
 
     start: float
     end: float
-
-
-def responses_in_drawing_order(result: RunResult) -> Mapping[str, Response]:
-    """Responses of a result by simulator, in the order in which they are drawn: the thickest line first."""
-    return {name: result.responses[name] for name in PENS if name in result.responses}
 
 
 def sliding_spans(t: Array, rate: Array) -> tuple[Span, ...]:
@@ -90,10 +85,9 @@ class Timeline:
 
         Simulators without finite values at all times are left out.
         """
-        signals = {
-            name: interpolate(self.t, response.t, what(response))
-            for name, response in responses_in_drawing_order(self.result).items()
-        }
+        responses = self.result.responses
+        drawn = {name: responses[name] for name in PENS if name in responses}  # the thickest line is drawn first
+        signals = {name: interpolate(self.t, response.t, what(response)) for name, response in drawn.items()}
         return {name: signal for name, signal in signals.items() if np.isfinite(signal).all()}
 
     def differences(self, signals: Mapping[str, Array]) -> dict[str, Array]:

@@ -33,6 +33,7 @@ ranks use this solution.  The force of a contact that opens is removed from the 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -43,7 +44,7 @@ from pmr.fem.distributed import without_zeros
 from pmr.fem.factor import MatrixFactor, factor_for_steps
 from pmr.files.arrays import Array
 from pmr.fullmodel.model import FullModel, FullSystem
-from pmr.kernel.laws import ContactError, ContactForces, SchemeFactors, solve_contact
+from pmr.kernel.laws import ContactError, SchemeFactors, solve_contact
 from pmr.simulation.contact_step import StepParts
 from pmr.simulation.petsc.recorder import Recorder
 from pmr.simulation.petsc.rows import (
@@ -123,11 +124,7 @@ class ContactState:
         Collective, as all ranks take the same result.  Raises ContactError if contacts depend on each other, or if it
         can't be settled which contacts are closed.
         """
-
-        def solution() -> ContactForces:
-            """Forces (m,) in N of all contacts, and the mask (m,) of closed ones; errors as `solve_contact`."""
-            return solve_contact(matrix, motion - self._clearance, self.pushes, self._closed)
-
+        solution = partial(solve_contact, matrix, motion - self._clearance, self.pushes, self._closed)
         if self._comm.size == 1 or not self.pushes.any():
             forces, self._closed = solution()
         else:
