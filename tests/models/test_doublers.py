@@ -8,6 +8,8 @@ import pytest
 from gathering import gathered
 from varying import RHO, E, G, answers, areas, beam, shell
 
+import pmr
+from pmr import scene as scenes
 from pmr.fem.compat import MPI
 from pmr.fullmodel.model import assemble_model
 from pmr.fullmodel.pads import Pad, under_pad
@@ -256,6 +258,25 @@ def test_a_long_shell_with_doublers_answers_as_the_beam(doubler: dict, side: str
     assert np.all(np.diag(plain) > 1.1 * np.diag(expected))
     if doubler is LEANING:
         assert abs(expected / scale)[0, 4] > 0.05 and abs(expected / scale)[0, 5] > 0.05
+
+
+@pytest.mark.slow
+def test_pads_slide_over_the_end_of_plates_on_the_other_side_of_the_wall() -> None:
+    """A shell, whose pads pass the ramp, moves as a beam whose walls give way; with plates outside it is stiffer."""
+    pytest.importorskip("gmsh")
+    plates = "body.box.doublers=[{{start=0.0,end=3.0,thickness=0.006,side='{}'}}]"
+    motion = dict[tuple[str, str], np.ndarray]()
+    for workflow, side in (("boom_shell", "inner"), ("boom_beam_walls", "inner"), ("boom_beam_walls", "outer")):
+        scene = scenes.load_any(workflow, [plates.format(side), "mesh={size=0.1,along=0.25}", "compare.against=[]"])
+        low, high = scene.path_bounds
+        assert low < 3.0 < high
+        response = pmr.simulate(scene, pmr.reduce(scene).reduced)
+        motion[workflow, side] = response.displacement[
+            :, [of.kind == "tip" for of in response.outputs[: len(response.x)]]
+        ]
+    shell_boom, beam_boom, other = motion.values()
+    size = np.linalg.norm(shell_boom)
+    assert np.linalg.norm(beam_boom - shell_boom) < 0.005 * size < np.linalg.norm(other - shell_boom)
 
 
 @pytest.mark.mpi
