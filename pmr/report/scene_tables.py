@@ -62,9 +62,7 @@ def input_tables(scene: Scene) -> list[Table]:
             unused.setdefault(table, []).append(key)
         rows = (("model", f"{traits.words}{why}"), *words.rows(part, unused))
         if traits.is_beam:
-            rows = tuple(
-                (name, f"{text}, on a shell of the walls" if name in OF_WALLS else text) for name, text in rows
-            )
+            rows = tuple((name, f"{text}, shell of walls" if name in OF_WALLS else text) for name, text in rows)
         tables.append(Table(name or "Body, pads and loads", rows))
     unneeded = {"": ("title", "section", "sections", "published"), "frame": ("unit",)}
     run = words.rows(scene, unneeded | {"compare": () if "ancf" in scene.compare.against else ("ancf_elements",)})
@@ -226,10 +224,7 @@ def size_rows(result: RunResult) -> Rows:
     if "full" in coordinates:
         yield "coordinates of the full model", format_input(coordinates["full"])
     yield "coordinates of the reduced model", format_input(reduced_size(result))
-    for part in result.summary.get("sections", ()):
-        counts = part["coordinates"]
-        text = f"{format_input(counts['full'])} → {format_input(counts['reduced'])}"
-        yield f"coordinates of {part['name']}", f"{text}{_further_coordinates(result, part['name'], counts['reduced'])}"
+    yield from _section_size_rows(result)
     for name, body in result.bodies.items():
         if (fields := body.fields) is not None:
             cells, vertices = format_input(len(fields.cells)), format_input(len(fields.points))
@@ -241,8 +236,7 @@ def size_rows(result: RunResult) -> Rows:
         parts_text = format_input(contact["parts"])
         if "mean_parts" in contact:
             parts_text = f"at most {parts_text}, {format_input(round(contact['mean_parts'], 1))} on average"
-        parts_text += f"; length of a substep times the contacts' angular frequency: {contact['h_omega']:.3g}"
-        yield "substeps of a time step, for pads that only push", parts_text
+        yield "substeps of a step", parts_text
     for name, response in result.responses.items():
         position, velocity = (np.abs(of).max() for of in (response.residual_position, response.residual_velocity))
         if np.isfinite(velocity):
@@ -258,13 +252,23 @@ def size_rows(result: RunResult) -> Rows:
         yield "pads and supports that no shape of the reduced model moves", ", ".join(basis["rows_left_out"])
 
 
-def _further_coordinates(result: RunResult, name: str, count: int) -> str:
-    """Clause on those of the `count` coordinates of the section called `name` that its key ``coordinates`` lacks."""
-    part = result.scene.bodies[name]
-    more = count - part.reduction.coordinates
+def _section_size_rows(result: RunResult) -> Rows:
+    """Yield a row for each section with its coordinates in the full and in the reduced model.
+
+    Coordinates of the reduced model beyond the key ``coordinates`` stand behind a plus; a last row says what they are
+    for.
+    """
+    more, is_sized = False, "accuracy" in result.summary  # a tolerance sizes sections without regard to their keys
+    for row in result.summary.get("sections", ()):
+        full, reduced = (row["coordinates"][model] for model in ("full", "reduced"))
+        own = reduced if is_sized else min(result.scene.bodies[row["name"]].reduction.coordinates, reduced)
+        text, more = f"{format_input(full)} → {format_input(own)}", more or own < reduced
+        yield f"coordinates of {row['name']}", f"{text} + {format_input(reduced - own)}" if own < reduced else text
     second_order = (result.summary.get("frame") or {}).get("second_order", False)
-    of = ["its cylinder"] * (part.joint is not None) + ["second order"] * bool(second_order)
-    return f", {format_input(more)} of them for {' and '.join(of)}" if more > 0 and of else ""
+    of = ["cylinders"] * any(part.joint is not None for part in result.scene.bodies.values())
+    of += ["second order"] * bool(second_order)
+    if more and of:
+        yield "coordinates behind +", f"for {' and '.join(of)}"
 
 
 def time_rows(seconds: Summary) -> Rows:

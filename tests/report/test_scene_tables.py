@@ -1,5 +1,6 @@
 """Keys of a scene in words, with values in the units that the scene declares."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 
 from pmr.cli.app import TEMPLATES
 from pmr.report.columns import forces_of, tip_displacements
-from pmr.report.scene_tables import SceneWords, input_tables
+from pmr.report.scene_tables import SceneWords, input_tables, size_rows
 from pmr.report.subject import field_times, reach, slider_offsets
 from pmr.scene import Load, load_any
 
@@ -66,7 +67,7 @@ def test_a_section_on_a_rope_has_no_rigid_cylinder_and_cells_of_walls_are_no_ele
         "platform", title="second"
     )
     walls = rows(Path(str(TEMPLATES / "crane.toml")), title="fly")
-    assert walls["mesh along"] == f"200{SPACE}mm, on a shell of the walls" and walls["mesh elements"] == "12"
+    assert walls["mesh along"] == f"200{SPACE}mm, shell of walls" and walls["mesh elements"] == "12"
 
 
 def test_a_key_that_differs_from_its_default_is_shown_and_others_of_settings_are_not() -> None:
@@ -109,3 +110,15 @@ def test_places_and_times(boom) -> None:
 def test_a_load_has_the_unit_of_what_acts(keys: dict[str, str], unit: str) -> None:
     load = Load.model_validate({"name": "L", "signal": 4.0} | keys)
     assert f"amount 4{SPACE}{unit}" in SceneWords().describe(load)
+
+
+def test_sizes_tell_the_coordinates_of_the_scene_from_those_on_top(make_result) -> None:
+    """Sections have 8 of their key and some for cylinders and second order; with a tolerance, keys have no effect."""
+    counts = [{"name": name, "coordinates": {"full": 115, "reduced": n}} for name, n in (("base", 10), ("fly", 12))]
+    summary = {"sections": counts, "frame": {"second_order": True}, "coordinates": {"reduced": 22}}
+    result = replace(make_result(summary=summary), scene=load_any(Path(str(TEMPLATES / "crane.toml"))))
+    sizes = dict(size_rows(result))
+    assert [sizes[f"coordinates of {name}"] for name in ("base", "fly")] == ["115 → 8 + 2", "115 → 8 + 4"]
+    assert sizes["coordinates behind +"] == "for cylinders and second order"
+    sizes = dict(size_rows(replace(result, summary=summary | {"accuracy": {}})))
+    assert sizes["coordinates of base"] == "115 → 10" and "coordinates behind +" not in sizes
