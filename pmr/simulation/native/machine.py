@@ -351,10 +351,14 @@ class MachineRun:
         Errors as `begin`.
         """
         state = self.simulation.state
+        begin(self.form, partial(state.start_in_frame, motions=self._motions_at(place)), self._excitation)
+        return np.array([state.z, state.v])
+
+    def _motions_at(self, place: Array) -> Array:
+        """Motions (3, n) of the frame at t = 0 with the machine at rest at `place` (6,)."""
         motions = self._first.copy()
         motions[0, [self.frame.drivers.index(angle) for angle in OF_BASE]] = place[3:]
-        begin(self.form, partial(state.start_in_frame, motions=motions), self._excitation)
-        return np.array([state.z, state.v])
+        return motions
 
     def _balance_springs(self, motion: Array) -> Array:
         """Copy of `motion` (3, 6) with free directions on springs moved to where the springs balance weight and loads.
