@@ -53,7 +53,8 @@ __all__ = [
     "SimulationError", "Stepper", "System", "from_matrices", "full_model", "linearize", "load_scene", "project",
     "reduce", "run", "simulate", "simulate_with_states",
 ]  # fmt: skip
-__getattr__ = lazy_names("pmr", declared_names(__file__), former=FORMER)  # FEniCSx takes seconds, and may be absent
+if not TYPE_CHECKING:  # to type checkers no other name exists
+    __getattr__ = lazy_names("pmr", declared_names(__file__), former=FORMER)  # FEniCSx takes seconds, and may be absent
 
 
 def __dir__() -> list[str]:

@@ -12,4 +12,5 @@ if TYPE_CHECKING:
 __all__ = ["Outcome", "fenicsx_versions", "framed_body", "full_model", "held_body", "reduce", "run"]
 
 #: Versions are known without numerical packages.
-__getattr__ = lazy_names("pmr.pipeline", declared_names(__file__))
+if not TYPE_CHECKING:  # to type checkers no other name exists
+    __getattr__ = lazy_names("pmr.pipeline", declared_names(__file__))

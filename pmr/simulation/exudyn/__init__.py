@@ -29,4 +29,5 @@ FORMULATIONS: dict[str, Formulation] = {
 }
 
 #: An InputError is raised where Exudyn is not installed.
-__getattr__ = lazy_names(__name__, declared_names(__file__), before=partial(import_package, "exudyn"))
+if not TYPE_CHECKING:  # to type checkers no other name exists
+    __getattr__ = lazy_names(__name__, declared_names(__file__), before=partial(import_package, "exudyn"))
