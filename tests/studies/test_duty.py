@@ -7,6 +7,7 @@ import tomllib
 import numpy as np
 import plain_machines
 import pytest
+from numpy.typing import ArrayLike
 
 from pmr.errors import letters
 from pmr.files.arrays import Array
@@ -37,6 +38,17 @@ def table(lengths: tuple[float, ...], angles: tuple[float, ...], moment: float) 
     return DutyTable.from_loads(LeastLoads.from_rows(rows, 1), UP_TO)
 
 
+def of_one_length(
+    degrees: ArrayLike, load: ArrayLike, up_to: float = UP_TO, length: float = 10.0, error: float = 0.1
+) -> DutyTable:
+    """Boom whose limits allow `load` (angles, limits), or (angles,) of one, in kg, by a share `error` off."""
+    angle = np.deg2rad(degrees)
+    allowed = np.array(load, dtype=float).reshape(len(angle), -1)
+    place = length * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    row = {"load": allowed, "error": error * allowed, "place": place, "luffing": angle}
+    return DutyTable.from_loads(LeastLoads.from_rows([row], 1), up_to)
+
+
 def test_loads_between_angles_follow_the_limit_and_end_where_the_tip_does() -> None:
     """A moment about the pivot allows moment / radius: the table has it at all radii, whatever the angles are."""
     angles, lengths = tuple(np.linspace(0.0, 44.0, 6)), (12.0, 8.0)
@@ -59,21 +71,16 @@ def test_loads_between_angles_follow_the_limit_and_end_where_the_tip_does() -> N
 
 def test_of_limits_that_cross_between_two_angles_the_smaller_counts_at_each_radius() -> None:
     """Each limit is interpolated by itself: the table has the corner in which the two meet."""
-    angle = np.deg2rad(np.linspace(0.0, 60.0, 13))
-    place = 10.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    load = np.stack([9000.0 / place[:, 0], 600.0 + 100.0 * place[:, 0] / 2.0], axis=1)
-    row = {"load": load, "error": 0.0 * load, "place": place, "luffing": angle}
-    duty = DutyTable.from_loads(LeastLoads.from_rows([row], 1), UP_TO)
+    degrees = np.linspace(0.0, 60.0, 13)
+    radius = 10.0 * np.cos(np.deg2rad(degrees))
+    duty = of_one_length(degrees, np.stack([9000.0 / radius, 600.0 + 50.0 * radius], axis=1))
     assert duty.load[:, 0] == pytest.approx(np.minimum(9000.0 / duty.radii, 600.0 + 50.0 * duty.radii), rel=1e-3)
     assert set(duty.which[:, 0].tolist()) == {0, 1}
 
 
 def test_of_a_radius_above_and_below_the_horizontal_the_smaller_load_counts() -> None:
-    angle = np.deg2rad(np.linspace(-30.0, 30.0, 9))[::-1]  # in any order
-    place = 10.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    load = 1000.0 + 200.0 * np.sin(angle)[:, None]
-    row = {"load": load, "error": 0.0 * load, "place": place, "luffing": angle}
-    duty = DutyTable.from_loads(LeastLoads.from_rows([row], 1), UP_TO)
+    degrees = np.linspace(30.0, -30.0, 9)  # in any order
+    duty = of_one_length(degrees, 1000.0 + 200.0 * np.sin(np.deg2rad(degrees)))
     height = np.sqrt(100.0 - duty.radii**2)
     assert duty.load[:, 0] == pytest.approx(1000.0 - 20.0 * height, rel=1e-3)
 
@@ -138,26 +145,17 @@ def test_letters_go_on_behind_z() -> None:
     assert [letters(k) for k in (0, 25, 26, 27, 52)] == ["A", "Z", "AA", "AB", "BA"]
 
 
-def _of_angles(degrees: tuple[float, ...], load: list[float], up_to: float) -> DutyTable:
-    """Return the table of a boom of 10 m with one limit, which allows `load` in kg at the angles, within 10 %."""
-    angle = np.deg2rad(degrees)
-    allowed = np.array(load)[:, None]
-    place = 10.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    row = {"load": allowed, "error": 0.1 * allowed, "place": place, "luffing": angle}
-    return DutyTable.from_loads(LeastLoads.from_rows([row], 1), up_to)
-
-
 @pytest.mark.parametrize("next_load", [500.0, 8000.0])
 @pytest.mark.parametrize("up_to", [5e4, 5e5])
 def test_no_load_is_allowed_beside_an_angle_at_which_the_boom_is_not_permitted_empty(
     next_load: float, up_to: float
 ) -> None:
     """Somewhere before the next angle the boom is permitted empty, but the chart does not know from where on."""
-    duty = _of_angles((0.0, 20.0, 40.0, 60.0), [0.0, 0.0, next_load, 3.0 * next_load], up_to)
+    duty = of_one_length((0.0, 20.0, 40.0, 60.0), [0.0, 0.0, next_load, 3.0 * next_load], up_to)
     beyond = duty.radii > 10.0 * np.cos(np.deg2rad(40.0)) + 1e-6
     assert beyond.sum() > 5 and not duty.load[beyond].any() and not duty.lower[beyond].any()
     assert np.all(duty.load[~beyond] > next_load) and np.all(duty.which[beyond] == 0)
-    at_angle = _of_angles((0.0, 60.0), [0.0, next_load], up_to)
+    at_angle = of_one_length((0.0, 60.0), [0.0, next_load], up_to)
     assert at_angle.radii[0] == pytest.approx(5.0)
     assert (at_angle.load[0], at_angle.load[1:].any()) == (pytest.approx([next_load]), False)
 
@@ -165,7 +163,7 @@ def test_no_load_is_allowed_beside_an_angle_at_which_the_boom_is_not_permitted_e
 @pytest.mark.parametrize("up_to", [5e4, 1.1e5, 123457.0, 7e4 / 3.0])
 def test_a_limit_that_is_not_reached_at_two_angles_does_not_govern_between_them(up_to: float) -> None:
     """Not by round-off either: the cell has `>` before the largest load that was tried."""
-    duty = _of_angles((0.0, 20.0, 40.0, 60.0), [900.0, np.nan, np.nan, np.nan], up_to)
+    duty = of_one_length((0.0, 20.0, 40.0, 60.0), [900.0, np.nan, np.nan, np.nan], up_to)
     between = duty.radii <= 10.0 * np.cos(np.deg2rad(20.0))
     assert between.sum() > 5 and np.all(duty.load[between] == up_to) and np.all(duty.lower[between] == up_to)
     assert np.all(duty.which[between] == -1) and np.all(duty.which[~between] == 0)
@@ -208,14 +206,12 @@ def test_a_drafted_chart_has_the_factor_of_hoisting_and_wind_on_all_sections(mon
 
 def test_a_kink_of_one_limit_between_two_angles_may_take_a_load_beyond_what_straight_lines_differ() -> None:
     """Two members of one limit govern in turn: docs/load_chart.md has these figures."""
-    angle = np.deg2rad(np.linspace(0.0, 75.0, 7))
 
     def allowed(at: Array) -> Array:
         return np.asarray(3000.0 / np.maximum(np.cos(at), 0.55 + 0.3 * np.sin(at)))
 
-    load, place = allowed(angle)[:, None], 12.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    rows = [{"load": load, "error": 0.0 * load, "place": place, "luffing": angle}]
-    duty = DutyTable.from_loads(LeastLoads.from_rows(rows, 1), 1e5)
+    degrees = np.linspace(0.0, 75.0, 7)
+    duty = of_one_length(degrees, allowed(np.deg2rad(degrees)), 1e5, 12.0, error=0.0)
     true = allowed(np.arccos(duty.radii / 12.0))
     assert duty.interpolation == pytest.approx(0.014, abs=5e-4)
     assert np.max(duty.load[:, 0] / true) == pytest.approx(1.019, abs=5e-4)
