@@ -180,6 +180,11 @@ class LinearSteps:
             "shapes": np.zeros((stored, q, r)), "loaded": np.zeros((stored, q)), "motion": np.zeros((stored, 3 * r)),
         }  # fmt: skip
         self._data = structure("pmr_chosen", {"outputs": q, "inputs": i, "modes": r} | vars(chosen))
+        self._steps = ffi.new("pmr_linear_step[]", T)  # addresses of the arrays of all steps
+        for name, array in self._arrays.items():
+            first, size, last = pointer(array), array[0].size, len(array) - 1
+            for k in range(T):
+                setattr(self._steps[k], name, first + min(k, last) * size)
 
     def take(self, state: State, k: int, u: Array) -> None:
         """Take a step of `state` to the drivers u (N,), and store its linear model as that of step k.
@@ -187,7 +192,7 @@ class LinearSteps:
         Raises StepError if the step fails.
         """
         u, where = np.ascontiguousarray(u, float), f"step {state.step_number + 1}"
-        arguments = (state.pointer, self._data, pointer(u), self._step_data(k))
+        arguments = (state.pointer, self._data, pointer(u), self._steps + k)
         lib.pmr_linear_courses(state.pointer, self._data, pointer(self.matrices.courses))
         state.raise_unless_done(lib.pmr_linear_matrices(*arguments), where)
         state.step(u)
@@ -200,14 +205,9 @@ class LinearSteps:
         are taken.
         """
         if self._chosen.orders.any():
-            steps = [ffi.NULL, *(self._step_data(k) for k in range(len(self.reference))), ffi.NULL]
+            steps = [ffi.NULL, *(self._steps + k for k in range(len(self.reference))), ffi.NULL]
             for before, now, after in zip(steps[:-2], steps[1:-1], steps[2:], strict=True):
                 lib.pmr_output_rates(self._data, pointer(self.matrices.courses), h, before, now, after)
-
-    def _step_data(self, k: int) -> Any:
-        """Addresses of the arrays of step k, as the kernel's structure ``pmr_linear_step``."""
-        at = {name: array[min(k, len(array) - 1)] for name, array in self._arrays.items()}
-        return structure("pmr_linear_step", at)
 
 
 #: Seconds over which innovations are averaged for alarms, and mean square of normalised ones that raises an alarm.
