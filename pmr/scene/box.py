@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from pmr.scene.keys import Distance, Length, SceneTable, Size, Thickness, Usual, key_error
-from pmr.scene.profile import BoxProfile, Cut, Edge, Face, Half, Side, WallName
+from pmr.scene.profile import BoxProfile, Cut, Edge, Face, Half, Side, WallName, shifted_corner
 from pmr.scene.signals.base import Interval
 
 #: Least distance between breaks along a box as a share of its length: beams on shorter elements lose accuracy.
@@ -73,9 +73,8 @@ class ShiftedProfile(BoxProfile):
     def edges(self) -> list[Edge]:
         """Faces as if all corners were sharp, where the shifted plates meet."""
         edges = super().edges
-        normals = np.array([edge.normal for edge in edges])
         apart = np.array([self.shift(edge.face) for edge in edges])
-        corners = [edge.start + np.linalg.solve(normals[[k - 1, k]], apart[[k - 1, k]]) for k, edge in enumerate(edges)]
+        corners = [shifted_corner(edges[k - 1], edge, apart[[k - 1, k]]) for k, edge in enumerate(edges)]
         ends = zip(edges, corners, [*corners[1:], corners[0]], strict=True)
         return [replace(edge, start=start, end=end) for edge, start, end in ends]
 

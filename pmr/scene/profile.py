@@ -141,6 +141,11 @@ class Edge:
         return self.radius * math.tan(self.turn(before) / 2.0)
 
 
+def shifted_corner(before: Edge | Side, after: Edge | Side, apart: Array) -> Array:
+    """Return the point (2,) in m where two flat plates meet that are shifted outwards by `apart` (2,) in m."""
+    return np.asarray(after.start + np.linalg.solve(np.array([before.normal, after.normal]), apart))
+
+
 def gaps(inner: Sequence[Side], outer: Sequence[Side]) -> dict[str, float]:
     """Return the gap in m between the outside of an inner profile and the inside of an outer one, by side.
 
@@ -173,8 +178,7 @@ def _outer_points(sides: Sequence[Side], k: int) -> list[Array]:
         angles = np.arctan2(z, y) + np.linspace(0.0, side.angle, 33)
         return [side.centre + (side.radius + out) * np.array([np.cos(angle), np.sin(angle)]) for angle in angles]
     if after.centre is None:
-        normals = np.array([side.normal, after.normal])
-        return [side.end + np.linalg.solve(normals, np.array([side.thickness, after.thickness]) / 2.0)]
+        return [shifted_corner(side, after, np.array([side.thickness, after.thickness]) / 2.0)]
     return [np.array(end) + side.normal * out for end in (side.start, side.end)]
 
 
@@ -327,7 +331,7 @@ class BoxProfile(SceneTable):
         for k, edge in enumerate(edges):
             before = edges[k - 1]
             walls = np.array([before.thickness, edge.thickness])
-            at = edge.start + np.linalg.solve(np.array([before.normal, edge.normal]), walls / 2.0)
+            at = shifted_corner(before, edge, walls / 2.0)
             up, side = sorted((before.face, edge.face), key=lambda face: face not in ("bottom", "top"))
             name = f"{before.face} - {edge.face}" if " " in up + side else f"{up} {side}"
             corners.append(Corner(name, _pair(at), float(walls.min())))
