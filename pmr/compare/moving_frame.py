@@ -23,7 +23,7 @@ from pmr.scene.rotation import FrameRotation
 from pmr.simulation import Excitation
 from pmr.simulation.native.watched import TIPS
 from pmr.simulation.stepping import row_products, step_means
-from pmr.system.body import SlidingBody
+from pmr.system.body import SlidingBody, kinds_of
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
 from pmr.system.terms import Term
@@ -97,7 +97,8 @@ def _plane_buckling_warnings(scene: Scene, system: System) -> list[str]:
     """
     held = []
     for name, body in system.bodies.items():
-        along = ([k for k, output in enumerate(body.output_names) if output.endswith(f" {axis}")] for axis in "yz")
+        kinds = kinds_of(body)
+        along = ([k for k, kind in enumerate(kinds) if kind in (f"tip {axis}", f"beam {axis}")] for axis in "yz")
         across, up = (np.abs(np.asarray(body.outputs)[rows]) for rows in along)
         if across.size and up.size and across.max() <= ACROSS * up.max():
             held.append(name or "the body")

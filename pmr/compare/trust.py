@@ -17,6 +17,7 @@ from pmr.results.response import ROUND_OFF
 from pmr.scene import Scene
 from pmr.scene.choice import has_walls_that_could_give
 from pmr.scene.members import members
+from pmr.scene.model_traits import model_traits
 from pmr.scene.signals import SignalBase
 from pmr.simulation import TimeStepping
 from pmr.simulation.native.watched import SMALL
@@ -255,7 +256,7 @@ def budget_warnings(scene: Scene, budget: Summary) -> Iterator[str]:
     model, mesh = budget.get("model") or {}, budget.get("mesh")
     beyond = f"more than compare.model_tolerance = {allowed:g}"
     if model.get("beside") is not None and (most := largest_model_error(model)) > allowed:
-        giving = model["beside"].endswith("shell") and any(map(has_walls_that_could_give, members(scene)))
+        giving = model_traits(model["beside"]).has_cells and any(map(has_walls_that_could_give, members(scene)))
         better = 'set body.walls = "give" to add the compliance of walls under pads'
         better = better if giving else "a richer model is closer"
         off = f"the model is off by up to {two_digits(100.0 * most)} %"

@@ -21,6 +21,7 @@ from pmr.scene import Scene
 from pmr.scene.choice import has_walls_that_could_give
 from pmr.scene.hints import left_out
 from pmr.scene.members import members, pads_on_faces
+from pmr.scene.model_traits import model_traits
 from pmr.simulation.statics.postures import (
     HOISTED,
     HOOK,
@@ -295,7 +296,8 @@ def error_warnings(
             continue
         name = [*names, STABILITY_WORDS][which[rows[worst]]]
         beside = f" beside a {other.label}" if part == "model" else ""
-        giving = beside.endswith("shell") and any(map(has_walls_that_could_give, members(scene)))
+        in_cells = part == "model" and model_traits(other.label).has_cells
+        giving = in_cells and any(map(has_walls_that_could_give, members(scene)))
         better = '; set body.walls = "give" to add the compliance of walls under pads' if giving else ""
         yield (
             f"the {part} is off by up to {two_digits(100.0 * shares[worst])} % in the load that {name} allows{beside}, "

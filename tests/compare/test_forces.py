@@ -119,6 +119,14 @@ def test_walls_that_yield_at_pads_warn() -> None:
     ]
 
 
+@pytest.mark.parametrize(("beside", "gives"), [("shell", True), ("plates_of_mine", True), ("beam3d", False)])
+def test_walls_that_give_are_advised_beside_any_model_with_walls(beside: str, gives: bool) -> None:
+    """A boom of boxes with pads and rigid walls; a model of an installed package is a shell or solid."""
+    scene = load_any("boom_three", ["section.body.model='beam3d'", "compare.model_tolerance=0.05"])
+    (line,) = budget_warnings(scene, {"model": {"beside": beside, "tip": 0.2}})
+    assert ('set body.walls = "give"' in line) is gives and f"compared with a {beside}" in line
+
+
 def test_the_kind_that_the_mesh_is_off_most_in_is_named() -> None:
     compare = SimpleNamespace(model_tolerance=0.05)
     scene = SimpleNamespace(compare=compare, goal=None)
