@@ -366,7 +366,10 @@ def simulate_cable(
     cable = _cable(scene)
     from pmr.simulation.exudyn import ancf
 
-    return ancf.simulate(cable, scene.only_section.load_positions, excitation, np.asarray(x, dtype=float), done)
+    part = scene.only_section
+    places = {load.name: part.position_of(load.on) for load in part.loads}
+    on_axis = {name: at for name, at in places.items() if at is not None}  # loads on groups of a mesh file are left out
+    return ancf.simulate(cable, on_axis, excitation, np.asarray(x, dtype=float), done)
 
 
 def cable_response(scene: Scene, body: Body, done: Progress | None) -> Response:

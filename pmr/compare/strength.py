@@ -21,6 +21,7 @@ from pmr.scene import Scene
 from pmr.scene.built import Load
 from pmr.scene.joints import BoomSection as Body
 from pmr.scene.keys import SLIDER
+from pmr.scene.run_settings import SpectrumLine
 from pmr.scene.signals import Constant
 from pmr.simulation.at_rest import scene_at_rest
 from pmr.simulation.native.form import SystemForm
@@ -172,12 +173,13 @@ def fatigue_part(scene: Scene, response: Response) -> SummaryPart:
     settings = scene.fatigue
     if settings is None:
         return SummaryPart()
+    spectrum = settings.spectrum or (SpectrumLine(cycles=settings.cycles),)
     line = SNLine(settings.slope, settings.reference, settings.cut_off or 0.0)
     damage_of_probe, life_of_probe = dict[str, float](), dict[str, float | None]()
     for output in response.outputs:
         if output.kind == "probe" and output.unit == "Pa":
             cycles = RepeatedCycles.count(response.t, response.other(output.name))
-            damages = [(of.cycles, cycles.damage(line, of.factor)) for of in settings.spectrum_lines]
+            damages = [(of.cycles, cycles.damage(line, of.factor)) for of in spectrum]
             damage_of_probe[output.name] = sum(damage.after(times) for times, damage in damages)
             life_of_probe[output.name] = _endured_spectra(damages)
     worst_first = sorted(damage_of_probe.items(), key=lambda item: -item[1])

@@ -292,7 +292,9 @@ def vary(path: str | Path, changes: Sequence[Change]) -> Scene:
         file.apply(change)
     scene = _checked_scene(file)
     if as_it_stands and scene.hash != as_it_stands and scene.published is not None:
-        scene = scene.model_copy(update={"published": scene.published.frequencies_only})
+        without_errors: dict[str, Any] = {"errors": {}, "max_displacement": None, "max_error": None}
+        published = scene.published.model_copy(update=without_errors) if scene.published.frequencies else None
+        scene = scene.model_copy(update={"published": published})
     return scene
 
 

@@ -300,12 +300,6 @@ class OneBody(SceneTable):
         return {support.row_name(d): "N m" if d.startswith("r") else "N" for support, d in held}
 
     @property
-    def load_positions(self) -> dict[str, float]:
-        """Positions of loads along the axis in m, by the load's name; loads on groups of a mesh file are left out."""
-        places = {load.name: self.position_of(load.on) for load in self.loads}
-        return {name: at for name, at in places.items() if at is not None}
-
-    @property
     def length(self) -> float:
         """Length of the body in m.
 

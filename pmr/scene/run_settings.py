@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -137,11 +137,6 @@ class Fatigue(SceneTable):
         if self.spectrum and self.cycles != 1.0:
             raise ValueError("give cycles or spectrum, one of them")
         return self
-
-    @property
-    def spectrum_lines(self) -> tuple[SpectrumLine, ...]:
-        """Lines of the load spectrum; a single line with the number of cycles if no spectrum is given."""
-        return self.spectrum or (SpectrumLine(cycles=self.cycles),)
 
 
 class BasisChoice(SceneTable):
@@ -344,9 +339,3 @@ class Published(SceneTable):
         default=(), description="Published first natural frequencies of a boom at rest"
     )
     remarks: tuple[str, ...] = Field(default=(), description="Where and why our figures differ, for the report")
-
-    @property
-    def frequencies_only(self) -> Published | None:
-        """The publication with its frequencies alone, as errors hold for one motion; None if it has no frequencies."""
-        without_errors: dict[str, Any] = {"errors": {}, "max_displacement": None, "max_error": None}
-        return self.model_copy(update=without_errors) if self.frequencies else None
