@@ -235,8 +235,8 @@ def size_rows(result: RunResult) -> Rows:
     if contact := result.summary.get("contact"):
         parts_text = format_input(contact["parts"])
         if "mean_parts" in contact:
-            parts_text = f"at most {parts_text}, {format_input(round(contact['mean_parts'], 1))} on average"
-        yield "substeps of a step", parts_text
+            parts_text = f"at most {parts_text}, mean {format_input(round(contact['mean_parts'], 1))}"
+        yield "substeps a step", parts_text
     for name, response in result.responses.items():
         position, velocity = (np.abs(of).max() for of in (response.residual_position, response.residual_velocity))
         if np.isfinite(velocity):
