@@ -55,7 +55,8 @@ def luffing_part(scene: Scene, response: Response) -> SummaryPart:
         return SummaryPart()
     cylinder, t, along = scene.frame.cylinder, response.t, scene.path_positions(response.t)
     prefix = f"{LUFFING_CYLINDER} "
-    driven = [name for name in response.other_names if name.startswith(prefix)]
+    named = [output.name for output in response.outputs if output.kind != "probe"]
+    driven = [name for name in named if name.startswith(prefix)]
     histories = {name.removeprefix(prefix): response.other(name) for name in driven}
     if driven:
         length, stroke = histories["length"], cylinder.stroke or (0.0, np.inf)

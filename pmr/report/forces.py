@@ -29,7 +29,7 @@ from pmr.results.quantities import REACTION_OF, UNIT_QUANTITIES
 from pmr.results.response import ROUND_OFF, Output
 from pmr.results.tables import reaction_extremes
 from pmr.scene.keys import LUFFING_CYLINDER
-from pmr.scene.mechanism import AT_PIVOT
+from pmr.scene.mechanism import AT_PIVOT, CYLINDER
 
 MOST_FORCES = 4  # largest number of panels in one figure
 SLIGHT = 0.01  # share of the largest force of a kind below which a force has no panel
@@ -106,8 +106,10 @@ def pivot_block(result: RunResult, prefix: str) -> Block | None:
     The forces are those of all of the boom's supports together.  A table has the extremes of the luffing cylinder.
     `prefix` begins the identifiers of the figures.
     """
+    if result.frame is None:
+        return None  # supports may be called so
     outputs = [output for output in result.responses["reduced"].outputs if output.name.startswith(REACTION_OF + PIVOT)]
-    has_cylinder = any(output.name.endswith("cylinder") for output in outputs)
+    has_cylinder = any(output.name == CYLINDER for output in outputs)
     on = "of the boom on its machine"
     panels = [
         Panel(
@@ -171,7 +173,7 @@ def driven_block(result: RunResult, prefix: str) -> Block | None:
     The block has the extension, the force on it, pressures, flows and power.  The result is None if angle and extension
     are prescribed, or if nothing drives the luffing angle.  `prefix` begins the identifiers of the figures.
     """
-    outputs = result.responses["reduced"].outputs
+    outputs = [output for output in result.responses["reduced"].outputs if output.kind != "probe"]
     driven = [output for output in outputs if output.name.startswith(("extension ", "rate of extension "))]
     extensions = [output for output in driven if output.name.startswith("extension of ")]
     flows = [output for output in _of_kind(result, "flow") if output.unit != "m^3"]

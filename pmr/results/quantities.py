@@ -131,8 +131,8 @@ class Columns:
         """Return, by the name of each probe, the numbers of its columns of stress by the stress component."""
         by_probe = dict[str, dict[str, int]]()
         for k in self.numbers_of_kind("probe"):
-            probe, separator, component = self.names[k].rpartition(" stress ")
-            if separator:
+            probe, _, component = self.names[k].rpartition(" stress ")
+            if self.units[k] == "Pa":
                 by_probe.setdefault(probe, {})[component] = k
         return by_probe
 

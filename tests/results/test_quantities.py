@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from pmr import Response
+from pmr.compare.drives import luffing_part
 from pmr.results import Energy
 from pmr.results.quantities import LIMITED, QUANTITIES, Columns, matches_pattern, support_names
 from pmr.results.response import KINDS, Extreme, Extremes, Output
 from pmr.scene import load_any
+from pmr.scene.mechanism import CYLINDER
 from pmr.scene.run_settings import OutputKind
 
 
@@ -68,6 +70,23 @@ def test_what_the_machine_bears_is_no_support(name: str, supports: int) -> None:
     outputs = [Output(f"reaction of {of} x", "reaction", "", unit="N") for of in ("pin", "pivot", "ground", "machine")]
     columns = Columns.of_outputs(load_any(name), outputs)
     assert columns.support_columns() == list(range(supports))
+
+
+def test_a_probe_may_have_the_word_stress_in_its_name() -> None:
+    """Its displacement was taken for a component of stress, and a chart that limits stresses failed."""
+    names = ("high stress spot displacement z", "high stress spot stress axial")
+    columns = Columns(names, ("probe", "probe"), ("mm", "Pa"), ("", ""))
+    assert columns.stress_columns() == {"high stress spot": {"axial": 1}}
+
+
+def test_a_probe_may_be_called_as_the_luffing_cylinder() -> None:
+    """Its displacement was taken for a column of a cylinder that drives the angle, and the run failed at its end."""
+    made = response()
+    others = {"other_names": (CYLINDER, "luffing cylinder lug displacement z"), "other_units": ("N", "mm")}
+    kinds = {"kinds": (*made.kinds, "probe"), "bodies": (*made.bodies, "base")}
+    probed = replace(made, others=np.column_stack([made.t, made.t]), **others, **kinds)
+    figures = luffing_part(load_any("crane"), probed).figures["luffing_cylinder"]
+    assert figures["force"]["max"] == 2.0 and {*figures} == {"force", "length", "speed", "power"}
 
 
 @pytest.mark.parametrize(
