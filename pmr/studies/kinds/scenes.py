@@ -180,7 +180,8 @@ def motion_figures(scene: Scene, response: Response, s: Array, frequencies: Arra
     - ``probes.<name>.{min,...}`` in the probe's unit, with ``range``, the range of the largest load cycle.
     - ``path.{s_min,s_max}`` in m.
     - ``frequencies.{s_min,s_middle,s_max}.<i>``: the i-th in Hz at the least, the middle and the largest path
-      coordinate; None if the model has fewer.
+      coordinate; None if the model has fewer.  Of several postures at one coordinate, that with the lowest frequency
+      counts.
     """
     path, record = scene.path_positions(response.t), dict[str, Scalar]()
     if forces := force_extremes(response, path):
@@ -192,7 +193,9 @@ def motion_figures(scene: Scene, response: Response, s: Array, frequencies: Arra
     record |= {"path.s_min": float(s[0]), "path.s_max": float(s[-1])}
     middle = int(np.abs(s - (s[0] + s[-1]) / 2.0).argmin())
     for place, k in zip(PLACES, (0, middle, -1), strict=True):
-        for i, frequency in enumerate(frequencies[k, :FREQUENCIES].tolist(), start=1):
+        postures = frequencies[s == s[k], :FREQUENCIES].tolist()
+        softest = min(postures, key=lambda posture: [of if np.isfinite(of) else np.inf for of in posture])
+        for i, frequency in enumerate(softest, start=1):
             record[f"frequencies.{place}.{i}"] = frequency if np.isfinite(frequency) else None
     for name, extremes in probe_extremes(response, path).items():
         record |= _extreme_figures(f"probes.{name}", extremes)

@@ -263,6 +263,9 @@ def test_rows_hold_forces_frequencies_and_probes_with_times_and_places() -> None
     assert (found["forces.cylinder.min"], found["forces.cylinder.t_min"]) == (-3.0, 1.0)
     assert [found[f"frequencies.{at}.1"] for at in ("s_min", "s_middle", "s_max")] == pytest.approx([1.0, 2.0, 3.0])
     assert found["frequencies.s_max.2"] is None
+    luffs = motion_figures(scene, response, np.full(3, 2.0), frequencies[[2, 0, 1]])  # the softest one is in the middle
+    assert [luffs[f"frequencies.{at}.1"] for at in ("s_min", "s_middle", "s_max")] == [1.0, 1.0, 1.0]
+    assert motion_figures(scene, response, s, frequencies[:, :0]).keys() < found.keys()
     assert (found["path.s_min"], found["path.s_max"]) == (1.5, 2.5)
     assert found["probes.weld stress along.range"] == pytest.approx(10.0)
     assert found["probes.weld stress along.t_min"] == 0.5
