@@ -185,7 +185,8 @@ def quantity_of(name: str) -> ValueLabel:
     if parts[0] == "mass":
         return ValueLabel(", ".join(parts), "kg")
     if parts[0] == "probes" and parts[-1] == "range":
-        return ValueLabel(f"range of {name[7:-6]}", "Pa" if " stress " in name else "–")
+        measured = name[7:-6]  # probe, what it measures, and a component
+        return ValueLabel(f"range of {measured}", "Pa" if measured.split(" ")[-2:-1] == ["stress"] else "–")
     return {
         "utilisation": ValueLabel("largest stress over yield stress", "%"),
         "load.least": ValueLabel("least load", "kg", whole=True),
@@ -301,9 +302,9 @@ _TABLES = (
     ("Forces along beams", r"beam_forces\.(.*)", "N"),
     ("Moments along beams", r"beam_moments\.(.*)", "N m"),
     ("Frequencies, while pads and sliders rest", r"frequencies\.(.*)", "Hz"),
-    ("Stresses at probes", r"probes\.(.* stress .*)", "Pa"),
-    ("Strains at probes", r"probes\.(.* strain .*)", "strain"),
-    ("Displacements at probes", r"probes\.(.* displacement .*)", "mm"),
+    ("Stresses at probes", r"probes\.(.* stress \S+)", "Pa"),
+    ("Strains at probes", r"probes\.(.* strain \S+)", "strain"),
+    ("Displacements at probes", r"probes\.(.* displacement \S+)", "mm"),
 )
 
 

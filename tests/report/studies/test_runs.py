@@ -7,7 +7,7 @@ import pytest
 
 from pmr.report.blocks import Chapter
 from pmr.report.studies.runs import MOST_COLUMNS, build_chapter, terminal_grid, value_figure, varied_parameter
-from pmr.report.studies.tables import FinishedStudy, heading, key_words, quantity_of, run_name
+from pmr.report.studies.tables import FinishedStudy, heading, key_words, quantity_of, run_name, value_blocks
 from pmr.studies.study import RunRecord, StudyResults
 
 BEAM, TIP = "errors.reduced_vs_full.beam", "errors.reduced_vs_full.tip"
@@ -64,6 +64,8 @@ def test_a_terminal_has_a_row_for_each_of_many_runs_and_a_column_for_each_of_a_f
         ("simulate.reduced", 4.5e-4, "time, reduced", "450\u00a0µs"),
         ("some_thing.of.6", 3.14159, "some thing, of, 6", "3.142"),
         ("coordinates.full", 17766, "coordinates, full", "17\u202f766"),
+        ("probes.weld stress along.range", 2e6, "range of weld stress along", "2.00\u00a0MPa"),
+        ("probes.high stress spot displacement z.range", 3.0, "range of high stress spot displacement z", "3.000"),
         (BEAM, None, "error along the beam", "–"),
     ],
 )
@@ -226,3 +228,15 @@ def test_without_numbers_there_are_tables_alone() -> None:
     (number,) = chapter.key_numbers
     assert (number.value, number.label, number.note) == ("200\u00a0mm", "largest displacement", "b")
     assert said().headline == "0 of 0 runs are done."
+
+
+def test_a_probe_is_in_the_table_of_what_it_measures_whatever_its_name_is() -> None:
+    """A displacement in mm stood among the stresses in Pa."""
+    values = {"probes.high stress spot displacement z": 3.0, "probes.high stress spot stress along": 2e6}
+    figures = {f"{name}.{key}": value for name, value in values.items() for key in ("min", "max")}
+    run = RunRecord("one", "done", {"modes": 5}, figures, {})
+    rows = {block.heading: [row[0] for row in block.grids[0].rows] for block in value_blocks([run])}
+    assert rows == {
+        "Stresses at probes": ["high stress spot stress along"],
+        "Displacements at probes": ["high stress spot displacement z"],
+    }
