@@ -28,7 +28,6 @@ from pmr.compare.trust import (
     stress_clauses,
 )
 from pmr.errors import InputError, SimulationError, percent, two_digits
-from pmr.errors.environment import Clock
 from pmr.files.arrays import Array
 from pmr.results.quantities import QUANTITIES
 from pmr.results.run import SummaryPart
@@ -73,7 +72,6 @@ class ReductionError:
 def estimate_reduction(
     scene: Scene,
     simulated: SimulatedSystem,
-    clock: Clock,
     other: ReducedModel | None = None,
     estimated: Estimate | None = None,
 ) -> ReductionError:
@@ -83,7 +81,7 @@ def estimate_reduction(
     error does not cover, and warns of them; if there is no estimate, it has the reason.  The entry ``estimate`` is
     missing if a section of the scene asks for no estimate.  Further warnings are those of `estimate_warnings`.  `other`
     is None for booms of several sections.  If `estimated` is not None, it is taken as the estimate, which is then not
-    computed.  The estimate is a stage of `clock`.
+    computed.
     """
     system, excitation = simulated.system, simulated.excitation
     models = system.modal
@@ -92,16 +90,15 @@ def estimate_reduction(
 
     failed, scattered = "", list[str]()
     if is_wanted and reason_without_estimate(telling) is None:
-        with clock.stage("estimate"):
-            try:
-                if other is not None:
-                    estimated = estimate_by_other_model(system, other, excitation)
-                elif estimated is None:
-                    estimated = estimate_error(models, simulated)
-            except (SimulationError, InputError) as error:  # other simulators may run systems that march refuses
-                # forces that differ much between nearly equal models
-                scattered = [error.warning] if isinstance(error, UnsettledError) and error.warning else []
-                estimated, failed = None, str(error)
+        try:
+            if other is not None:
+                estimated = estimate_by_other_model(system, other, excitation)
+            elif estimated is None:
+                estimated = estimate_error(models, simulated)
+        except (SimulationError, InputError) as error:  # other simulators may run systems that march refuses
+            # forces that differ much between nearly equal models
+            scattered = [error.warning] if isinstance(error, UnsettledError) and error.warning else []
+            estimated, failed = None, str(error)
     if estimated is None:
         figures = dict.fromkeys((*OUTPUT_KINDS, *_FIGURES)) | {"reason": failed or reason_without_estimate(models)}
         messages = estimate_warnings(models, excitation.stepping, None) + scattered

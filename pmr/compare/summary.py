@@ -260,7 +260,7 @@ def simulate_saved(system: System, scene: Scene) -> RunResult:
     natural = frequencies_on_way(scene, system, excitation, way_points(scene, system, excitation, 0))
     motion = results.simulated_system(system, excitation)
     by_frequency = response_on_way(scene, system, excitation)
-    error = _estimated_error(scene, motion, clock)
+    error = _estimated_error(scene, motion)
     with clock.stage("step"):
         step = step_part(scene, motion, natural.models["reduced"])
     sizes = {name: {"reduced": model.size} for name, model in models.items()}
@@ -298,9 +298,9 @@ def simulate_saved(system: System, scene: Scene) -> RunResult:
     )
 
 
-def _estimated_error(scene: Scene, simulated: SimulatedSystem, clock: Clock) -> ReductionError:
+def _estimated_error(scene: Scene, simulated: SimulatedSystem) -> ReductionError:
     """Estimated error of the reduction; for models from a file of an earlier version the reason `EARLIER` instead."""
-    error = estimate_reduction(scene, simulated, clock)
+    error = estimate_reduction(scene, simulated)
     bodies, estimated = simulated.system.reduced.items(), all(part.reduction.estimate for part in scene.sections)
     if estimated and any(model.cylinder_modes and name not in simulated.system.on_modes for name, model in bodies):
         return ReductionError(SummaryPart({"estimate": error.part.figures["estimate"] | {"reason": EARLIER}}))

@@ -10,8 +10,11 @@ import copyreg
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, Executor
+from contextlib import suppress
 from copy import copy
 from difflib import get_close_matches
+from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from math import floor, isfinite, log10
@@ -125,6 +128,19 @@ class TooManyModesError(ConvergenceError):
 
     def __reduce__(self) -> tuple[type[TooManyModesError], tuple[int, ...]]:
         return TooManyModesError, (self.count, self.most)
+
+
+def begin_aside(helper: Executor | None, function: Callable[..., Found], *arguments: Any) -> Callable[[], Found]:
+    """Begin ``function(*arguments)`` in a process of `helper`, and return a function that waits for its result.
+
+    Without a process, or if the call fails there, it is made in this process.
+    """
+    with suppress(BrokenExecutor, OSError):  # the process was ended, or can't be started
+        if helper is not None:
+            future = helper.submit(function, *arguments)
+            return cache(lambda: function(*arguments) if future.exception() else future.result())
+    result = function(*arguments)
+    return lambda: result
 
 
 def call_on_first_rank(comm: Any, make: Callable[[], Found]) -> Found | None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +20,7 @@ from pmr.compare.second_order import decide_second_order
 from pmr.compare.strength import utilisation_part
 from pmr.compare.summary import comparison_part, impacts_part, masses_part, parts_of_motion, sections_part
 from pmr.compare.trust import reduction_warnings, rigid_contacts
-from pmr.errors import ConvergenceError, InputError, call_on_first_rank, reason_of
+from pmr.errors import ConvergenceError, InputError, begin_aside, call_on_first_rank, reason_of
 from pmr.errors.environment import Clock
 from pmr.files.arrays import Array
 from pmr.fullmodel.build import AssembledBody, models_of
@@ -52,13 +53,17 @@ if TYPE_CHECKING:
 FEWEST = 6
 
 
+#: Function that waits for the estimated error of the reduction.
+Estimation = Callable[[], ReductionError]
+
+
 @dataclass(frozen=True)
 class Motions:
     """Motions of a run: of the reduced system by all of its simulators, on rank 0 alone, and of the references."""
 
     reduced: Simulations | None
     simulated: SimulatedSystem | None  # the reduced system with its motion
-    error: ReductionError | None  # estimated error of the reduction
+    error: Estimation | None
     references: References
     recovered: Mapping[str, RecoveredBody]  # fields of the scene's recovery by body; empty without one
 
@@ -130,46 +135,50 @@ class Bodies:
         self.full = FullOrder.join(self.scene, models_of(built))
         self._other = self._other_model()
 
-    def frequencies(self) -> Frequencies:
-        """Return the lowest natural frequencies along the paths of the reduced system, and perhaps of the full system.
+    def begin_frequencies(self, helper: Executor | None) -> Callable[[], Frequencies]:
+        """Return a function with the lowest natural frequencies along the paths of the reduced and of the full system.
 
         The full system's frequencies are computed for a single body, and for a boom if the scene is compared with
-        ``full``.  Those of the reduced system are there on rank 0 alone.
+        ``full``; a process of `helper` computes them, if it can.  Those of the reduced system are there on rank 0
+        alone.
         """
         with_full = ALONE in self.built or "full" in self.scene.compare.against
         size = self.full.system.size if with_full else 0
         at = self._comm.bcast(
             call_on_first_rank(self._comm, lambda: way_points(self.scene, self.system, self.excitation, size))
         )
+        of_full_system = self._begin_full_frequencies(at, helper) if with_full else None
         of_reduced_system = call_on_first_rank(
             self._comm, lambda: frequencies_on_way(self.scene, self.system, self.excitation, at)
         )
         natural = of_reduced_system or Frequencies(at.along, at.s, {})
-        if not with_full:
-            return natural
+        if of_full_system is None:
+            return lambda: natural
         first = {name: values for name, values in natural.models.items() if name == "reduced"}  # in figures
-        return replace(natural, models={**first, "full": self._full_frequencies(at), **natural.models})
+        return lambda: replace(natural, models={**first, "full": of_full_system(), **natural.models})
 
-    def simulate(self, checkpoint: Checkpoint | None) -> Motions:
+    def simulate(self, checkpoint: Checkpoint | None, helper: Executor | None) -> Motions:
         """Simulate the reduced system by all simulators, and the references, and estimate the error; collective.
 
         References that several runs share are not simulated again.  If the scene has a `recovery`, stresses and fields
         of the bodies are computed, too.  If `checkpoint` is not None, a full-order simulation that was interrupted
-        continues.
+        continues.  A process of `helper` simulates the full system, if it can.
         """
         steps = self.scene.recovered_steps.tolist()
         simulations = call_on_first_rank(
             self._comm, lambda: simulate(self.scene, self.system, self.excitation, self.clock, steps)
         )
         stepping = self._comm.bcast(None if simulations is None else simulations.time_grid)
-        if self.shared is None:
-            references = self.full.references(self.clock, steps, checkpoint, stepping)
-        else:
-            references = References(self.shared.references, {}, {})
+        begun = None if self.shared else self.full.begin_simulation(steps, stepping, helper)
         simulated = None
         if simulations is not None:
             simulated = simulations.simulated_system(self.system, self.excitation)
-        error = call_on_first_rank(self._comm, lambda: None if simulated is None else self._estimate_error(simulated))
+        with self.clock.stage("estimate"):
+            error = call_on_first_rank(self._comm, lambda: self._begin_estimate(simulated, helper))
+        if self.shared is None:
+            references = self.full.references(self.clock, steps, checkpoint, stepping, begun)
+        else:
+            references = References(self.shared.references, {}, {})
         recovered: Mapping[str, RecoveredBody] = {}
         if self.scene.recovery is not None:
             with self.clock.stage("recover"):
@@ -183,11 +192,13 @@ class Bodies:
         They are in the order in which they are to be combined.  The error of the time step is measured here.
         """
         scene, system, responses = self.scene, self.system, motions.responses
-        simulated, error = motions.simulated, motions.error
-        assert motions.reduced is not None and simulated is not None and error is not None
+        simulated = motions.simulated
+        assert motions.reduced is not None and simulated is not None and motions.error is not None
         step_error = None if self.choice is None else self.choice.trial.step_error
         with self.clock.stage("step"):
             step = step_part(scene, simulated, natural.models["reduced"], step_error)
+        with self.clock.stage("estimate"):
+            error = motions.error()
         stresses = {name: body.summary() for name, body in motions.recovered.items()}
         more = {name: error.of_section(name) | stresses.get(name, {}) for name in scene.names}
         sizes = {name: {"full": self.built[name].model.size, "reduced": of.size} for name, of in system.reduced.items()}
@@ -264,27 +275,30 @@ class Bodies:
         except (InputError, ConvergenceError):  # a small mesh has too few modes: the run goes on
             return None
 
-    def _estimate_error(self, simulated: SimulatedSystem) -> ReductionError:
-        """Return the estimated error of the reduction of a simulated system."""
+    def _begin_estimate(self, simulated: SimulatedSystem | None, helper: Executor | None) -> Estimation:
+        """Return a function with the error of the reduction, which a process of `helper` estimates if it can."""
+        assert simulated is not None  # as on rank 0
         estimated = None if self.choice is None else self.choice.trial.estimate
-        return estimate_reduction(self.scene, simulated, self.clock, self._other, estimated)
+        motion = replace(simulated, form=None)  # its kernel can't be sent to another process
+        return begin_aside(helper, estimate_reduction, self.scene, motion, self._other, estimated)
 
-    def _full_frequencies(self, at: WayPoints) -> Array:
-        """Return the full system's f lowest frequencies (S, f) in Hz at the S positions `at`.
+    def _begin_full_frequencies(self, at: WayPoints, helper: Executor | None) -> Callable[[], Array]:
+        """Return a function with the full system's f lowest frequencies (S, f) in Hz at the S positions `at`.
 
         Frequencies that other runs share are taken as they are.  Others are read from the caches; if these lack them,
-        they are computed and stored there.
+        they are computed and stored there.  Without caches, a process of `helper` computes them, if it can.
         """
-        if self.shared is not None:
-            return self.shared.frequencies
+        if (shared := self.shared) is not None:
+            return lambda: shared.frequencies
         c = self.excitation.amplitudes(list(self.excitation.terms), at.t)
         if not self.caches:
-            return self.full.frequencies(at.s, at.count, c)
+            return self.full.begin_frequencies(at.s, at.count, c, helper)
         contacts, solver = repr(self.full.system.contacts), self.scene.sections[0].reduction.solver
         content = {"bodies": [of.content for of in self.caches.values()], "contacts": contacts, "solver": solver}
         content |= {"s": at.s.tolist(), "count": at.count} | ({"c": c.tolist()} if c.size else {})
         cache = self.caches[self.scene.names[0]]
-        return cache.arrays("frequencies", content, lambda: self.full.frequencies(at.s, at.count, c))
+        stored = cache.arrays("frequencies", content, lambda: self.full.frequencies(at.s, at.count, c))
+        return lambda: stored
 
 
 _log = logging.getLogger(__name__)

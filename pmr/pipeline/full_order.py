@@ -6,7 +6,8 @@ that can't be trusted (`pmr.compare.trust`) counts as missing.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -19,7 +20,7 @@ from pmr.compare.evaluation import append_friction, response_to_motion
 from pmr.compare.outputs import output_contacts
 from pmr.compare.responses import Simulation, cable_response, full_simulator, simulate_by
 from pmr.compare.trust import reason_for_distrust, rigid_contacts
-from pmr.errors import SimulationError, call_on_first_rank
+from pmr.errors import SimulationError, begin_aside, call_on_first_rank
 from pmr.errors.environment import Clock, stage_words
 from pmr.files.arrays import Array
 from pmr.fullmodel.eigensolvers import lowest_frequencies
@@ -95,15 +96,32 @@ class FullOrder:
         Collective.  The P paths have the coordinates s (S, P) in m, and every contact is closed.  The system's k terms,
         such as geometric stiffness, have the amplitudes c (S, k).
         """
+        return self.begin_frequencies(s, count, c, None)()
+
+    def begin_frequencies(self, s: Array, count: int, c: Array, helper: Executor | None) -> Callable[[], Array]:
+        """Return a function with the result of `frequencies`, which a process of `helper` computes if it can."""
         if ALONE in self.system.bodies and not c.size:
             solver = self.scene.reduction.solver
-            return lowest_frequencies(self.system.bodies[ALONE], s[:, 0], count, solver) / (2.0 * np.pi)
+            hertz = lowest_frequencies(self.system.bodies[ALONE], s[:, 0], count, solver) / (2.0 * np.pi)
+            return lambda: hertz
         x = self.system.side_coordinates(dict(zip(self.scene.driven_paths, s.T, strict=True)))
         if self.simulator == "march":
-            lowest = None if self.gathered_system is None else Assembly(self.gathered_system).frequencies(x, count, c)
+            lowest = begin_aside(helper, _frequencies, self.gathered_system, x, count, c)
         else:
-            lowest = _lanczos_frequencies(self._with_terms(), x, count, c)
-        return np.asarray(self.system.comm.bcast(lowest))
+            lowest = begin_aside(None, _lanczos_frequencies, self._with_terms(), x, count, c)
+        return lambda: np.asarray(self.system.comm.bcast(lowest()))
+
+    def begin_simulation(
+        self, steps: Sequence[int], stepping: TimeStepping, helper: Executor | None
+    ) -> Callable[[], Simulation] | None:
+        """Let a process of `helper` simulate the full system for `references`; return a function with its simulation.
+
+        None is returned if that simulation is not needed, or if this process has to make it.
+        """
+        if helper is None or self.simulator != "march" or "full" not in self.scene.compare.against:
+            return None
+        excitation = Excitation.from_scene(self.scene).with_stepping(stepping)
+        return begin_aside(helper, simulate_by, self.scene, self.gathered_system, excitation, self.simulator, steps)
 
     def references(
         self,
@@ -111,20 +129,21 @@ class FullOrder:
         steps: Sequence[int] = (),
         checkpoint: Checkpoint | None = None,
         stepping: TimeStepping | None = None,
+        begun: Callable[[], Simulation] | None = None,
     ) -> References:
         """Simulate all references that the scene is compared with, and record states of the full bodies at `steps`.
 
         `steps` are numbers of time steps.  If contacts only push, `stepping` holds the parts into which the reduced
         system's steps were divided; None stands for the scene's steps.  If `checkpoint` is not None, a simulation that
-        was interrupted continues.  References that fail are listed in `References.missing`.  `clock` measures the wall
-        time of each reference.
+        was interrupted continues.  `begun` is what `begin_simulation` returned.  References that fail are listed in
+        `References.missing`.  `clock` measures the wall time of each reference.
         """
         responses, missing = dict[str, Response](), dict[str, str]()
         states: Mapping[str, BodyStates] = {}
         for name in [name for name in ("full", "ancf") if name in self.scene.compare.against]:
             try:
                 if name == "full":
-                    response, states = self._simulate_full(clock or Clock(), steps, checkpoint, stepping)
+                    response, states = self._simulate_full(clock or Clock(), steps, checkpoint, stepping, begun)
                 else:
                     response = self.reference(name, clock)
             except SimulationError as error:
@@ -140,7 +159,7 @@ class FullOrder:
         can't be trusted (`pmr.compare.trust`), for ``"full"`` on every rank, for ``"ancf"`` on rank 0.
         """
         if name == "full":
-            return self._simulate_full(clock or Clock(), (), None, None).response
+            return self._simulate_full(clock or Clock()).response
         if self.system.comm.rank > 0:
             return None
         with (clock or Clock()).stage(name) as done:
@@ -150,13 +169,19 @@ class FullOrder:
         return response
 
     def _simulate_full(
-        self, clock: Clock, steps: Sequence[int], checkpoint: Checkpoint | None, stepping: TimeStepping | None
+        self,
+        clock: Clock,
+        steps: Sequence[int] = (),
+        checkpoint: Checkpoint | None = None,
+        stepping: TimeStepping | None = None,
+        begun: Callable[[], Simulation] | None = None,
     ) -> FullMotion:
         """Simulate the full system; return its response, and this rank's rows of the states at `steps`, by body.
 
         If contacts only push, `stepping` holds the parts into which steps are divided; None stands for the scene's
-        steps.  If `checkpoint` is not None, a simulation that was interrupted continues.  Raises SimulationError on
-        every rank if the simulation fails, or its response can't be trusted.
+        steps.  If `checkpoint` is not None, a simulation that was interrupted continues.  `begun` is what
+        `begin_simulation` returned.  Raises SimulationError on every rank if the simulation fails, or its response
+        can't be trusted.
         """
         system, comm, excitation = self.system, self.system.comm, Excitation.from_scene(self.scene)
         excitation = excitation.with_stepping(stepping or excitation.stepping)
@@ -170,6 +195,8 @@ class FullOrder:
                 def make() -> Simulation:
                     """Simulate the system on rank 0."""
                     assert self.gathered_system is not None  # as on rank 0
+                    if begun is not None:
+                        return begun()
                     return simulate_by(self.scene, self.gathered_system, excitation, self.simulator, steps, done)
 
                 _ = self.gathered_system  # collective
@@ -256,6 +283,11 @@ def _with_support_reactions(response: Response, full_system: FullSystem, history
             supports[name] = [(row.name, row.unit) for row in support_rows]
             reactions[name] = forces[:, [rows[name, row.name] for row in support_rows]]
     return with_reactions(response, supports, reactions)
+
+
+def _frequencies(system: System | None, x: Array, count: int, c: Array) -> Array | None:
+    """Return the `count` lowest frequencies (S, count) in Hz of a system, by `Assembly`; None without a system."""
+    return None if system is None else Assembly(system).frequencies(x, count, c)
 
 
 def _lanczos_frequencies(full_system: FullSystem, places_of: Array, count: int, c: Array) -> Array | None:

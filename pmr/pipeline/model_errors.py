@@ -155,15 +155,16 @@ class ComparedScene:
         return call_on_first_rank(self.comm, lambda: Motion.compute(self.scene, system))
 
 
-def start_richer(scene: Scene, cache: Cache, helper: Executor) -> FutureMotion:
+def start_richer(scene: Scene, cache: Cache, helper: Executor, stored: bool) -> FutureMotion:
     """Let another process, one of `helper`, reduce and simulate the richer model of a scene for `measure_model`.
 
-    The process stores the system of the richer model in `cache`.  Returns a future of its motion.  Returns None if
+    The process stores the system of the richer model in `cache`.  Returns a future of its motion.  Returns None unless
+    `cache` has that system already, if `stored` is true, or lacks it, if `stored` is false.  Returns None, too, if
     `measure_model` has a reason to measure nothing, or if no process can be started.
     """
     with suppress(InputError):  # no comparison
-        if scene.computed_key is None:
-            return _start_motion(model_comparison(scene).richer, cache, helper)
+        if scene.computed_key is None and cache.has_system(richer := model_comparison(scene).richer) == stored:
+            return _start_motion(richer, cache, helper)
     return None
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,7 +20,7 @@ from pmr.compare.responses import check_installed, check_memory, memory_warnings
 from pmr.compare.second_order import axial_part
 from pmr.compare.summary import origin_part, reliability_part, simulation_part, theory_part
 from pmr.compare.trust import budget_warnings, quantities_not_covered
-from pmr.errors import InputError, SimulationError, call_on_first_rank, environment, reason_of
+from pmr.errors import InputError, SimulationError, begin_aside, call_on_first_rank, environment, reason_of
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions
@@ -139,20 +140,28 @@ def run(
         bodies = Bodies(scene, built, clock, caches, shared)
         scene = bodies.scene  # with the chosen step
         measured = None if measures is None else cache_in(measures, next(iter(built.values())).model)
+        if helper is not None and measured is not None and chosen.budget_part is None:
+            richer = start_richer(bodies.written_scene, measured, helper, stored=False)  # first, as it takes longest
+        idle = helper if richer is None and (stresses is None or stresses.done()) else None
+        with clock.stage("frequencies"):
+            begun_frequencies = bodies.begin_frequencies(idle)
+        motions = bodies.simulate(None if checkpoint is None else Checkpoint(checkpoint), idle)
+        play = bodies.scene, bodies.system, bodies.excitation
+        varied: Callable[[], Any] = partial(other_runs.simulate_varied_play, *play)
+        if idle is not None and measured is not None:
+            varied = begin_aside(idle, other_runs.simulate_varied_play, *play)
         if helper is not None and measured is not None:
             other_mesh = start_other_mesh(bodies.written_scene, measured, helper)
-            if chosen.budget_part is None:
-                richer = start_richer(bodies.written_scene, measured, helper)
-        with clock.stage("frequencies"):
-            frequencies = bodies.frequencies()
-        motions = bodies.simulate(None if checkpoint is None else Checkpoint(checkpoint))
+            if chosen.budget_part is None and richer is None:
+                richer = start_richer(bodies.written_scene, measured, helper, stored=True)
+        frequencies = begun_frequencies()
         outcome = None if motions.reduced is None else _outcome(bodies, motions, frequencies, free_motions)
         if outcome is not None and chosen.chosen_model is not None:
             outcome.result.summary["chosen_model"] = chosen.chosen_model
         if keep is not None:
             call_on_first_rank(comm, lambda: outcome and keep(outcome))
         budget = {} if chosen.budget_part is None else {"model": chosen.budget_part}
-        budget |= _measure(bodies, motions, frequencies, budget, measured, stresses, other_mesh, richer)
+        budget |= _measure(bodies, motions, frequencies, budget, measured, stresses, other_mesh, richer, varied)
         if outcome is not None and budget:
             result, written = outcome.result, bodies.written_scene
             complete: dict[str, Any] = budget | result.summary.get("budget", {})
@@ -211,7 +220,7 @@ def _outcome(
         bodies.results(motions),
         None if ALONE in built else scene.reach(excitation.times),
         by_frequency,
-        None if motions.error is None else motions.error.band,
+        motions.error().band if motions.error else None,
     )
     made_from = system.provenance | {"versions": result.summary["versions"]}
     return Outcome(
@@ -250,6 +259,7 @@ def _measure(
     stresses: Future[None] | None,
     other_mesh: FutureMotion,
     richer: FutureMotion,
+    varied: Callable[[], other_runs.VariedPlay | None],
 ) -> Summary:
     """Measure the errors of a run's model and mesh, for ``budget`` of summary.json; collective.
 
@@ -257,6 +267,7 @@ def _measure(
     error if there is a cache and the scene has no tolerance or budget.  Where the model's error is known, the stress in
     walls at pads stands beside it.  The cache keeps what takes longest.  `stresses`, `other_mesh` and `richer` are what
     `start_stresses`, `start_other_mesh` and `start_richer` returned: futures of another process, or None.
+    `varied` simulates the reduced system with another play, or waits for its simulation.
     """
     comm, clock, scene = next(iter(bodies.built.values())).model.comm, bodies.clock, bodies.written_scene
     is_wanted, of_mesh, of_model = scene.compare.richer not in ("auto", "none"), dict[str, Any](), dict[str, Any]()
@@ -272,7 +283,7 @@ def _measure(
         if motions.reduced is not None:
             states = other_runs.states_under_load(bodies.scene, bodies.system, motions.reduced.first)
         walls = _stress_at_pads(bodies, motions, states)
-        play = _play(bodies, motions, walls)
+        play = _play(bodies, motions, walls, varied)
         if is_wanted or "model" not in budget:
             with_full = "full" in scene.compare.against and "full" not in motions.references.missing
             responses = {} if motions.reduced is None else motions.responses
@@ -294,17 +305,18 @@ def _stress_at_pads(bodies: Bodies, motions: Motions, states: Mapping[str, BodyS
     return stress_at_pads(scene, bodies.built, motions.recovered, comm.bcast(states))
 
 
-def _play(bodies: Bodies, motions: Motions, walls: Summary) -> Summary:
+def _play(
+    bodies: Bodies, motions: Motions, walls: Summary, simulate: Callable[[], other_runs.VariedPlay | None]
+) -> Summary:
     """Return the entry ``play`` of the error budget: largest values of the reduced system with another play.
 
     The keys are those of `pmr.compare.other_runs.VariedPlay.summary`; ``reason`` is there instead if the system can't
-    be simulated.  `walls` is the stress in walls in the run.  The entry is missing if pads hold both ways.  Collective.
+    be simulated.  `walls` is the stress in walls in the run, and `simulate` simulates with the other play.  The entry
+    is missing if pads hold both ways.  Collective.
     """
     comm, scene = next(iter(bodies.built.values())).model.comm, bodies.scene
     try:
-        varied = call_on_first_rank(
-            comm, lambda: other_runs.simulate_varied_play(scene, bodies.system, bodies.excitation)
-        )
+        varied = call_on_first_rank(comm, simulate)
     except (InputError, SimulationError) as error:
         return {"play": {"reason": reason_of(error)}}
     if not comm.bcast(varied is not None):

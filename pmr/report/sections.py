@@ -6,13 +6,13 @@ A function whose block has figures takes the `prefix` of their identifiers.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Executor, Future
-from contextlib import suppress
+from concurrent.futures import Executor
 from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.errors import begin_aside
 from pmr.files.arrays import Array, Summary
 from pmr.report import first_page, forces, player, scene_tables, sentences, subject
 from pmr.report.album import make_album
@@ -40,16 +40,9 @@ def chapter(result: RunResult, anchor: str, helper: Executor | None = None) -> C
 
     At the same time a process of `helper` draws every other section, unless `helper` is None.
     """
-    aside: Future[list[Block | None]] | None = None
     drawn: list[Block | None] = [None] * len(SECTIONS)
-    if helper is not None:
-        with suppress(BrokenExecutor, OSError):  # its process was ended, or can't be started
-            aside = helper.submit(_show_sections, SECTIONS[1::2], result, anchor)
-    drawn[::2] = _show_sections(SECTIONS[::2], result, anchor)
-    if aside is None or aside.exception():  # an error of a section is met here, too
-        drawn[1::2] = _show_sections(SECTIONS[1::2], result, anchor)
-    else:
-        drawn[1::2] = aside.result()
+    others = begin_aside(helper, _show_sections, SECTIONS[1::2], result, anchor)
+    drawn[::2], drawn[1::2] = _show_sections(SECTIONS[::2], result, anchor), others()
     sections = [error_block(result), accuracy_block(result), *drawn]
     return Chapter(
         anchor=anchor,

@@ -1,5 +1,6 @@
 """What a run says of its mesh and its structural model without being asked."""
 
+import pickle
 from concurrent.futures import BrokenExecutor, Executor, Future
 from pathlib import Path
 
@@ -44,8 +45,8 @@ class AtOnce(Executor):
             function = str
         else:
             self.models.append(scene_of_task.only_section.body.model)
-        done = Future()
-        done.set_result(function(scene_of_task, *arguments))
+        done, sent = Future(), pickle.loads(pickle.dumps((scene_of_task, *arguments)))
+        done.set_result(function(*sent))
         return done
 
 
@@ -72,7 +73,19 @@ def test_a_run_measures_its_model_and_mesh_last_and_the_next_one_finds_both(tmp_
     monkeypatch.setattr(pipeline, "reduce_scene", lambda *_, **__: pytest.fail("what was measured is made again"))
     again = run(scene(), measures=tmp_path, helper=helper).result.summary["budget"]
     assert again["model"]["frequency"] == pytest.approx(first["model"]["frequency"], rel=1e-9)
-    assert helper.models == ["shell", "beam3d", "shell"]  # in the second run the motion on the other mesh, too
+    # the second run adds the error of the reduction, and motions with other play, on the other mesh and as a shell
+    assert helper.models == ["shell", *["beam3d"] * 3, "shell"]
+
+
+def test_another_process_that_is_idle_simulates_the_full_model() -> None:
+    helper = AtOnce()
+    alone, *others = (run(scene("compare.against=['full']"), helper=of) for of in (None, helper, Ended()))
+    assert helper.models == ["beam3d", "beam3d"] and alone is not None  # and the estimate of the reduction's error
+    for other in others:
+        found, expected = other.result.responses["full"], alone.result.responses["full"]
+        assert np.array_equal(found.displacement, expected.displacement) and np.ptp(expected.displacement) > 0.0
+        estimates = [of.result.summary["estimate"]["beam"] for of in (other, alone)]
+        assert 0.0 < estimates[0] == pytest.approx(estimates[1], rel=1e-9)
 
 
 @pytest.mark.parametrize("failed", [None, BrokenExecutor()])

@@ -22,7 +22,6 @@ from pmr.compare.error_parts import estimate_reduction
 from pmr.compare.errors import relative_error
 from pmr.compare.evaluation import SimulatedSystem
 from pmr.compare.trials import Sizes, Trial, Trials
-from pmr.errors.environment import Clock
 from pmr.models.mesh_drawing import graded_nodes
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation, TimeStepping
@@ -248,7 +247,7 @@ def judged(seed: int) -> tuple[float | None, float]:
     scene = sliding_scene(seed)
     reduction = reduce(scene)
     excitation, reduced = Excitation.from_scene(scene), reduction.reduced
-    found = estimate_reduction(scene, SimulatedSystem(reduction.system, excitation), Clock()).part
+    found = estimate_reduction(scene, SimulatedSystem(reduction.system, excitation)).part
     step = step_error(reduced, excitation)
     estimated = found.figures["estimate"]["beam"]
     said = not any("may be larger" in line for line in found.warnings) and step.settled and estimated is not None
