@@ -22,7 +22,7 @@ from pmr.reduction.basis import Basis, galerkin, without_rows
 from pmr.reduction.free_body import FreeBody, ResidualFlexibility, absolute_product, released_rows
 from pmr.scene.members import TAIL
 from pmr.system.attachment import RICHER
-from pmr.system.carriers import CarrierFlexibility, CarrierRows, CylinderResponses, Flexibility, TablesOnDemand
+from pmr.system.carriers import CarrierFlexibility, CarrierRows, CylinderResponses, Flexibility
 from pmr.system.reduced_model import ReducedModel, satisfied_rows
 from pmr.system.rows import RowPolynomials, SharedCarriers
 from pmr.system.truncation import (
@@ -384,7 +384,7 @@ def tables(
 ) -> Flexibility:
     """Residual flexibility of the rows of `shared_carriers` as piecewise polynomials in s, over `domain` in m."""
     breaks = shared_carriers.rows[0].breaks if shared_carriers.rows else np.array(domain)
-    return TablesOnDemand(RowPolynomials.from_rows(shared_carriers.rows, breaks), flexibility).multiply_out()
+    return flexibility.tables(RowPolynomials.from_rows(shared_carriers.rows, breaks))
 
 
 def carrier_loads(model: FullModel, carriers: sp.csr_matrix) -> sp.csc_matrix:

@@ -186,8 +186,9 @@ def describe_misfit(part: Any, sizes: Mapping[str, int], prefix: str = "") -> st
             return f"{prefix}{name} is not finite"
         if isinstance(value, PPoly) and not (np.all(np.diff(value.x) > 0.0) and np.isfinite(value.x).all()):
             return f"the breaks of {prefix}{name} do not increase"
+    parts = vars(part) if part.AXES else {}
     within = (
-        describe_misfit(inner, sizes, f"{prefix}{key}.") for key, inner in vars(part).items() if hasattr(inner, "AXES")
+        describe_misfit(inner, sizes, f"{prefix}{key}.") for key, inner in parts.items() if hasattr(inner, "AXES")
     )
     return next((wrong for wrong in within if wrong), None)
 

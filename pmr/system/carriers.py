@@ -26,6 +26,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -74,40 +75,30 @@ class Flexibility:
 
 
 class TablesOnDemand(Flexibility):
-    """Tables of a residual flexibility R on carriers, each of which is multiplied out when it is first read."""
+    """Tables of the residual flexibility of rows on carriers, multiplied out when one of them is first read."""
 
-    AXES: dict[str, str] = {}  # noqa: RUF012 `on_carriers` is checked instead
-    weights: RowPolynomials  # b(s) of the m rows on the carriers
-    on_carriers: CarrierFlexibility  # R between the carriers, inputs and outputs
+    AXES: dict[str, str] = {}  # noqa: RUF012 `carriers` are a part of the model, and are checked there
+    carriers: CarrierRows
+    breaks: Array  # (k + 1,) m: of the tables
 
-    def __init__(self, weights: RowPolynomials, on_carriers: CarrierFlexibility) -> None:
-        vars(self).update(
-            weights=weights, on_carriers=on_carriers, direct=on_carriers.direct, energy=on_carriers.energy
-        )
-
-    @cached_property
-    def rows(self) -> PPoly:
-        """G(s) (m, m) in m/N."""
-        return self.weights.quadratic_form(self.on_carriers.rows)
+    def __init__(self, carriers: CarrierRows, breaks: Array) -> None:
+        assert carriers.flexibility is not None
+        of_loads = {"direct": carriers.flexibility.direct, "energy": carriers.flexibility.energy}
+        vars(self).update(carriers=carriers, breaks=breaks, **of_loads)
 
     @cached_property
-    def inputs(self) -> PPoly:
-        """H(s) (m, i) in m/N."""
-        return self.weights.times(self.on_carriers.inputs)
+    def product(self) -> Flexibility:
+        """All tables, which need the carriers no longer."""
+        assert self.carriers.flexibility is not None
+        return self.carriers.flexibility.tables(self.carriers.polynomials(self.breaks))
 
-    @cached_property
-    def outputs(self) -> PPoly:
-        """X(s) (o, m) in m/N."""
-        return transpose(self.weights.times(self.on_carriers.outputs.T))
-
-    def multiply_out(self) -> Flexibility:
-        """Return all tables, which need the carriers no longer."""
-        return Flexibility(self.rows, self.inputs, self.outputs, self.direct, self.energy)
+    rows = property(attrgetter("product.rows"))
+    inputs = property(attrgetter("product.inputs"))
+    outputs = property(attrgetter("product.outputs"))
 
     def with_rows(self, numbers: Sequence[int]) -> TablesOnDemand:
         """Return the flexibility of the body with only the rows `numbers`, in this order and numbered anew from 0."""
-        coefficients = self.weights.coefficients[list(numbers)]
-        return TablesOnDemand(replace(self.weights, coefficients=coefficients), self.on_carriers)
+        return TablesOnDemand(self.carriers.with_rows(numbers), self.breaks)
 
 
 @dataclass(frozen=True)
@@ -150,6 +141,11 @@ class CarrierFlexibility:
     def zero(cls, K: int, i: int, o: int) -> CarrierFlexibility:
         """Flexibility of zeros between K carriers, i inputs and o outputs."""
         return cls(*map(np.zeros, ((K, K), (K, i), (o, K), (o, i), (i, i))))
+
+    def tables(self, C: RowPolynomials) -> Flexibility:
+        """Tables over the path for rows with the weights C on these carriers, all at the same path coordinate."""
+        outputs = transpose(C.times(self.outputs.T))
+        return Flexibility(C.quadratic_form(self.rows), C.times(self.inputs), outputs, self.direct, self.energy)
 
     def add_modes(self, U: Array, modes: EnrichmentModes, share: Array) -> CarrierFlexibility:
         """Return the flexibility plus the sum of share_j phi_j phi_j^T over c modes phi_j.
@@ -351,7 +347,8 @@ def pack_model(model: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
     stored, row by row, as ``name.triangle``; for an antisymmetric matrix, as ``name.antitriangle``.
     """
     flexibility, carriers = model.flexibility, model.carriers
-    if carriers and isinstance(flexibility, TablesOnDemand) and flexibility.on_carriers is carriers.flexibility:
+    on_demand = carriers is not None and isinstance(flexibility, TablesOnDemand)
+    if on_demand and flexibility.carriers.flexibility is carriers.flexibility:
         content = npz.record_arrays(replace(model, flexibility=None))
         del content["rows.coefficients"]
         content |= {f"flexibility.{name}": getattr(flexibility, name) for name in ("direct", "energy")}

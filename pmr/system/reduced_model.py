@@ -275,9 +275,9 @@ class ReducedModel:
 
     def with_carriers(self, carriers: CarrierRows) -> ReducedModel:
         """Return the model with other `carriers` of its rows, and the tables over the path that follow from them."""
-        weights, R = carriers.polynomials(self.rows.x), carriers.flexibility
-        flexibility = None if R is None else TablesOnDemand(weights, R)
-        return replace(self, carriers=carriers, rows=weights.times(carriers.values), flexibility=flexibility)
+        rows = carriers.polynomials(self.rows.x).times(carriers.values)
+        flexibility = None if carriers.flexibility is None else TablesOnDemand(carriers, self.rows.x)
+        return replace(self, carriers=carriers, rows=rows, flexibility=flexibility)
 
     def with_rows(self, numbers: Sequence[int]) -> ReducedModel:
         """Return the model with only the rows `numbers`, in this order and numbered anew from 0.

@@ -55,7 +55,7 @@ def test_what_carriers_tell_is_left_out_and_read_back(model: ReducedModel, tmp_p
 
 def test_tables_that_are_no_products_are_kept(model: ReducedModel, tmp_path: Path) -> None:
     assert isinstance(model.flexibility, TablesOnDemand)
-    G, tables = model.flexibility.rows, model.flexibility.multiply_out()
+    G, tables = model.flexibility.rows, model.flexibility.product
     other = replace(model, flexibility=replace(tables, rows=PPoly(1.001 * G.c, G.x)))
     with np.load(other.save(tmp_path / "m.npz")) as data:
         assert {f"{name}.coefficients" for name in TABLES} < set(data)
