@@ -66,7 +66,7 @@ def closed_form_frequencies(scene: Scene, s: Array, count: int) -> Array:
         return np.empty((len(s), 0))
     axial = np.empty(0)
     if profile.axial and profile.axial_stiffness is not None:
-        n = np.arange(1, count + 1)  # a bar that is held at one end
+        n = np.arange(1, count + 1)  # a bar that is held at one end (Blevins 1979, table 8-16)
         axial = (
             (2 * n - 1) * np.pi / (2.0 * profile.length) * np.sqrt(profile.axial_stiffness / profile.mass_per_length)
         )
