@@ -119,10 +119,11 @@ logging.getLogger("compilers").setLevel(logging.WARNING)
 
 
 def versions() -> dict[str, str]:
-    """Versions in use of dolfinx, basix, PETSc, SLEPc, their Python packages and MPI, and the scalar type, by name.
+    """Versions of the numerical libraries in use, by the libraries' names.
 
-    Those of dolfinx and basix are left out without FEniCSx.  If PETSc is not installed, the only entry is that of
-    SciPy, called ``sparse matrices``.
+    The libraries are dolfinx, basix, PETSc, SLEPc, their Python packages and MPI.  A further entry is PETSc's scalar
+    type.  If FEniCSx is not installed, dolfinx and basix are left out.  If PETSc is not installed, the only entry is
+    ``sparse matrices``, the version of SciPy.
     """
     if not HAS_PETSC:
         return {"sparse matrices": f"SciPy {scipy.__version__}"}
@@ -143,7 +144,7 @@ def versions() -> dict[str, str]:
 def check_fenicsx(model: str) -> None:
     """Raise an `InputError` that says what is missing if FEniCSx, PETSc, SLEPc or mpi4py is not installed.
 
-    They are needed to assemble a structural model, of which `model` is the name.
+    They are needed to assemble a structural model; the message calls it `model`.
     """
     if _MISSING:
         allowed = f"matrices is allowed without FEniCSx ({_MISSING}); apt, conda or pip install '.[fenicsx]' has it"
@@ -153,7 +154,7 @@ def check_fenicsx(model: str) -> None:
 def create_mesh(comm: MPI.Comm, cell: str, points: Array, cells: Indices) -> Mesh:
     """A dolfinx mesh of linear cells, distributed over `comm`; collective.
 
-    Only the points and cells that rank 0 passes in are used; of those of the other ranks only d matters.
+    Only the points and cells that rank 0 passes in are used.  The other ranks may pass any arrays, with the same d.
 
     Parameters
     ----------
@@ -181,9 +182,9 @@ def create_mesh(comm: MPI.Comm, cell: str, points: Array, cells: Indices) -> Mes
 def comm_of(mesh: Mesh) -> MPI.Comm:
     """The communicator that was passed to `create_mesh` for this mesh.
 
-    dolfinx makes a communicator of its own for each mesh, on which PETSc objects must not stay.  If Python drops such
-    an object, it is kept until all ranks of its communicator agree to free it.  Nobody can request that once the mesh
-    is gone.
+    dolfinx makes a communicator of its own for each mesh.  PETSc objects must not be created on dolfinx' communicator:
+    an object that Python drops is freed only if all ranks of its communicator agree, and this is impossible once the
+    mesh is gone.
     """
     return _comm_of[mesh]
 
@@ -279,9 +280,9 @@ def shell_space(mesh: Mesh) -> FunctionSpace:
 def hermite_space(mesh: Mesh, linear: int, planes: int = 1) -> FunctionSpace:
     """Function space on an interval mesh: linear components u, then w_A and theta_B for each plane of bending.
 
-    `linear` is the number of linear components and `planes` that of the planes of bending.  The deflection in a plane
-    is ``w = w_A + J theta_B`` with the element's length J = dx/dX and the coordinate X in [0, 1] on the element.  w_A
-    is a sum of the cubic Hermite functions N2 and N5, and its two degrees of freedom are the deflections at the
+    `linear` is the number of linear components, and `planes` the number of planes of bending.  The deflection in a
+    plane is ``w = w_A + J theta_B`` with the element's length J = dx/dX and the coordinate X in [0, 1] on the element.
+    w_A is a sum of the cubic Hermite functions N2 and N5, and its two degrees of freedom are the deflections at the
     vertices.  theta_B is a sum of N3 and N6, and its degrees of freedom are the slopes dw/dx at the vertices.  So w is
     C1 on graded meshes too.  Collective.
     """
@@ -341,9 +342,10 @@ def integration_measure(mesh: Mesh, degree: int) -> ufl.Measure:
 
 
 def constant(mesh: Mesh, value: float | Array) -> Constant:
-    """UFL constant with a `value`, a number or an array (any shape), that may change without a compilation of forms.
+    """UFL constant with a `value`, a number or an array (any shape); forms are not compiled again if it changes.
 
-    Forms have one constant of this kind at most: UFL sorts several by their numbers as text, and 10 before 9.
+    Use at most one such constant in a form.  UFL sorts several constants by their numbers as text, so that 10 is before
+    9, and their order is not reliable.
     """
     return dolfinx.fem.Constant(mesh, np.array(value, PETSc.ScalarType, order="C"))
 
@@ -414,9 +416,9 @@ def _space(mesh: Mesh, element: Element) -> FunctionSpace:
 def _compile_once(comm: MPI.Comm, signature: str, create: Callable[..., Compiled]) -> Compiled:
     """Call `create` with a folder in dolfinx' cache for the compiled code, named by `signature`; collective.
 
-    FFCx marks code that it has begun by a file, which stays if its process is killed: from then on each run that needs
-    the same code waits for this code and fails.  Therefore `create` compiles in a folder that is used only once it is
-    complete.
+    FFCx writes a file when it begins to compile.  If its process is killed, this file stays.  From then on each run
+    that needs the same code waits for the rest and fails.  Therefore `create` compiles in a new folder, and other runs
+    use the folder only when it is complete.
 
     Raises, on rank 0 alone, an `InputError` if the folder can't be written to, and an `OSError` if its disk is full.
     """
@@ -440,10 +442,10 @@ def _compile_once(comm: MPI.Comm, signature: str, create: Callable[..., Compiled
 
 @cache
 def _compiler() -> tuple[Path, dict[str, object], tuple[object, ...]]:
-    """Folder for compiled code, options of dolfinx' compiler, and all else that determines this code; read once.
+    """Folder for compiled code, options of dolfinx' compiler, and all else that determines this code.
 
-    Unless the user chose flags, code is compiled with -O1: assembly then takes as long as with -O2, and compiling a
-    third less.
+    The result is cached.  Unless the user chose flags, code is compiled with -O1.  Compared with -O2, compiling takes a
+    third less time, and assembly takes the same time.
     """
     old = VERSION < (0, 6)
     options = dict(dolfinx.jit.get_parameters() if old else dolfinx.jit.get_options())
@@ -457,7 +459,7 @@ def _compiler() -> tuple[Path, dict[str, object], tuple[object, ...]]:
 
 
 def _is_whole(folder: Path) -> bool:
-    """Whether FFCx has finished all code in `folder`; False if there is none."""
+    """Whether FFCx has finished all code in `folder`; False if the folder holds no code."""
     begun = list(folder.glob("*.c"))
     return bool(begun) and all(file.with_suffix(".c.cached").is_file() for file in begun)
 

@@ -182,7 +182,10 @@ def share(size: int, comm: MPI.Comm) -> Indices:
 
 
 class SparseProduct:
-    """Sparse rows (m, n_local), on this rank's coordinates, that touch few of them, prepared for fast products."""
+    """Sparse rows (m, n_local) on this rank's coordinates, prepared for fast products.
+
+    Products are fast if the rows have entries in few columns: only these columns are stored.
+    """
 
     def __init__(self, rows: sp.spmatrix) -> None:
         rows = sp.csr_matrix(rows)

@@ -46,7 +46,7 @@ class NotDefiniteError(InputError):
 
 
 class _PetscFactor:
-    """A factor of a matrix that PETSc holds, with solves."""
+    """Factor of a matrix, stored by PETSc, and solves with it."""
 
     _factor: PETSc.Mat
 
@@ -238,7 +238,10 @@ def refusal(name: str, code: int) -> InputError:
 
 
 def no_memory(name: str, reason: str) -> InputError:
-    """Error to be raised if the factor of a matrix, `name`, does not fit into the memory; `reason` is in brackets."""
+    """Error to be raised if the factor of the matrix called `name` does not fit into the memory.
+
+    The message has the `reason` in brackets.
+    """
     allowed = f"no memory for the factor of {name} ({reason}); a coarser mesh or more memory is allowed"
     return InputError("scene", "mesh", None, allowed)
 
@@ -273,8 +276,9 @@ def ample(A: PETSc.Mat) -> int:
 def free_memory(comm: MPI.Comm) -> int:
     """Memory in MB that a factor may take on each rank, the same on all ranks; collective.
 
-    It is the share `SHARE` of the free memory, divided by the ranks on a machine, on the machine where that is least.
-    The result is 0, for no limit, if no machine says how much memory is free.
+    On each machine, the share `SHARE` of its free memory is divided by the number of ranks there.  The result is the
+    least of these values of all machines, and at least 1.  The result is 0, for no limit, if no machine says how much
+    memory is free.
     """
     node = comm.Split_type(MPI.COMM_TYPE_SHARED)
     available = available_memory()
@@ -351,7 +355,7 @@ def factor_for_columns(A: PETSc.Mat, name: str) -> MatrixFactor | ReplicatedFact
     """Factor of A for many right-hand sides at a time; collective.
 
     On several ranks the factor is complete on each rank if it fits into the memory.  If it does not, a warning is
-    logged, and `factor_of` computes a factor that is spread over the ranks.  On one rank `factor_of` computes it, too.
+    logged, and `factor_of` computes a factor that is spread over the ranks.  On one rank `factor_of` is used, too.
     Messages call the matrix `name`.  Raises the errors of `factor_of`.
     """
     if A.comm.size > 1:
@@ -376,7 +380,7 @@ class Exchange:
     def columns(self, local: Array) -> Array:
         """This rank's columns (n, k_local) of a matrix (n, k), from its rows `local` (n_local, k) in Fortran's order.
 
-        Each rank gets consecutive columns, as many as any other or one more.  Collective.
+        Each rank gets consecutive columns; the numbers of columns differ by at most one between ranks.  Collective.
         """
         full = np.empty((self._ends[-1], self._shares(local.shape[1])[self._comm.rank]), order="F")
         with self._parts(local, full) as (of_rows, of_columns):

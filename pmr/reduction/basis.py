@@ -66,23 +66,24 @@ class Basis:
     def accuracy(self) -> float:
         """Relative round-off to expect in the last basis vector: eps sigma_1 / sigma_r, with the machine precision eps.
 
-        V satisfies equations that all snapshots satisfy exactly, such as zeros at a support, up to about this value.
+        If all snapshots satisfy an equation exactly, such as no displacement at a support, V satisfies this equation up
+        to about this value.
         """
         return float(np.finfo(float).eps * self.sigma[0] / self.sigma[self.size - 1])
 
     def kappa(self, r: int | None = None) -> float:
-        """Share of the pool's squared norm that is in the first r vectors; None stands for all vectors of the basis.
+        """Share of the pool's squared norm that lies in the r vectors with the largest singular values.
 
-        The r vectors are those with the largest singular values.
+        If `r` is None, all vectors of the basis are meant.  The function `kappa` has the equation.
         """
         return kappa(self.sigma, self.size if r is None else r)
 
 
 def kappa(sigma: Array, r: int) -> float:
-    """Share of the sum of the squares of k singular values `sigma` (k,) that is in the r largest of them.
+    """Sum of the squares of the r largest singular values, over the sum of the squares of all k values `sigma` (k,).
 
-    The share is 1 if r is k or more.  The complement is summed, so that 1 - kappa keeps its digits.  Benner, Gugercin,
-    Willcox 2015, section 3.1.
+    The values may have any order.  The result is 1 if r is k or more.  The squares of the other values are summed and
+    taken off 1, so that 1 - kappa keeps its digits.  Benner, Gugercin, Willcox 2015, section 3.1.
     """
     squares = np.sort(sigma**2)
     return float(1.0 - squares[: max(len(sigma) - r, 0)].sum() / squares.sum())
@@ -114,8 +115,8 @@ def pod(
         LAPACK on process 0 (reproducible), or Gram-Schmidt on the distributed matrix.  ``auto`` makes the same choice
         as for the solver of the snapshots.
     rigid_count : int
-        Number of rigid-body modes that the caller puts before these vectors; the error's message counts them as
-        coordinates.
+        Number of rigid-body modes that the caller puts before these vectors.  Only the message of the InputError uses
+        it: the message counts these modes as coordinates, too.
 
     Raises
     ------
@@ -156,17 +157,17 @@ def with_rigid_modes(
 ) -> Basis:
     """Basis of `size` vectors: rigid-body modes, then the POD of the `snapshots` without these modes; collective.
 
-    A residual flexibility can't replace a rigid-body motion, so the basis has to contain all rigid-body modes exactly;
-    a POD basis of modes with the slider held contains them to a few digits only.  The rigid-body modes are
-    M-orthonormal, and M-orthogonal to the other vectors, also if `product` is Euclidean.  Without rigid-body modes the
-    result is that of `pod`.
+    A residual flexibility can't replace a rigid-body motion, so the basis has to contain all rigid-body modes exactly.
+    A POD basis of modes with the slider held contains them to a few digits only.  The rigid-body modes are
+    M-orthonormal, and M-orthogonal to the other vectors, also if `product` is Euclidean.  Their singular values are
+    those of the snapshots' projection on them.  Without rigid-body modes the result is that of `pod`.
 
     Parameters
     ----------
     rigid : (n_local, count) array
         Rigid-body modes, M-orthonormal: this rank's part of their coordinates.
     size, product, solver
-        As for `pod`; the singular values of the rigid-body modes are those of the pool's projection on them.
+        As for `pod`, except that `size` counts the rigid-body modes and can't be None.
 
     Raises
     ------

@@ -105,9 +105,9 @@ class Reduction:
 
     @property
     def snapshots(self) -> Array | Mapping[str, Array]:
-        """Snapshots (n, k) from which the basis of a single body is made, or a dict of those of each section by name.
+        """Snapshots (n, k) from which the basis of a single body is made; for a boom, a dict of them by section names.
 
-        The array is the same on every rank.  Collective.
+        Every rank has the whole arrays.  Collective.
         """
         pools = {
             name: self._gather_rows(name, np.array(body.snapshots.S.getDenseArray()))
@@ -116,7 +116,7 @@ class Reduction:
         return pools.get(ALONE, pools)
 
     def reconstruct(self, states: Mapping[str, BodyStates]) -> Array | Mapping[str, Array]:
-        r"""Full coordinates q (S, n) at S times of a single body, or a dict of those of each section by its name.
+        r"""Full coordinates q (S, n) of a single body at S times; for a boom, a dict of such arrays by section names.
 
         .. math:: q = V p + R\, (B f - C(s)^T \lambda)
 
@@ -134,8 +134,8 @@ class Reduction:
 
         .. math:: p = (V^T X V)^{-1} V^T X q, \qquad X = M \text{ or } I
 
-        `q` has all n coordinates, the same on every rank.  The result has the further axes of q.  `body` is the name of
-        a section of a boom; without it, the scene's single body is meant.  Collective.
+        `q` has all n coordinates, the same on every rank.  If q has more axes than the first, the result has them, too.
+        `body` is the name of a section of a boom; without it, the scene's single body is meant.  Collective.
         """
         V, model = self._recovery(body).V, self.built[body].model
         XV = times(model.M, V) if self.bodies[body].basis.product == "mass" else V
@@ -155,7 +155,7 @@ class Reduction:
 
     @property
     def reduced(self) -> Any:
-        """The `pmr.ReducedModel` of a single body, or a dict of those of the sections by name."""
+        """The `pmr.ReducedModel` of a single body; for a boom, a dict of such models by section names."""
         models = self.system.reduced
         return models.get(ALONE, models)
 
@@ -166,7 +166,10 @@ class Reduction:
 
 
 def with_stress_flags(scene: Scene, bodies: Mapping[str, ReducedBody]) -> dict[str, ReducedBody]:
-    """Bodies by name, each with `stressed` set to whether the scene's frame has terms that act on them."""
+    """Bodies by name, all with `stressed` true if the scene has terms of second order (`frame_terms`), otherwise false.
+
+    Bodies that have this value already are returned themselves.
+    """
     stressed = any(frame_terms(scene))  # a body that is not changed keeps its simulated model
     return {n: body if body.stressed == stressed else replace(body, stressed=stressed) for n, body in bodies.items()}
 
@@ -174,10 +177,10 @@ def with_stress_flags(scene: Scene, bodies: Mapping[str, ReducedBody]) -> dict[s
 def join_bodies(scene: Scene, bodies: Mapping[str, ReducedBody]) -> System:
     """System of a scene's reduced bodies as simulations need it.
 
-    Its `on_modes` has the models of those bodies that simulations extend by cylinder modes or by modes without inertia,
-    as they are before, if errors can be estimated with them.  Its provenance is the scene's.  For a single body without
-    terms, the body's own provenance is taken, so that the kernel moves the body with a frame, both in the run and after
-    saving and loading.
+    Simulations extend some bodies by cylinder modes or by modes without inertia.  The models of these bodies before the
+    extension are in `on_modes`, if errors can be estimated with them.  The system has the provenance of the scene.  If
+    it has a single body and no `terms`, it has the body's own provenance instead.  Then the kernel moves the body with
+    a frame, both in the run and after saving and loading.
     """
     bodies = with_stress_flags(scene, bodies)
     joined_system = system_of(scene, {name: body.model for name, body in bodies.items()})
@@ -266,8 +269,8 @@ def _reduce_section(scene: Scene, member: Member, model: FullModel, cache: Cache
     """Reduced section on free modes and carriers, from the cache; if it is not there, made and stored; collective.
 
     If `cache` is None, nothing is read or stored.  Enrichment modes are added in two cases: an error is estimated, or
-    terms that vary in time may act.  Inertia on carriers is added if an error is estimated.  A section is stored with
-    its residual flexibility, which is taken off the result if the scene asks for none.
+    terms that vary in time may act.  Inertia on carriers is added if an error is estimated.  A section is always stored
+    with its residual flexibility.  If the scene asks for none, the result comes without it.
     """
     choice, stressed = member.part.reduction, may_be_stressed(scene)
     if member.part.body.mover is not None:  # it keeps both of its coordinates

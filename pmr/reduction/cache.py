@@ -68,7 +68,7 @@ IRRELEVANT_KEYS = ("title", "start", "time", "recovery", "simulation", "compare"
 
 
 def model_digest(model: FullModel) -> str:
-    """Digest of the code that computes, and of all data of a full model, the same on every rank; collective.
+    """Digest of all data of a full model and of the code of pmr that computes; the same on every rank; collective.
 
     The digest also depends on the number of ranks.
     """
@@ -94,9 +94,10 @@ def model_digest(model: FullModel) -> str:
 
 
 class SystemFiles(NamedTuple):
-    """Paths of two files about the system of a scene; either may be missing.
+    """Paths of two files about the reduced system of a scene; either file may be missing.
 
-    `stored` shows that the system is stored, `refusal` that supports and pads leave the scene free to move, and how.
+    If the file `stored` exists, the system is stored.  If the file `refusal` exists, supports and pads leave the scene
+    free to move; the file says how.
     """
 
     stored: Path
@@ -105,7 +106,7 @@ class SystemFiles(NamedTuple):
 
 @dataclass(frozen=True)
 class SystemCache:
-    """Folder that stores the reduced systems of scenes that have the full model of one scene, and arrays about them."""
+    """Folder that stores reduced systems of scenes with the same full model, and arrays about these scenes."""
 
     folder: Path
     content: str  # digest of the scene's full model, see `model_digest`
@@ -114,8 +115,8 @@ class SystemCache:
     def system_of(self, scene: Scene, make: Callable[[], System]) -> System:
         """Return the reduced system of a scene, from the cache or, if it is not there, made by `make` and stored.
 
-        Collective: the system is the same on every rank.  A NotHeldError of `make`, which says that supports and pads
-        leave the scene free to move, is stored too and raised again: finding it out takes the full models.
+        Collective: the system is the same on every rank.  `make` may raise a NotHeldError: supports and pads leave the
+        scene free to move.  This error is stored too, and raised again at the next call without a call of `make`.
         """
         file, unheld = self._system_files(scene)
         if (not_held := self._read(unheld)) is not None:
@@ -133,8 +134,9 @@ class SystemCache:
     def arrays(self, kind: str, request: Mapping[str, object], make: Callable[[], Array]) -> Array:
         """Return the array (any shape) of a `kind` for a `request`, from the cache or made by `make`; collective.
 
-        `request` holds all that the array depends on beside the full model.  If the array is not stored, `make` is
-        called on all ranks, and the result is stored.  All ranks get the same array.
+        `kind` is the first word of the file's name.  `request` holds all that the array depends on beside the full
+        model.  If the array is not stored, `make` is called on all ranks, and the result is stored.  A stored array is
+        the same on all ranks.
         """
         file = self._file(kind, request)
         stored = self._read(file)
@@ -193,9 +195,9 @@ class SystemCache:
     def _write(
         self, file: Path, arrays: Mapping[str, NDArray[np.generic]], model: ReducedModel | System | None = None
     ) -> None:
-        """Write `arrays` (any shape) to `file`, and before that a `model`, unless None, to a file beside it.
+        """Write `arrays` (any shape) by name to `file`.  If `model` is not None, write it to a file of its own first.
 
-        The model's file is `_model_file(file)`.  Only rank 0 writes.  If the disk has no room, a warning is logged.
+        The model's file is `_model_file(file)`.  Only rank 0 writes.  If a file can't be written, a warning is logged.
         """
         if self.comm.rank != 0:
             return
@@ -209,7 +211,7 @@ class SystemCache:
 
 @dataclass(frozen=True)
 class Cache(SystemCache):
-    """Folder in which results are stored that follow from one full model."""
+    """Folder that stores results which follow from one full model."""
 
     model: FullModel
 
@@ -263,10 +265,10 @@ class Cache(SystemCache):
 
 
 def cache_in(folder: Path, model: FullModel) -> Cache:
-    """Cache in `folder` of what follows from a full model; collective.
+    """Cache in `folder` of results that follow from a full model; collective.
 
-    The folder is created if it does not exist; an InputError is raised if it can't be.  The model must not change
-    afterwards, as its digest is computed here.
+    The folder is created if it does not exist; an InputError is raised if this fails.  The model must not change
+    afterwards, because its digest is computed here.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -146,7 +146,10 @@ RIGID = 1e-6
 
 
 def fixed_rows(model: FullModel) -> tuple[Row, ...]:
-    """Rows of supports that hold with sliders and pads released: rigid, holding both ways, the same at every s."""
+    """Rows of the fixed supports, which hold the body even if all sliders and pads are released.
+
+    A fixed support is rigid, holds in both directions, and has the same row at every path coordinate s.
+    """
     return tuple(row for row in model.rows.rows if row.is_fixed)
 
 
@@ -266,8 +269,8 @@ def with_reactions(reduced: ReducedModel, body: FreeBody, V: Array, motions: Arr
 def _work_on_motions(reduced: ReducedModel, model: FullModel, V: Array, motions: Array) -> dict[str, Array]:
     """Work (h, r) of each of the model's matrices on h supports' motions and r basis vectors V, by the matrices' names.
 
-    If the carriers of `reduced` have this work on all vectors of their own matrices, that work is returned instead.
-    Collective.
+    The carriers of `reduced` may store such work in `supports`.  It is then returned instead, and covers all vectors of
+    the carriers' matrices, of which the r basis vectors are the first.  Collective.
     """
     if reduced.carriers is not None and reduced.carriers.supports:
         return dict(reduced.carriers.supports)
@@ -305,9 +308,10 @@ class ResidualFlexibility:
     On soft supports, K w = theta M w for a low mode w is little but round-off: for a shell with theta = 2e-5 rad^2/s^2
     for its lowest mode, and 2e3 for the first mode that bends, three digits remained.  If K w is theta M w up to
     round-off, M w replaces K w / theta, since M w has all its digits.  Projecting on both sides avoids the cancellation
-    of a difference: with 6 and 20 modes of a cantilever on 50 elements R is off by 2e-10 and 6e-10 (scaled to a unit
-    diagonal), K^-1 less the modal part by 1e-5 and 1e-4.  Projecting again gains nothing.  MacNeal: A hybrid method of
-    component mode synthesis, Computers & Structures 1, 1971, pp. 581-601.
+    of a difference.  With 6 and 20 modes of a cantilever on 50 elements, the errors of R are 2e-10 and 6e-10, scaled to
+    a unit diagonal.  If R is computed as K^-1 minus the modal part, the errors are 1e-5 and 1e-4.  Projecting a second
+    time gains nothing.  MacNeal: A hybrid method of component mode synthesis, Computers & Structures 1, 1971,
+    pp. 581-601.
     """
 
     def __init__(self, body: FreeBody, V: Array) -> None:
@@ -356,10 +360,10 @@ def absolute_product(A: PETSc.Mat, X: Array) -> Array:
 
 
 def _diagonalise(model: FullModel, W: Array) -> Array:
-    """Combinations U of the columns W, and K U over the diagonal of U^T K U, as one array (2, n_local, k); collective.
+    """Combinations U of the columns W (n_local, k), and K U Theta^-1, as one array (2, n_local, k); collective.
 
-    The combinations satisfy U^T M U = I, and U^T K U is diagonal.  For a column that is an eigenvector up to round-off,
-    the second result is M U, which is more accurate.
+    The combinations satisfy U^T M U = I and U^T K U = Theta, which is diagonal.  For each column that is an eigenvector
+    up to round-off, the second result has the column of M U instead, which is equal and more accurate.
     """
     if W.shape[1] == 0:
         return np.array([W, W])

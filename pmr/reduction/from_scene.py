@@ -77,9 +77,10 @@ def vectors_from_array(model: FullModel, basis: Vectors) -> Snapshots:
 
 
 def vectors_from_package(model: FullModel, choice: Reduction) -> Snapshots:
-    """Snapshots from a function of an installed package: the entry point ``pmr.bases`` named as the basis; collective.
+    """Snapshots from a function of an installed package; collective.
 
-    The function gets the model and the scene's `choice` of a reduction, and returns this rank's part (n_local, k) of k
+    The package declares the function as an entry point in the group ``pmr.bases``, under the name `choice.basis`.  The
+    function gets the model and the scene's `choice` of a reduction, and returns this rank's part (n_local, k) of k
     vectors.  An InputError is raised if there is no such function, if it fails or changes the model, or if it returns
     anything else.
     """
@@ -103,7 +104,8 @@ def _call_on_model(make: Callable[..., Any], model: FullModel, *arguments: Any) 
     """Return what a user's function `make` makes of a full model and further `arguments`.
 
     Raises an InputError if the function changes mass or stiffness of the model, since all later results would have the
-    change.  It is recognised by the norms of both matrices, and raised on this rank alone.
+    change.  A change is recognised by the norms of this rank's rows of both matrices, so the error may be raised on
+    some ranks only.
     """
     before = [np.linalg.norm(local_csr(A).data) for A in (model.M, model.K)]
     returned = make(model, *arguments)
@@ -139,8 +141,8 @@ def basis_of_vectors(model: FullModel, vectors: Snapshots, choice: Reduction, si
 
     Vectors that depend on those before are left out.  If `size` is None, all independent vectors are taken.  If
     `choice` adds flexibility, rigid-body modes come first and count among the vectors, because flexibility can't
-    replace them.  All singular values are 1: the vectors have no known weight.  An InputError is raised if there are
-    fewer independent vectors.
+    replace them.  All singular values are 1: the vectors have no known weight.  An InputError is raised if fewer than
+    `size` vectors are independent.
     """
     V = np.array(vectors.S.getDenseArray())
     largest = np.max(model.comm.allgather(np.abs(V).max(axis=0, initial=0.0)), axis=0)
@@ -228,11 +230,12 @@ def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
 
 
 def provenance(scene: Scene, basis: Basis, number: int = 0) -> dict[str, Any]:
-    """Return from what the reduced model of the body with the `number`, from 0, in the scene was made.
+    """Return a record of what the reduced model of one body was made from; `number` counts the scene's bodies from 0.
 
     The keys are those of `Scene.provenance`, and ``basis``, ``versions`` and ``kappa``, the share of the snapshots'
-    squared norm that is in the basis.  The recorded scene of a section is that of a single body with the pads of its
-    joints.  If the basis was passed as an array, the recorded scene lacks the table ``reduction``.
+    squared norm that is in the basis.  A section with a joint is recorded as the scene of a single body, which has the
+    pads of the section's joints.  If the basis was passed as an array, the recorded scene lacks the table
+    ``reduction``.
     """
     member, recorded = member_at(scene, number), scene.provenance
     if member.part.reduction.basis == ARRAY:  # the scene's own reduction does not describe this model
@@ -252,10 +255,11 @@ def provenance(scene: Scene, basis: Basis, number: int = 0) -> dict[str, Any]:
 
 
 def summary(scene: Scene, models: Mapping[str, FullModel], bodies: Mapping[str, ReducedBody]) -> dict[str, Any]:
-    """Entry ``basis`` of summary.json, under this key, from full models and reduced bodies by name.
+    """Return a dict of one key, ``basis``, with the entry for summary.json, from full models and bodies by name.
 
-    For sections, only ``kind`` is there, in words.  For a single body, ``carriers`` is the number of carriers that its
-    rows touch on the path, and ``largest_residual`` is None if the vectors are no eigenmodes.
+    For sections, the entry has only the key ``kind``, a description in words.  For a single body, ``carriers`` is the
+    number of carriers that the rows of sliders and pads touch on the path, and ``largest_residual`` is None if the
+    vectors are no eigenmodes.
     """
     if ALONE not in bodies:
         return {"basis": {"kind": "free modes of every section, with residual flexibility"}}
@@ -278,11 +282,11 @@ def project(
 ) -> ReducedModel:
     """Reduced model of the body on the given basis, in the form that the scene asks for; collective.
 
-    If an error is estimated (`pmr.compare.estimate`) or terms that vary in time may act, it has enrichment modes, and
-    inertia on carriers for the estimate.  Otherwise it has tables of the residual flexibility if the scene asks for
-    these.  The model keeps `provenance`, which says what it was made from.  `motions` (n_local, h) are unit motions of
-    rigid supports, None if there are none (`pmr.reduction.free_body.support_motions`).  An InputError is raised if rows
-    depend on each other.
+    The model has enrichment modes if an error is estimated (`pmr.compare.estimate`) or terms that vary in time may act.
+    For an estimate it has inertia on carriers, too.  If neither is so, it has tables of the residual flexibility if the
+    scene asks for these.  The model keeps `provenance`, which says what it was made from.  `motions` (n_local, h) are
+    unit motions of rigid supports, None if there are none (`pmr.reduction.free_body.support_motions`).  An InputError
+    is raised if rows depend on each other.
     """
     choice = scene.reduction
     if enrichment_of(scene, choice, body.model):
@@ -296,14 +300,17 @@ def project(
 
 
 def enrichment_of(scene: Scene, choice: Reduction, model: FullModel) -> int:
-    """Number of enrichment modes, beyond the coordinates of `choice`: for estimates of errors, or without inertia.
+    """Number of enrichment modes, which a body has in addition to the coordinates of `choice`.
 
-    - If errors are estimated for a tolerance or a budget: `SEARCHED_MODES`, or `SEARCHED_OF_SECTIONS` for a section
-      of a boom.  On a coarse mesh the number is smaller, so that coordinates and enrichment modes together are at most
-      three quarters of all modes, but not smaller than `ENRICHMENT_MODES`.  The other modes have to remain, as
-      attachment modes, rigid sliders and pads need their flexibility (`pmr.reduction.snapshots`).
-    - If errors are estimated without a tolerance or a budget: `ENRICHMENT_MODES`.
-    - Otherwise `QUASI_STATIC` if the body may be stressed and its basis can be extended, and 0 if not.
+    They serve to estimate errors, or as modes without inertia if the body may be stressed.  The number is
+
+    - `SEARCHED_MODES` if errors are estimated for a tolerance or a budget, or `SEARCHED_OF_SECTIONS` for a section of
+      a boom.  On a coarse mesh the number is smaller: coordinates and enrichment modes together are at most three
+      quarters of all modes.  The flexibility of the remaining modes is needed by attachment modes, rigid sliders and
+      pads (`pmr.reduction.snapshots`).  But the number is never smaller than `ENRICHMENT_MODES`.
+    - `ENRICHMENT_MODES` if errors are estimated without a tolerance or a budget.
+    - `QUASI_STATIC` if no errors are estimated, the body may be stressed and its basis can be extended.
+    - 0 in all other cases.
     """
     if choice.estimable and scene.goal is not None:
         searched = SEARCHED_MODES if ALONE in scene.bodies else SEARCHED_OF_SECTIONS

@@ -41,14 +41,15 @@ from pmr.system.rows import Row, Rows, fixed_row
 
 
 def held_body(scene: Scene, s: float, count: int) -> NodalBody:
-    """Body of a scene in coordinates of nodes, its sliders held at s (m), with its `count` lowest modes; on one rank.
+    """Body of a scene in coordinates of nodes, for another program, with its `count` lowest modes.
 
+    The sliders are held at the path coordinate s (m).  Only to be called in a run on a single MPI rank.
 
     Raises
     ------
     InputError
         If nodes have coordinates other than three displacements, if the scene has masses (the other program has to
-        attach these), if a row only pushes, or if s is outside the path.
+        attach the masses), if a row only pushes, or if s is outside the path.
     ConvergenceError
         If the body has fewer than `count` modes, or these do not converge.
     """

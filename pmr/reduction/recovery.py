@@ -153,7 +153,8 @@ class BodyFields:
     Parameters
     ----------
     built : AssembledBody
-        The full model, with the clamps and rigid masses that leave out coordinates of its structural model.
+        The full model, with its structural model.  Clamps and rigid masses make coordinates of the structural model
+        dependent, so the full model has fewer coordinates.
     stresses : bool
         Whether stresses are computed, for a model that has stresses.
 
@@ -368,12 +369,12 @@ def recover(
     reduced: Mapping[str, BodyStates],
     full: Mapping[str, BodyStates],
 ) -> dict[str, RecoveredBody]:
-    """Stresses of reduced and full models of a scene's bodies `built`, and fields of reduced ones, by name; collective.
+    """Stresses of a scene's reduced and full models, and fields of the reduced models, by the bodies' names.
 
-    The scene has a `recovery`.  `reduced` are the states of the reduced bodies at the `Scene.recovered_steps`, the same
-    on every rank.  Pictures are recorded at some of these steps, evenly spread; their number is that of frames in the
-    scene's recovery.  `full` are this rank's parts of the states of the full models, of which no pictures are recorded;
-    bodies whose states are not known are missing from it.
+    Collective.  The scene must have a `recovery`.  `reduced` has the states of the reduced bodies at the
+    `Scene.recovered_steps`, the same on every rank.  Fields are stored at `scene.recovery.frames` of these steps,
+    evenly spread, or at all steps if there are fewer.  `full` has this rank's part of the states of the full models, or
+    lacks a body whose full model was not simulated.  No fields are stored for full models.
     """
     settings, recovered = scene.recovery, dict[str, RecoveredBody]()
     assert settings is not None

@@ -99,11 +99,13 @@ def section_model(
     """Reduced model of a section on free modes, with its rows on carriers (`pmr.system.carriers`); collective.
 
     The result keeps `provenance`, which says how it was made.  The first `coordinates` modes of the basis are the
-    model's coordinates, the others are its enrichment modes.  If there are enrichment modes and the model is to be
-    `estimable`, it has the inertia of the residual part on the carriers, with which errors are estimated; this doubles
-    the number of solves.  If a cylinder holds the section's tail, the model has the responses to the cylinder's force.
-    For these responses, and for those on the carriers if the model is estimable, it has the work of their inertia on
-    the `motions` (n_local, h) of rigid supports, None if there are none (`pmr.reduction.free_body.support_motions`).
+    model's coordinates, the others are its enrichment modes.
+
+    If there are enrichment modes and `estimable` is true, the model has the inertia of the residual part on the
+    carriers.  With this inertia errors are estimated; it doubles the number of solves.  If a cylinder holds the
+    section's tail, the model has the responses to the cylinder's force.  `motions` (n_local, h) are unit motions of
+    rigid supports, None if there are none (`pmr.reduction.free_body.support_motions`).  The model then has the work
+    that the inertia of the residual responses, to the cylinder and on the carriers, does on these motions.
 
     The factor of `body` is freed.  An InputError is raised as by `flexible_model`, and a ValueError if the basis has
     vectors that are not eigenmodes.
@@ -171,8 +173,8 @@ def _spanning_vectors(residual: ResidualFlexibility, loads: sp.csc_matrix) -> _S
     """Vectors (n_local, p) that span the responses R g to loads g (n_local, L), and the responses' coefficients (p, L).
 
     Collective.  R is the `residual` flexibility.  If the responses have more than `MOST_ENTRIES` entries, the vectors
-    are None and p is 0.  If the model has fewer than 2 L coordinates, as a beam, the vectors are its coordinates and p
-    is their number; otherwise p is at most L.
+    are None and p is 0.  A small model, such as a beam, may have fewer than 2 L coordinates.  Then the vectors are unit
+    vectors of its coordinates, and p is the number of coordinates.  Otherwise p is at most L.
     """
     model = residual.model
     if model.size * loads.shape[1] > MOST_ENTRIES:
@@ -193,11 +195,11 @@ def _spanning_vectors(residual: ResidualFlexibility, loads: sp.csc_matrix) -> _S
 def _with_matrices(
     carriers: CarrierRows, model: FullModel, vectors: list[Array | None], motions: Array | None
 ) -> CarrierRows:
-    """Return `carriers` with the model's `matrices` between all `vectors`, and with values of ports on these vectors.
+    """Return `carriers` with X^T A X for each of the model's `matrices` A, and with values of ports on the v columns X.
 
-    `vectors` are blocks of columns (n_local, any), or None for an empty block.  `motions` (n_local, h) belong to h
-    rigid supports, None if there are none; the work of the matrices on them, (h, number of vectors), is added too.
-    Nothing is added for a model without matrices.  Collective.
+    The columns X are those of all blocks (n_local, any) in `vectors`; None is an empty block.  `motions` (n_local, h)
+    are unit motions of h rigid supports, None if there are none.  With motions Phi, the products Phi^T A X (h, v) are
+    added as `supports`.  A model without matrices adds nothing.  Collective.
     """
     if not model.matrices:
         return carriers

@@ -65,8 +65,9 @@ class SectionForces:
     def __init__(self, built: AssembledBody, cut: Cut) -> None:
         """Prepare the whole beam, its pieces between the places of `cut`, and stresses by its section forces.
 
-        `built` is the full model and `cut` its beam, cut into pieces.  For the whole beam the mass matrix is
-        factorised, for the pieces the stiffness of their cuts between nodes.  Collective.
+        `built` is the full model and `cut` its beam, cut into pieces.  The mass matrix of the whole beam is factorised.
+        If the beam is cut between nodes, the stiffness of the pieces against opening of these cuts is factorised, too.
+        Collective.
         """
         self._whole = _WholeBeam(built.model)
         self._pieces = _BeamPieces(built.structure, cut)
@@ -98,8 +99,9 @@ class SectionForces:
     def _friction_forces(self, acting: BodyStates | None) -> Array | float:
         """Normal forces (S, P) in N that the friction of pads causes at the P places of section forces.
 
-        The friction of a pad acts between the pad and the tail, as the equations of motion let it act at the tail.  The
-        result is 0 if `acting` is None or has no friction.
+        The equations of motion let the friction of a pad act at the tail of the beam instead of at the pad.  Therefore
+        the friction changes the normal force only at places between the tail and the pad.  The result is 0 if `acting`
+        is None or has no friction.
         """
         if acting is None or acting.friction_forces is None:
             return 0.0

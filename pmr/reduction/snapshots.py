@@ -50,10 +50,10 @@ class Snapshots:
 
 
 def node_set(nodes: int, snapshots: int) -> Indices:
-    """Numbers (snapshots,) of the nodes at which the paper (module docstring) holds the slider, counted from 1.
+    """Numbers (snapshots,) of the nodes at which the paper of the module's docstring holds the slider, counted from 1.
 
-    For one snapshot the node is floor(nodes / 2).  For more, the nodes are floor(2 + (nodes - 2) k / (snapshots - 1))
-    with k = 0 ... snapshots - 1, so that node 1 is not among them.
+    For one snapshot the node is floor(nodes / 2).  For several snapshots the nodes are
+    floor(2 + (nodes - 2) k / (snapshots - 1)) with k = 0 ... snapshots - 1, so node 1 is not among them.
     """
     if snapshots == 1:
         return np.array([nodes // 2])
@@ -88,10 +88,9 @@ def positions(scene: Scene, model: FullModel) -> Array:
 def eigenmode_snapshots(model: FullModel, scene: Scene) -> Snapshots:
     """Snapshots of a scene: the ``reduction.modes`` lowest eigenmodes for each position of the held slider.
 
-    They are mass-normalised, those of one position in succession.
-
-    An InputError is raised if the slider can't be held at one of the positions, a ConvergenceError if too few modes
-    exist or converge.  Collective.
+    The eigenmodes are mass-normalised.  Those of the first position come first, then those of the second, and so on.
+    An InputError is raised if the slider can't be held at one of the positions, or if more modes are asked for than the
+    model has coordinates beside its rows.  A ConvergenceError is raised if too few modes converge.  Collective.
     """
     solver, free = eigensolver(model, scene.reduction.solver), model.size - len(model.rows.names)
     if scene.reduction.modes > free:
@@ -139,11 +138,12 @@ def free_modes(
 ) -> Snapshots:
     """The lowest M-orthonormal modes that a load or slider can excite, rigid-body modes first; collective.
 
-    There are `count` modes, followed by up to `enrichment` further modes.  `count` is at least the number of rigid-body
-    modes.  `count` is either less than the number of excited modes, so that flexibility is left, or the number of all
-    coordinates of the model.  The number of modes that remain unused is at least that of rigid sliders and pads,
-    because the flexibility of these modes determines the forces there; so a coarse mesh may give fewer enrichment
-    modes.  Rigid-body modes come from the geometry (`pmr.reduction.free_body`), all others are M-orthogonal to them.
+    There are `count` modes, followed by up to `enrichment` further modes.  `count` must be at least the number of
+    rigid-body modes.  It must also be less than the number of excited modes, so that flexibility is left, or equal to
+    the number of all coordinates of the model.  The flexibility of the modes that are not used determines the forces at
+    rigid sliders and pads.  Therefore at least one mode for each rigid slider or pad is not used, and a coarse mesh may
+    give fewer enrichment modes.  Rigid-body modes come from the geometry (`pmr.reduction.free_body`); all others are
+    M-orthogonal to them.
 
     Modes that no load and no slider can excite, and that no damping couples to such modes, stay at rest for ever.
     Examples are those along the axis of a straight beam with all loads across it.  Such modes are left out.  If axial
@@ -275,7 +275,7 @@ def _bent_modes(model: FullModel, stress: Sequence[PETSc.Mat], modes: Modes, num
 
 
 def _relative_work(model: FullModel, phi: Array) -> Array:
-    """Work (a, k) of loads and released rows on k modes phi (n_local, k), each row over its largest entry.
+    """Work (a, k) of loads and released rows on k modes phi (n_local, k), each row divided by its largest magnitude.
 
     Collective.  Each of the a rows belongs to a load or to a power of a released row; a row that works on none of the
     modes is zero.
@@ -293,10 +293,11 @@ def _relative_work(model: FullModel, phi: Array) -> Array:
 
 
 def _with_coupled_modes(model: FullModel, work: Array, modes: Sequence[Array]) -> Array:
-    """Relative `work` (a, k) on k modes with further rows: work of the damping forces of each mode that is excited.
+    """Relative `work` (a, k) on k modes, with a further row for each mode that is excited: the work of its damping.
 
-    The `modes` are blocks (n_local, any) of columns.  Rayleigh damping couples no modes.  Any other damping excites
-    modes from others, and from these further ones.  Couplings that are round-off are left out.  Collective.
+    The `modes` are blocks (n_local, any) of columns, k in all.  Rayleigh damping couples no modes, so nothing is added.
+    With any other damping, an excited mode excites the modes to which damping couples it, and these excite further
+    modes in turn.  Couplings that are round-off are left out.  Collective.
     """
     if DAMPING not in model.matrices:
         return work
@@ -314,10 +315,10 @@ def _with_coupled_modes(model: FullModel, work: Array, modes: Sequence[Array]) -
 
 
 def _reached_motions(work: Array) -> Array:
-    """Orthonormal combinations (c, k) of c rigid-body modes on which loads and rows do work.
+    """Orthonormal combinations (k, c) of k rigid-body modes: the c motions on which loads and rows do work.
 
-    `work` (a, c) is their work on each mode.  The modes may be any set that spans the rigid motions: a motion on which
-    no work is done may be hidden in several of them.  If work is done on all motions, the combinations are the modes.
+    `work` (a, k) is the work of a loads and rows on each of the k rigid-body modes.  A motion on which no work is done
+    may be a combination of several of these modes.  If work is done on all motions, the unit matrix (k, k) is returned.
     """
     _, values, Vt = np.linalg.svd(work, full_matrices=False)
     reached = int(np.sum(values > UNREACHED))
