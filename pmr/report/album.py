@@ -78,9 +78,10 @@ class _Views:
         """Yield the bodies and all that surrounds them at a moment, as seen from a `direction`, in the ground's axes.
 
         A body encloses those that slide in it: walls on the side of the camera are drawn in front of them, walls on the
-        other side behind them.  `edges` is the width of mesh lines in px.  The bodies that enclose the body called
-        `shown` have the `opacity` (0 to 1), and so has the next outer section of a body alone; if `shown` is None, all
-        bodies are opaque.
+        other side behind them.  `edges` is the width of mesh lines in px.
+
+        `shown` is the name of a body.  The bodies that enclose it are drawn with the `opacity` (0 to 1).  If `shown` is
+        None, all bodies are opaque.  The next outer section of a body alone always has the `opacity`.
         """
         sight = np.array(direction) if self.pose is None else self.pose.rotation[moment.frame].T @ direction
         pieces, names = list(self._body_pieces(moment, edges)), list(self.bodies.surfaces)
@@ -172,9 +173,11 @@ class _Views:
             yield _bar(hook, hook + 2.0 * PAYLOAD * down, PAYLOAD)
 
     def _ground_pieces(self, moment: Moment) -> Iterator[Piece]:
-        """Yield a level plane below a boom: its ground, else at the foot of its luffing cylinder or at its pivot.
+        """Yield a level plane below a boom.
 
-        Nothing is yielded for a body alone, for a boom that is almost upright, or if no weight acts.
+        The plane is at the height of the ground if the scene has one, else at the foot of the luffing cylinder.  It is
+        at the pivot if there is no cylinder, or if the foot is above the pivot.  Nothing is yielded for a body alone,
+        for a boom that is almost upright, or if no weight acts.
         """
         frame, gravity = self.result.frame, self.result.scene.gravity
         if is_alone(self.result) or gravity is None:
@@ -291,7 +294,8 @@ def _ring(centre: Array, view: Array, radii: tuple[float, float], colour: str) -
 def _pad_piece(block: Block, number: int, sight: Array, along: Array | float = 0.0) -> Piece:
     """Return a pad on the outside of a body, moved by `along` (3,) in m.
 
-    `number` is that of the body, counted from the last one on, and `sight` (3,) is the direction to the camera.
+    `number` is the place of the body in the order from the innermost body, 1, outwards.  It decides what is drawn in
+    front of the pad.  `sight` (3,) is the direction to the camera.
     """
     piece = Piece(block.corners, block.sides, None, PAD)
     across = piece.normals[np.ptp(block.corners @ piece.normals.T, axis=0).argmin()]  # where the pad is thinnest

@@ -38,9 +38,10 @@ RANKED = (BETTER, SAME, WITHIN, DIFFERENT, WORSE)  # from the best to the worst
 class Row:
     """Row of the error table, as text: an error or another value of this run, with the published value.
 
-    `comparison` says which models are compared, `place` names the quantity, `value` is this run's value, `deviation`
-    its relative deviation from the published value, `mark` the verdict on that, and `difference` the largest difference
-    of the models with its unit.  An entry is None if its column does not apply to the row.
+    `comparison` says which models are compared, `place` names the quantity, and `value` is this run's value.
+    `deviation` is the relative deviation of the value from the published one, and `mark` is the verdict on the
+    deviation.  `difference` is the largest difference of the models with its unit.  An entry is None if its column does
+    not apply to the row.
     """
 
     comparison: str
@@ -53,7 +54,10 @@ class Row:
 
 
 def deviating_rows(table: Sequence[Row]) -> list[Row]:
-    """Rows of an error table whose value differs from the published one by more than 5 %, even if it rounds to it."""
+    """Rows of an error table whose value differs from the published one by more than 5 %.
+
+    A row is included even if its value rounds to the published one (`SAME`).
+    """
     return [row for row in table if row.mark not in (None, WITHIN)]
 
 
@@ -75,10 +79,11 @@ class ErrorTable:
 
 
 def mark_for(value: float, published: float, is_error: bool = True) -> Mark:
-    """Return the verdict on a value compared with the published one: any but `SAME`, which depends on digits.
+    """Return the verdict on a value compared with the published one: `WITHIN`, `BETTER`, `WORSE` or `DIFFERENT`.
 
-    A deviation of exactly 5 % still counts as within 5 %.  If `is_error`, a smaller value is better; any other value,
-    such as a displacement, can be neither better nor worse than the published one.
+    A deviation of exactly 5 % still counts as within 5 %.  If `is_error`, a smaller value is better.  Any other value,
+    such as a displacement, can be neither better nor worse than the published one.  `SAME` is never returned, as it
+    depends on the digits of the published value, which this function does not know.
     """
     deviation = _deviation(value, published)
     if abs(deviation) <= TOLERANCE * (1.0 + 1e-9):
@@ -202,8 +207,10 @@ class Block:
     """Content below one heading: text, errors, animation, drawings, pictures, grids and tables, in this order.
 
     If `grids_first` is true, grids stand before the drawings: their rows fill the end of a page on which no drawing has
-    room.  Two drawings of half a page's width stand side by side; `software` lists names with versions.  On paper the
-    tables stand in this number of `columns`; in one column they are as wide as the page on a screen, too.
+    room.  Two drawings of half a page's width stand side by side.  `software` lists names with versions.
+
+    `columns` is the number of columns in which the `tables` stand on paper.  If it is 1, a table is as wide as the
+    page, also on a screen.
     """
 
     heading: str

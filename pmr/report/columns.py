@@ -92,7 +92,7 @@ class Force:
 class AxisPoints:
     """Points along a body's axis, sorted by x, with their displacements by the reduced model, in the boom's axes.
 
-    Displacements along x are 0, and so are those along y if the response has none of them.
+    Displacements along x are 0.  Displacements along y are 0, too, if the response has no outputs along y.
     """
 
     body: str
@@ -119,8 +119,8 @@ def tip_displacements(result: RunResult) -> Mapping[str, ResponseFunction]:
 def is_round_off(result: RunResult, quantity: ResponseFunction) -> bool:
     """Whether a displacement is at most round-off in every model; `quantity` reads the displacement from a response.
 
-    One bound serves all responses: the largest of their bounds.  A response that states none has as its bound the share
-    `ROUND_OFF` of its largest displacement.
+    The displacement of every response is compared with one bound: the largest `round_off` of all responses.  For a
+    response without `round_off`, the share `ROUND_OFF` of its largest displacement takes its place.
     """
     floors = [
         response.round_off or ROUND_OFF * float(np.abs(response.displacement).max(initial=0.0))
@@ -272,10 +272,10 @@ def _boom_places(
 
 
 def _axis_in_views(result: RunResult, name: str, x: Array, places: Array, t: Array) -> Axis:
-    """Axis called `name` in the axes of the base, as seen from the side and from above, at the times t (S,) in s.
+    """Return the axis called `name` in the base's axes, as seen from the side and from above, at the times t (S,) in s.
 
-    It is measured from the pivot and goes through the `places` (S, n, 3) in m in the boom's axes.  x (n,) in m are the
-    points' distances along the axis.
+    The axis goes through the `places` (S, n, 3) in m, which are in the boom's axes and measured from the pivot.  The
+    distances of these points along the axis are x (n,) in m.
     """
     turned = frame_rotations(result, t)
     sine, cosine = turned[:, 2, 0, None], turned[:, 2, 2, None]  # of the luffing angle

@@ -72,7 +72,7 @@ def with_date(kind: str, summaries: Sequence[Mapping[str, object]]) -> str:
 def render_runs(chapters: Sequence[Chapter], kind: str = KIND) -> str:
     """Render the report of runs, a chapter each, as HTML; `kind` is the kind of document, for its head.
 
-    A single run gives the page its title; several have a general one.
+    A single run gives the page its title; pages of several runs have a general title.
     """
     title = chapters[0].title if len(chapters) == 1 else "Reduced sliding structures"
     headings = list(dict.fromkeys(number.label for chapter in chapters for number in chapter.key_numbers))

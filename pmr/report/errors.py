@@ -53,8 +53,9 @@ def is_compared(result: RunResult) -> bool:
 def rows(result: RunResult) -> list[Row]:
     """Rows of the error table, as far as the run has their values.
 
-    Errors against other models come first, those along single sections last among them.  Then come estimated errors and
-    the allowed error.  The last two rows are the largest displacement and the largest difference to the full model.
+    Errors against other models come first; the last of these are the errors along single sections.  Then come estimated
+    errors and the allowed error.  The last two rows are the largest displacement and the largest difference to the full
+    model.
     """
     errors = (*_error_rows(result), *_further_rows(result), *_section_rows(result), *_estimate_rows(result))
     return [*errors, *_length_rows(result)]
@@ -79,9 +80,10 @@ def error_notes(result: RunResult, table: Sequence[Row]) -> list[str]:
 
 
 def _reaction_notes(result: RunResult) -> Iterator[str]:
-    """Yield sentences that name those reactions of a section's rigid supports that are not compared, with the reason.
+    """Yield up to two sentences on reactions of rigid supports without a row in the error table, with the reason.
 
-    Nothing is yielded if the run was not compared with the full model, or if no reaction was.
+    One sentence names reactions that the full model does not have.  The other one names reactions that are too small
+    (`slight_reactions`).  Nothing is yielded if there is no full model, or if none of its reactions was compared.
     """
     full, reduced, slight = result.responses.get("full"), result.responses["reduced"], slight_reactions(result)
     compared = result.summary.get("errors", {}).get("reduced_vs_full", {})
@@ -123,9 +125,9 @@ def error_name(result: RunResult, kind: str) -> str:
 def _error_rows(result: RunResult) -> Iterator[Row]:
     """Yield a row for each error between two models.
 
-    If the scene has figures from a publication, the row compares the error with them; where the largest difference is
-    known, it is added.  There is no row for a reaction that is nothing beside the largest force or moment (`NOTHING`),
-    nor for a quantity that repeats the name and error of one before it.
+    If the scene states a published error, the row compares the error with it.  The row also has the largest difference
+    if the summary has one.  There is no row for a reaction of at most the share `NOTHING` of the largest force or
+    moment.  Nor is there a row that would repeat both name and error of an earlier row.
     """
     published = result.scene.published
     printed: Mapping[str, Any] = published.model_dump().get("errors", {}) if published else {}
@@ -160,9 +162,10 @@ def _error_rows(result: RunResult) -> Iterator[Row]:
 
 
 def slight_reactions(result: RunResult) -> dict[str, str]:
-    """Reactions that are at most the share `NOTHING` of the run's largest force or moment, in words by their names.
+    """Map the names of slight reactions to words for them, such as ``pivot of base, about x``.
 
-    These are reactions of the reduced model, with the names of its outputs.
+    A reaction is slight if it is at most the share `NOTHING` of the run's largest force or moment.  The names are those
+    of the reduced model's outputs.
     """
     response, largest = result.responses["reduced"], largest_by_unit(result)
     return {
@@ -173,7 +176,11 @@ def slight_reactions(result: RunResult) -> dict[str, str]:
 
 
 def _further_rows(result: RunResult) -> Iterator[Row]:
-    """Yield rows on forces away from impacts, and on references that could not be used; warnings give the reasons."""
+    """Yield rows on comparisons other than plain errors.
+
+    A row says "not judged" of a quantity, or "no reference" of another model; warnings of the run state the reasons.
+    If there are impacts, a row has the error of the contact forces at frequencies at which the tip moves.
+    """
     for kind in result.summary.get("not_judged", {}):
         yield Row("reduced against full", error_name(result, kind), "not judged")
     if (impacts := result.summary.get("impacts")) is not None:
@@ -195,9 +202,9 @@ def _section_rows(result: RunResult) -> Iterator[Row]:
 
 
 def _estimate_rows(result: RunResult) -> Iterator[Row]:
-    """Yield rows with the errors that were estimated without the full model, and a row with the allowed error.
+    """Yield a row for each error that was estimated without the full model, and a row with the allowed error.
 
-    Errors without an estimate have no row, nor has the allowed error of a run without a tolerance.
+    A run without a tolerance has no row with the allowed error.
     """
     estimates = result.summary.get("estimate", {})
     for kind in COMPARED[:5]:

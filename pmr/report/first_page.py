@@ -61,8 +61,9 @@ ROUND_OFF = 1e-9
 def first_page_tables(result: RunResult) -> tuple[Table, ...]:
     """Build the tables of the first page; tables without rows are left out.
 
-    What was computed stands before the input: largest values with a limit, or all largest values if none has one; the
-    errors in brief; what the figures leave out; other largest values; what was simulated; and all errors.
+    What was computed stands before the input.  The tables are, in this order: largest values with a limit; the errors
+    in brief; what the values leave out; other largest values; what was simulated; and all errors.  If no value has a
+    limit, all largest values are in the first table.
     """
     first, *further = _largest_values_tables(result)
     all_tables = (
@@ -77,11 +78,12 @@ def first_page_tables(result: RunResult) -> tuple[Table, ...]:
 
 
 def _left_out_rows(result: RunResult) -> Rows:
-    """Yield a row for each subject with what the scene's model leaves out (`pmr.scene.hints.effects_left_out`).
+    """Yield a row for each subject, such as pads, with the effects that the scene's model leaves out.
 
-    What checks an effect, or several, stands behind it.  Pads that lift off are an effect if a value
-    of the run is with every pad closed.  The last row is on effects of second order, if a run in a frame leaves them
-    out.
+    The effects are those of `pmr.scene.hints.effects_left_out`, and some that depend on the run.  For example, pads
+    that lift off are added if frequencies or a buckling factor were computed with every pad closed.  Behind an effect,
+    or behind several with the same check, stands what checks it.  If a run in a frame leaves out effects of second
+    order, the last row says so.
     """
     in_walls, recovery = wall_stress(result.summary) is not None, result.scene.recovery
     effects = effects_left_out(result.scene, in_walls=in_walls)
@@ -132,10 +134,11 @@ def largest_value_rows(result: RunResult) -> Rows:
 
 
 def _largest_values_tables(result: RunResult) -> list[Table]:
-    """Tables of the largest values with an allowed value, and of the others; a table without rows is left out.
+    """Build a table of the largest values that have an allowed value, and a table of the others.
 
-    If neither has rows, the first one is returned, empty.  In the table of the others, a heading of `HEADINGS` stands
-    above the first row of each part that rows belong to.  If all belong to the same part, there are no headings.
+    A table without rows is left out; if neither has rows, the first one is returned, empty.  In the second table, a
+    heading stands above the first row of each part of the machine (`HEADINGS`).  There are no headings if all rows
+    belong to one part.
     """
     headings, rows = dict[str, str](), largest_values(result)
     limited = [row for row in rows if row.share is not None]
@@ -212,10 +215,11 @@ def _stress_rows(result: RunResult) -> LargestValues:
     """Yield one to three rows on the largest von Mises stress and on its share of the yield stress.
 
     For beams, the first row is that of the stress in walls at pads, if a shell computed it.  Then comes the row of the
-    model's largest stress.  If another point has the largest share of the yield stress, the share has a row of its own
-    after it.  Stresses of beams lack the local bending of walls; so their share is stated as a lower bound, and only if
-    it is above 1.  If no stress was computed, there is one row that says so and names the table of the scene that asks
-    for it.
+    model's largest stress.  This row also states the share of the yield stress, unless the share is larger at another
+    point; then that share has a row of its own.  Stresses of beams lack the local bending of walls.  So their share is
+    stated as a lower bound, and only if it is above 1.
+
+    If no stress was computed, the only row says so and names the table of the scene that asks for stresses.
     """
     summary = result.summary
     largest = summary.get("max_von_mises", {}).get("reduced")
@@ -320,9 +324,9 @@ def _speed_rows(result: RunResult) -> LargestValues:
 def _deflection_rows(result: RunResult) -> LargestValues:
     """Yield a row with the largest tip displacement in each direction in which this displacement exceeds round-off.
 
-    For a boom that is raised or in a frame, z is at right angles to the boom; a further row has the largest vertical
-    part of this displacement, unless the base moves or is inclined.  Where a mass on a wheel crosses other sections,
-    the rows state the displacement of the mass and the largest displacements of these sections.
+    For a boom that is raised or in a frame, z is at right angles to the boom.  Then a further row has the largest
+    vertical part of the displacement along z, unless the base moves or is inclined.  Where a mass on a wheel crosses
+    other sections, the rows state the displacement of the mass, and the largest deflection of each of these sections.
     """
     response, mover = result.responses["reduced"], crossing(result)
     called = f"largest displacement of {mover}" if mover else QUANTITIES["tip"].reported
@@ -371,9 +375,10 @@ def _deflection_text(direction: str, value: float) -> str:
 def _frequency_rows(result: RunResult) -> LargestValues:
     """Yield a row with the lowest natural frequency over the path; nothing if none is known.
 
-    The row also says in which direction this mode moves the tip, where on the path the frequency is lowest, what masses
-    and closed pads it has, and what it is without pads that are open at rest.  A frequency below the share `ROUND_OFF`
-    of the highest frequency is printed as 0.
+    The row also says where on the path the frequency is lowest, and in which direction its mode moves the tip.  It
+    names the masses, and says if the pads count as closed or the luffing cylinder as locked.  It adds the lowest
+    frequency without pads that are open at rest, if this is known.  A frequency below the share `ROUND_OFF` of the
+    highest frequency is printed as 0.
     """
     frequencies = result.frequencies.models.get("reduced")
     if frequencies is None or not frequencies.size or not np.isfinite(frequencies[:, 0]).any():
@@ -393,10 +398,10 @@ def _frequency_rows(result: RunResult) -> LargestValues:
 
 
 def _locked_words(result: RunResult) -> str:
-    """Words that natural frequencies are those with the luffing cylinder locked; empty unless its angle is computed.
+    """Words that say that natural frequencies are those with the luffing cylinder locked.
 
-    If a given length or oil drives the cylinder, the words add that the boom swings more slowly on the cylinder's
-    spring or oil, and with the payload, if there is a hoist.
+    The words are empty unless the luffing angle is computed.  If a given length or oil drives the cylinder, the words
+    add that the boom swings more slowly on the cylinder's spring or oil.  With a hoist they also name the payload.
     """
     if not has_free_luffing(result):
         return ""

@@ -89,10 +89,11 @@ def rope_forces(summary: Summary) -> list[Measured]:
 
 
 def support_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block about supports; None unless one is elastic, or a rigid one other than the pivot bears a force.
+    """Build the block about supports, with figures over time and tables of extremes; None if there is nothing to show.
 
-    The block has figures of the forces of elastic supports over time, and tables of extremes for elastic and rigid
-    supports.  `prefix` begins the identifiers of the figures.
+    There is something to show if a support is elastic, or if a rigid support other than the pivot bears a force.  The
+    figures have the forces of elastic supports, the tables those of elastic and rigid supports.  `prefix` begins the
+    identifiers of the figures.
     """
     caption = "Least and largest forces and moments on rigid supports, positive along the axes"
     if "ground" in result.summary:
@@ -170,8 +171,9 @@ def ground_block(result: RunResult, prefix: str) -> Block | None:
 def driven_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block about what drives a computed luffing angle or extension, over time.
 
-    The block has the extension, the force on it, pressures, flows and power.  The result is None if angle and extension
-    are prescribed, or if nothing drives the luffing angle.  `prefix` begins the identifiers of the figures.
+    The block has the extension, the force on it, pressures, flows and power.  The result is None if angle and
+    extensions are prescribed, and for a computed luffing angle that nothing drives.  `prefix` begins the identifiers of
+    the figures.
     """
     outputs = [output for output in result.responses["reduced"].outputs if output.kind != "probe"]
     driven = [output for output in outputs if output.name.startswith(("extension ", "rate of extension "))]
@@ -220,10 +222,10 @@ def hoist_block(result: RunResult, prefix: str) -> Block | None:
 def _output_block(
     result: RunResult, prefix: str, heading: str, panels: Iterable[Panel], grids: Iterable[Grid], text: str = ""
 ) -> Block | None:
-    """Build a block with a figure for each of the `panels` that has outputs, and those `grids` that have rows.
+    """Build a block with a figure for each of the `panels` that has outputs, and with the `grids` that have rows.
 
-    `heading` and `text` stand above them, and `prefix` begins the identifiers of the figures.  None if there are
-    neither figures nor tables.
+    `heading` and `text` stand above them, and `prefix` begins the identifiers of the figures.  The result is None if
+    there are neither figures nor tables.
     """
     drawings = [
         drawing(f"{prefix}-{panel.anchor}", output_figure, panel.caption, result, panel.outputs)
@@ -241,7 +243,7 @@ def _of_kind(result: RunResult, kind: str) -> list[Output]:
 
 
 def _acting_outputs(result: RunResult, outputs: Sequence[Output], unit: str) -> list[Output]:
-    """The `outputs` in this `unit` that at any time exceed round-off of the largest one."""
+    """Choose those of `outputs` in this `unit` that at any time exceed round-off of the largest one in this unit."""
     response = result.responses["reduced"]
     sizes = [(output, float(np.abs(response.other(output.name)).max())) for output in outputs if output.unit == unit]
     largest = max((size for _, size in sizes), default=0.0)
@@ -275,11 +277,12 @@ def _driven_grid(result: RunResult, key: str) -> Grid:
 def _force_block(result: RunResult, prefix: str, kind: str, heading: str, *more: Grid) -> Block | None:
     """Build a block about outputs of one kind: figures of forces, figures of moments, tables of extremes.
 
-    A figure has at most `MOST_FORCES` panels.  Forces that are round-off at all times, and those that stay below the
-    share `SLIGHT` of the largest of their unit, have no panel, and are named in a sentence.  Those that are round-off
-    are not in the table of extremes, either.  `heading` is the title of the block, `prefix` begins the identifiers of
-    the figures, and `more` are further tables.  None if there are neither outputs of this kind nor further tables with
-    rows.
+    A figure has at most `MOST_FORCES` panels.  Two sentences name the forces without a panel: forces that are round-off
+    at all times, and forces below the share `SLIGHT` of the largest one with the same unit.  The table of extremes
+    lacks only the forces that are round-off.
+
+    `heading` is the title of the block, `prefix` begins the identifiers of the figures, and `more` are further tables.
+    The result is None if there are no outputs of this kind and all further tables are without rows.
     """
     forces, drawn = forces_of(result, kind), list[Drawing]()
     anchor = "forces" if kind == "pad" else kind
@@ -336,9 +339,10 @@ def _caption(result: RunResult, kind: str, unit: str, is_first: bool) -> str:
 
 
 def _force_grid(result: RunResult, kind: str, forces: Sequence[Force]) -> Grid:
-    """Build the table of extremes of forces and moments of one kind, with the largest friction if it is known.
+    """Build the table of extremes of the `forces` (or moments) of one kind, with the largest friction if it is known.
 
-    It has no rows if the only support that gives way is a luffing cylinder on which the summary has an entry.
+    The table is empty for supports if the luffing cylinder is the only one that gives way, and the summary has an entry
+    on this cylinder: its own table has the force.
     """
     response = result.responses["reduced"]
     friction = {of["name"]: f", friction up to {format_quantity(of['friction'], 'N')}"
@@ -360,8 +364,8 @@ def _reaction_grid(result: RunResult, at_pivot: bool, caption: str) -> Grid:
     """Build the table, with its `caption`, of the extremes of forces and moments on rigid supports that bear any.
 
     If `at_pivot` is true, the forces are those at the pivot of a boom in a frame, the sums over all supports.  If it is
-    false, they are those on each of the other supports.  The luffing cylinder's force is left out if the summary has an
-    entry on this cylinder, unless the luffing angle is computed.
+    false, they are those on each of the other supports.  If the luffing angle is prescribed and the summary has an
+    entry on the luffing cylinder, the cylinder's force is left out, as it has its own table.
     """
     response, measured = result.responses["reduced"], list[Measured]()
     for of, extremes in reaction_extremes(response, result.abscissa_at(response.t)).items():

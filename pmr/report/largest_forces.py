@@ -69,10 +69,11 @@ def force_rows(result: RunResult) -> LargestValues:
 
 
 def _driven_rows(result: RunResult) -> LargestValues:
-    """Yield rows on the luffing cylinder and on the drive of a free extension: largest force, length, and oil.
+    """Yield rows on the luffing cylinder and on the drive of a computed extension: largest force, length, and oil.
 
-    If the luffing cylinder's force is limited, a row has the largest share of what is allowed.  There are no rows on a
-    luffing cylinder whose force is not known, nor on an extension that is prescribed.
+    If the scene limits the luffing cylinder's force, a row has the largest used share of this limit.  If force and
+    share are largest at the same time, one row states both.  There are no rows on a luffing cylinder whose force is not
+    known, nor on an extension that is prescribed.
     """
     for way in ("luffing", "extension"):
         if (cylinder := result.summary.get(f"{way}_cylinder")) is None:
@@ -122,7 +123,7 @@ def _allowed_forces_words(result: RunResult) -> str:
 class UsedSupport(NamedTuple):
     """Support that uses the largest share of its `allowed` force in N, with its name in results and its extremes in N.
 
-    The force of a pin with lugs is that of the lug which bears more.
+    A pin with lugs is compared by the force of one lug: of the one that bears more.
     """
 
     name: str
@@ -156,7 +157,10 @@ def _support_use_rows(result: RunResult) -> LargestValues:
 
 
 def _moment_clause(result: RunResult, used: UsedSupport) -> str:
-    """Clause on the largest moment of a support that its share of an allowed force leaves out; empty if none."""
+    """Clause on the largest moment of a support that the used share of its allowed force does not contain.
+
+    The clause is empty if the support `used` bears no moment.
+    """
     names = [
         qualified_name(body, used.support.row_name(direction))
         for body in result.scene.bodies
@@ -176,9 +180,9 @@ def _moment_clause(result: RunResult, used: UsedSupport) -> str:
 def _luffing_length_row(result: RunResult, length: Summary) -> LargestValue:
     """Row on the range of the luffing cylinder's length, beside the stroke that the scene states.
 
-    `length` is the entry of the summary on this length.  The row has a used share only where a prescribed angle needs a
-    length beyond the stroke.  A cylinder that computes the angle has stops, which are springs, so that its length on a
-    stop is a little beyond its stroke.
+    `length` is the entry of the summary on this length.  The row has a used share, above 1, only if prescribed angles
+    need a length beyond the stroke.  For a computed angle it has none: the stops of the cylinder are springs, so that
+    on a stop its length is a little beyond the stroke.
     """
     least, most, frame = length["min"], length["max"], result.scene.frame
     text, share = format_range(least, most, f"{SPACE}m"), None
@@ -194,11 +198,12 @@ def _luffing_length_row(result: RunResult, length: Summary) -> LargestValue:
 def _use_row(
     result: RunResult, key: str, figure: str, share: float, of: str, note: str, of_force: str, least: float = 1.0
 ) -> LargestValue:
-    """Row of the quantity `key`: a `figure`, if any, the `share` that it is `of` a limit, and that with known errors.
+    """Row of the quantity `key`: a `figure`, the `share` that it is of a limit, and this share with all known errors.
 
-    The known errors are those of the force with the key `of_force` from all sources, and that of the limit, which may
-    be as small as `least` times its value.  `note` stands below.  If the errors of the force are not known, the row has
-    the `share` alone.  If `least` is not above 0, the share with errors is infinite.
+    `of` are words for the limit, and `note` is the second line of the text.  The figure may be empty.  With errors, the
+    share is larger by the error of the force with the key `of_force`, summed over all sources.  It is then divided by
+    `least`, the smallest value of the limit as a share of its stated value, 1 if the limit is exact.  The result is
+    infinite if `least` is not above 0.  If the error of the force is not known, the row has the `share` alone.
     """
     error = trust.summed_errors(result.summary).by_key.get(of_force)
     with_errors = None if error is None else share * (1.0 + error) / least if least > 0.0 else np.inf
@@ -215,7 +220,11 @@ def _push_or_pull(force: Extreme) -> str:
 
 
 def _pressure_rows(result: RunResult) -> LargestValues:
-    """Yield rows with the largest mean pressure of a pad on a face, and with the largest share of an allowed one."""
+    """Yield a row with the largest mean pressure of a pad, and one with the largest share of an allowed pressure.
+
+    If one pad has both, only the second row is yielded, as it states the pressure, too.  Pads without a pressure, and
+    without an allowed one, have no row.
+    """
     if pads := [pad for pad in result.summary.get("pads", ()) if "pressure" in pad]:
         pad = max(pads, key=lambda pad: float(pad["pressure"]))
         limited = [of for of in pads if "allowed_pressure" in of]
@@ -256,12 +265,14 @@ def _hoist_rows(result: RunResult) -> LargestValues:
 
 
 def _forces_by_kind_rows(result: RunResult) -> LargestValues:
-    """Yield a row for each kind of force or moment in `FORCES`.
+    """Yield a row for each kind of force or moment in `FORCES`: its largest value, the part that bears it, its time.
 
-    The row states its largest value, the part that bears it, and the time.  A kind without a force, or with a force of
-    0 at all times other than that of supports, has no row; nor have forces on the ground if the machine has outriggers.
-    The row of pad forces is followed by that on the force at which walls yield, if it is known.  The force of a support
-    or lug has no row if its use of an allowed force has one.
+    A kind that is 0 at all times has no row, except for supports.  Some rows are left out because others say more:
+
+    - Forces on the ground, if the machine has outriggers.
+    - The force of a support or lug, if a row states which share of an allowed force it uses.
+
+    The row of pad forces is followed by the row on the force at which walls yield, if this force is known.
     """
     used = _used_support(result)
     for key, forces in _extremes_of_forces(result).items():
@@ -290,10 +301,11 @@ def _forces_by_kind_rows(result: RunResult) -> LargestValues:
 
 
 def _dynamic_factor_rows(result: RunResult) -> LargestValues:
-    """Yield one row that lists the dynamic factors: largest forces of this motion over those at rest.
+    """Yield one row that lists the dynamic factors: the largest forces of this motion divided by the forces at rest.
 
-    Those at rest are in the same posture, under the same loads.  Nothing is yielded if the summary has no
-    ``dynamic_factors``.  If supports have factors of their resultants, those of their components are left out.
+    The forces at rest are those in the same posture, under the same loads.  Nothing is yielded if the summary has no
+    ``dynamic_factors``.  If supports have factors of their resultants, the factors of the resultants' components are
+    left out.
     """
     rows = result.summary.get("dynamic_factors", ())
     hidden = "reaction" if any(row["kind"] == "resultant" for row in rows) else ""
@@ -318,9 +330,9 @@ def _factor_words(row: Summary) -> str:
 
 
 def _rest_text(row: Summary) -> str:
-    """Text of the value at rest in `row`, an entry of dynamic factors in a summary: an amount, or a share for tipping.
+    """Text of the value at rest in `row`, an entry of dynamic factors in a summary.
 
-    Amounts are in N, without their sign.
+    It is the amount of a force in N, without its sign.  For tipping it is a share in per cent.
     """
     return format_percent(row["rest"]) if row["kind"] == "tipping" else format_quantity(abs(row["rest"]), "N")
 
@@ -452,9 +464,11 @@ def _machine_rows(result: RunResult) -> LargestValues:
 
 
 def _ground_rows(result: RunResult) -> LargestValues:
-    """Yield rows with the smallest force of an outrigger, the least margin against tipping and the polygon's use.
+    """Yield rows with the smallest force of an outrigger, the least margin against tipping and the use of the polygon.
 
-    Each row names the outrigger or edge.  Nothing is yielded if the summary has no forces on the ground.
+    The first two rows name the outrigger or the edge of the support polygon.  The row of the polygon's use names
+    neither; it has a time and says that the machine tips at 100 %.  Nothing is yielded if the summary has no forces on
+    the ground.
     """
     if (ground := result.summary.get("ground")) is None:
         return
@@ -475,10 +489,11 @@ def _ground_rows(result: RunResult) -> LargestValues:
 
 
 def _margin_error(result: RunResult) -> str:
-    """Clause with the error of a margin against tipping, which is the error of the boom's moment about the pivot.
+    """Clause with the error of a margin against tipping in N m.
 
-    The boom's moment comes from pin and luffing cylinder.  The moments of the machine's masses are exact for their
-    given places.  The clause says that the error is not known if a part of it is missing.
+    This is the error of the boom's moment about the pivot, which comes from pin and luffing cylinder.  The moments of
+    the machine's masses have no error, as their places are given.  If a part of the error is missing, the clause says
+    that the error is not known.
     """
     summed, names = trust.summed_errors(result.summary), [f"{PIVOT}{axis}" for axis in ("rx", "ry")]
     keys = [key for key in MARGIN_ERRORS if key in summed.by_key]

@@ -213,10 +213,10 @@ ALMOST_ALL = 0.98  # share of the cells within the colour scale: a few peaks mus
 
 @dataclass(frozen=True)
 class Moment:
-    """Stored time of the fields that is drawn: its index `frame`, the time t in s, and the state at this time.
+    """A stored time at which the bodies are drawn, and the state of the bodies at this time.
 
-    The mouth is at the path coordinate s in m, and the body extends `extension` m beyond the mouth; `peak` is the
-    largest stress in Pa.
+    `frame` is the number of the time among the times of the fields, and `t` is the time in s.  The mouth is at the path
+    coordinate `s` in m, and the body extends `extension` m beyond the mouth.  `peak` is the largest stress in Pa.
     """
 
     frame: int
@@ -236,7 +236,8 @@ class PointOfBody(NamedTuple):
 class MovingBodies:
     """Bodies of a run that are drawn, at the F times at which their fields are stored.
 
-    The fields are the recovered ones; if there are none, displacements of the points along the axes of all bodies.
+    The fields are the recovered ones.  If there are none, they are displacements of the points along the axes of all
+    bodies.
 
     Attributes
     ----------
@@ -246,11 +247,12 @@ class MovingBodies:
     mouth : (F,) array, m
         Path coordinate of the mouth.  For a boom it is the largest reach minus the reach.
     shifts : dict of (F,) arrays, m
-        Shift along x with which each body is drawn.  A body alone is shifted by -s, so that the mouth is drawn at 0; a
-        section of a boom by the position of its tail along the boom, measured from the tail of the base.
-    stresses, displacements : (F,) arrays, Pa and m
-        Largest von Mises stress of all cells, which bodies without `cell_stresses` lack, and length of the largest
-        displacement.
+        Shift along x with which each body is drawn.  A body alone is shifted by -s, so that the mouth is drawn at 0.  A
+        section of a boom is shifted by the position of its tail along the boom, measured from the tail of the base.
+    stresses : (F,) array, Pa
+        Largest von Mises stress of all cells; raises ValueError if no body has stresses (`cell_stresses` is empty).
+    displacements : (F,) array, m
+        Length of the largest displacement of all points.
     scale : float
         Factor, a round number, by which displacements are enlarged.
     """
@@ -327,10 +329,10 @@ class MovingBodies:
     def moments(self) -> list[Moment]:
         """Return the moments that are drawn, in order of time: at most one for each third of the mouth's range.
 
-        In each third, it is the stored time with the largest stress among all times at which the mouth is there.  If
-        there are no stresses, it is the time with the largest displacement.  If the mouth does not move, there is one
-        moment.  Of two moments whose mouths are less than the share `ALIKE` of the range apart, one is returned: that
-        with the larger stress or displacement.
+        From the times at which the mouth is in a third, the time with the largest stress is taken.  Without stresses it
+        is the time with the largest displacement.  If the mouth does not move, there is one moment.  Two moments are
+        too much alike if their mouths are less than the share `ALIKE` of the range apart.  Then only the one with the
+        larger stress or displacement is returned.
         """
         s, weight = self.mouth, self.stresses if self.cell_stresses else self.displacements
         parts = np.clip(((s - s.min()) / max(np.ptp(s), 1e-12) * EXTENSIONS).astype(int), 0, EXTENSIONS - 1)
@@ -345,9 +347,9 @@ class MovingBodies:
     def moment_of_peak(self) -> Moment:
         """Return the stored moment nearest to the time of the largest stress in the summary.
 
-        That time itself may not be stored, as fields may be kept at fewer times than stresses.  If the summary has no
-        such time, the moment with the largest stress in the fields is returned, or with the largest displacement if the
-        fields have no stresses.
+        Stresses may be computed at more times than fields are stored, so that the moments can be apart.  If the summary
+        has no such time, the result is the moment with the largest stress in the fields.  If the fields have no
+        stresses, it is the moment with the largest displacement.
         """
         named, weight = self.summary_peak.get("t"), self.stresses if self.cell_stresses else self.displacements
         return self._moment(int(np.argmax(weight)) if named is None else int(np.argmin(np.abs(self.t - named))))

@@ -63,9 +63,13 @@ MILLIONS = {"N/m": Unit(1e6, "kN/mm"), "N m/rad": Unit(1e6, "MN m/rad")}
 def unit_for(largest: float, base: str) -> Unit:
     """Return the unit with the prefix by which the value `largest`, given in the unit `base`, is printed as 1 to 1000.
 
-    Lengths in m and times in s get no prefix above 1, such as k.  Quotients such as N/m, and products other than N m,
-    get no prefix at all; nor does any unit if `largest` is 0 or not finite.  A unit in `FIXED` is always printed in the
-    unit that stands there, and one in `MILLIONS` is printed in that unit from 1e6 on.
+    Some units get no such prefix:
+
+    - A unit in `FIXED` is always printed in the unit that stands there.
+    - A unit in `MILLIONS` is printed in the unit that stands there from 1e6 on.
+    - Lengths in m and times in s get no prefix above 1, such as k.
+    - Quotients such as N/m, and products other than N m, get no prefix at all.
+    - No unit gets a prefix if `largest` is 0 or not finite.
     """
     if base in FIXED:
         return FIXED[base]
@@ -150,9 +154,9 @@ def format_quantity(value: float, base: str, digits: int = 3) -> str:
 
 
 def format_length(value: float, digits: int = 3) -> str:
-    """Format the length `value` in m with `digits` digits: in mm from 0.01 mm to 1 m.
+    """Format the length `value` in m with `digits` digits: in mm from 0.01 mm to 1 m, so that lengths compare easily.
 
-    Lengths in one unit are compared easily.  Others are in m with the prefix that suits them.
+    Lengths of 1 m or more are in m.  Lengths below 0.01 mm are in the unit that suits them, such as µm.
     """
     if 1e-5 <= abs(value) < 1.0:
         return f"{significant(1e3 * value, digits)}{SPACE}mm"
@@ -191,7 +195,7 @@ def enlargement(largest: float, target: float) -> float:
 def share_captured(kappa: float, count: int) -> str:
     """Format the share kappa (0 to 1) that `count` vectors capture.
 
-    If kappa is less than 1e-6 below 1, the missing share 1 - kappa is formatted.
+    If the missing share 1 - kappa is below 1e-6, the missing share is formatted in place of kappa.
     """
     missing = 1.0 - kappa
     if missing < 1e-15:

@@ -83,9 +83,10 @@ def system_rows(result: RunResult) -> Rows:
 
 
 def angle_rows(result: RunResult) -> Rows:
-    """Yield rows with the ranges of luffing and slewing angle, without those that are 0 at all times.
+    """Yield rows with the ranges of luffing and slewing angle, without angles that are 0 at all times.
 
-    Without a frame, a row says by how much the boom is raised; without weight there is none.
+    Without a frame, a row says by how much gravity's direction raises the boom.  Without frame and weight there is no
+    row.
     """
     scene, gravity = result.scene, result.scene.gravity
     if scene.frame is not None and result.frame is not None:
@@ -100,7 +101,11 @@ def angle_rows(result: RunResult) -> Rows:
 
 
 def length_rows(result: RunResult) -> Rows:
-    """Yield a row with the range of the boom's length or, for other scenes, of the place of what moves along it."""
+    """Yield a row with the range of the boom's length in m.
+
+    Where a mass on a wheel crosses a section, the row has the way of this mass.  For a body alone, it has the length
+    beyond the mouth or the position of the slider; there is no row if nothing slides.
+    """
     if result.reach is not None and (mover := crossing(result)):
         yield f"way of {mover}", format_range(float(result.reach.min()), float(result.reach.max()), f"{SPACE}m")
     elif result.reach is not None:
@@ -124,7 +129,10 @@ def _place_from_pivot(x: float, z: float) -> str:
 
 
 def describe_hoist(hoist: Hoist, end: float) -> str:
-    """Describe the payload on a hoist, the number of falls of its rope, and the payload's wind until `end` in s."""
+    """Describe the payload on a hoist, the falls of its rope, and the axes along which wind acts on the payload.
+
+    Only wind that acts before the time `end` in s is named.
+    """
     hook = f" with a hook of {format_input(hoist.hook, 'kg')}" if hoist.hook else ""
     falls = "one fall" if hoist.falls == 1 else f"{hoist.falls} falls"
     axes = [axis for axis, signal in hoist.wind.signals.items() if any(signal.bounds(0.0, end))]
@@ -170,9 +178,10 @@ def _tip_rows(result: RunResult) -> Rows:
 
 
 def load_text(load: AppliedLoad) -> str:
-    """Describe a load by the range of its values, its position and its axis; one that is always 0 is described as such.
+    """Describe a load by the range of its values, its place and its axis, such as ``up to 2 kN at 3 m along z``.
 
-    A load that is never positive is described as a positive load along the opposite axis.
+    A load that is never positive is described as a positive load along the opposite axis.  A load that is always 0 is
+    described as "0 at all times".
     """
     source, values = load.source, load.values
     axis = f"{source.direction} of the ground" if source.axes == "ground" else load.direction
@@ -270,13 +279,19 @@ BESIDE = (("to the left", "to the right"), ("above", "below"))
 
 
 def _distances(at: Sequence[float], words: Sequence[tuple[str, str]]) -> str:
-    """Words for the coordinates `at` in m, each by the first or second of its `words` for its sign; without zeros."""
+    """Words for the coordinates `at` in m, such as ``0.2 m ahead of it, 0.1 m above``, without coordinates that are 0.
+
+    `words` has a pair for each coordinate: the words for a positive and for a negative value.
+    """
     ways = zip(at, words, strict=True)
     return ", ".join(f"{format_input(abs(round(d, 3)), 'm')} {of[int(d < 0.0)]}" for d, of in ways if round(d, 3))
 
 
 def _play_words(ring: PadRing | JointPads) -> str:
-    """Clause with the play of pads that only push, their clearance by face; empty if they touch from the start."""
+    """Clause with the play of a ring of pads that only push, by face; empty if the pads touch from the start.
+
+    The play is the `clearance` of the ring.
+    """
     by_face = ring.clearance if isinstance(ring.clearance, dict) else {"": ring.clearance}
     plays = [f"{face} {format_quantity(play, 'm')}".strip() for face, play in by_face.items() if play]
     return f"play {', '.join(plays)}" if plays else ""

@@ -326,8 +326,8 @@ def encode_array(values: Array) -> dict[str, Any]:
 def playback_speeds(duration: float) -> dict[str, Any]:
     """Playback speeds of a motion of `duration` s, as multiples of real time.
 
-    ``first`` is the largest round speed at which the motion plays for at least `PLAYING` s; ``choices`` are this speed,
-    real time and four others, from a fifth to four times of the first, in ascending order.
+    ``first`` is the largest round speed at which the motion plays for at least `PLAYING` s.  ``choices`` are 0.2, 0.5,
+    1, 2 and 4 times this speed, and real time, in ascending order.
     """
     first = round_number(max(duration / PLAYING, 1e-6))
     choices = {float(f"{choice * first:.3g}") for choice in (0.2, 0.5, 1.0, 2.0, 4.0)}

@@ -78,8 +78,12 @@ class SceneWords:
     def rows(self, tables: BaseModel, unused: Mapping[str, Sequence[str]]) -> Rows:
         """Yield rows (name, text) about the tables within `tables`, which is a whole scene or a section of it.
 
-        `unused` names keys without effect, by the key of their table; no rows show them.  Its names for the empty key
-        are whole tables without effect.
+        A table gives a row for each of its keys with a value that says something (`_telling_values`).  For example, the
+        key ``step`` of ``[time]`` gives the row "time step".  Tables in `SETTINGS` give no rows for default values.  A
+        list of tables gives a row for each table.  A signal, or another value that is not a table, gives one row.
+
+        `unused` maps the key of a table to a list of keys in it that have no effect and get no row.  It must have the
+        empty key: its list names whole tables (and other values) of `tables` that get no row.
         """
         for key, part in _telling_values(tables, unused[""]):
             hidden, defaults = unused.get(key, ()), key not in SETTINGS
@@ -91,11 +95,11 @@ class SceneWords:
                 yield from self._rows_of_value(tables, key, part, name, defaults)
 
     def _rows_of_value(self, table: BaseModel, key: str, value: object, name: str, defaults: bool) -> Rows:
-        """Yield a row with the value of a key under `name`; for a list of tables, a row for each of these.
+        """Yield a row with the value of a key, called `name`; for a list of tables, yield a row for each table.
 
-        The row of a table in a list is called by the singular of `name` and the name of the table, if it has one.  It
-        is there even if its description is empty; no row is yielded for any other value without a description.  If
-        `defaults` is false, the tables of a list are described without keys that have their default values.
+        The row of a table in a list is called by the singular of `name` and the name of the table, such as "load wind".
+        It is yielded even without a description.  Any other value without a description has no row.  If `defaults` is
+        false, tables of a list are described without keys that have their default values.
         """
         if isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
             single = name.removesuffix("es" if name.endswith("sses") else "s")
@@ -190,8 +194,10 @@ def _format_numbers(values: Sequence[float], unit: str) -> str:
 def _telling_values(table: BaseModel, unused: Sequence[str], defaults: bool = True) -> Iterator[tuple[str, object]]:
     """Yield key and value of those keys of a table whose values say something, the kind of the table first.
 
-    Keys that are `unused` or None are left out, and default values that are words, switches, lists, 0 or 1.  So are all
-    other default values unless `defaults` is true.  Defaults that are tables, the kind and the keys in `ALWAYS` stay.
+    Left out are keys that are `unused` or None, and keys with their default values.  These default values stay:
+
+    - tables, the kind, and keys in `ALWAYS` if they are not empty,
+    - numbers other than 0 and 1, if `defaults` is true.
     """
     unused = (*unused, *getattr(table, "unused_keys", ()))
     fields = type(table).model_fields
@@ -253,10 +259,10 @@ def size_rows(result: RunResult) -> Rows:
 
 
 def _section_size_rows(result: RunResult) -> Rows:
-    """Yield a row for each section with its coordinates in the full and in the reduced model.
+    """Yield a row for each section with its coordinates in full and reduced model, such as ``4 212 → 8 + 3``.
 
-    Coordinates of the reduced model beyond the key ``coordinates`` stand behind a plus; a last row says what they are
-    for.
+    The number after the plus are coordinates beyond the section's key ``coordinates``; a last row says what they are
+    for.  In a run with a tolerance no number has a plus, as the tolerance decides the number of coordinates.
     """
     more, is_sized = False, "accuracy" in result.summary  # a tolerance sizes sections without regard to their keys
     for row in result.summary.get("sections", ()):
@@ -272,9 +278,9 @@ def _section_size_rows(result: RunResult) -> Rows:
 
 
 def time_rows(seconds: Summary) -> Rows:
-    """Yield a row with the wall time in s of each part of the run; `seconds` are these times, in nested mappings.
+    """Yield a row with the wall time in s of each part of the run.
 
-    A row has the name of the innermost mapping's key alone.
+    `seconds` are these times, in mappings that may be nested.  A row is named by the innermost key alone.
     """
     for name, value in seconds.items():
         if isinstance(value, Mapping):

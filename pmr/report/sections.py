@@ -168,9 +168,9 @@ def energy_block(result: RunResult, prefix: str) -> Block:
 def basis_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block with basis vectors, singular values of the snapshots, and natural frequencies.
 
-    Basis vectors are drawn only if the tip moves along z alone, singular values only for a body alone whose basis is
-    made from snapshots.  Figures and tables for which the run has no data are left out; None is returned if it has data
-    for none of them.  `prefix` begins the identifiers of the figures.
+    Basis vectors are drawn only if the tip moves along z alone.  Singular values are drawn only for a body alone whose
+    basis is made from snapshots.  Figures and tables without data are left out; if nothing is left, the result is None.
+    `prefix` begins the identifiers of the figures.
     """
     drawings = list[Drawing]()
     for number, (name, body) in enumerate(result.bodies.items()):

@@ -43,10 +43,10 @@ MOST_PLACES = 2
 
 
 def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
-    """Yield the key numbers of a run: its error, time of the simulation, and coordinates.
+    """Yield the key numbers of a run: its error, the time of the simulation, and the number of coordinates.
 
-    The error is the largest one after those of all sources are added up or, if there are no sums, that along the beam
-    or its estimate.  Numbers that are not known are left out.
+    If errors of several sources can be added up, the error is the largest of these sums.  If not, it is the error along
+    the beam or its estimate.  Numbers that are not known are left out.
     """
     totals = trust.summed_errors(result.summary)
     if totals.by_key:
@@ -65,7 +65,7 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
 
 
 def _error_key_numbers(result: RunResult) -> Iterator[KeyNumber]:
-    """Yield the error along the beam or, if it is not known, its estimate; nothing if that is not known either."""
+    """Yield the error along the beam; its estimate if the error is not known, or nothing if neither is known."""
     errors = result.summary.get("errors", {}).get("reduced_vs_full", {})
     estimated = result.summary.get("estimate", {}).get("beam")
     without = "" if estimated is None else f"estimated without the full model {format_percent(estimated)}"
@@ -79,11 +79,11 @@ def _error_key_numbers(result: RunResult) -> Iterator[KeyNumber]:
 
 
 def _simulation_time(result: RunResult) -> Iterator[KeyNumber]:
-    """Yield the ratio of the full model's simulation time to the reduced model's, if one simulator computed both.
+    """Yield how many times faster the reduced model was simulated than the full model; else its simulation time.
 
-    If different simulators did, or the full model was not simulated, yield the simulation time of the reduced model.
-    Nothing is yielded if the latter is not known.  The note has both times, and compares the time of the reduced model
-    with the simulated time.
+    The ratio is only yielded if one simulator computed both models.  Nothing is yielded if the time of the reduced
+    model is not known.  The note has the times of both models, and compares the time of the reduced model with the
+    simulated time.
     """
     reduced, full = (
         result.responses[name].seconds if name in result.responses else 0.0 for name in ("reduced", "full")
@@ -147,11 +147,11 @@ def energy_sentence(result: RunResult) -> str:
 class LargestValue(NamedTuple):
     """Row of the table of largest values.
 
-    The first line of `text` is the figure, beside its limit if it has one; a second line, in small type, begins with
-    place and time and says what holds for the figure.  `share` is the share of the allowed value, None if there is
-    none; `place` is the part of the boom that the value belongs to, as `pmr.results.quantities.Quantity` names it.  It
-    is empty for a row that stands after those of the whole boom.  `key` is that of the quantity, empty if there is
-    none.
+    The first line of `text` is the value, beside its limit if it has one.  A second line, in small type, begins with
+    place and time and says what holds for the value.  `share` is the share of the allowed value, None if there is none.
+
+    `place` is the part of the boom that the value belongs to, as `pmr.results.quantities.Quantity` names it.  An empty
+    place puts the row after the rows of the whole boom.  `key` is the key of the quantity, empty if there is none.
     """
 
     name: str
@@ -184,7 +184,10 @@ class Measured(NamedTuple):
 
     @classmethod
     def from_summary(cls, name: str, key: str, summary: Summary) -> Measured:
-        """Return the extremes in an entry `summary` of a run, called `name`, in the unit of the quantity `key`."""
+        """Return the extremes in `summary`, an entry of a run's summary, with their `name` on pages.
+
+        Their unit is that of the quantity `key`.
+        """
         return cls(name, QUANTITIES[key].unit, Extremes.from_summary(summary))
 
 
@@ -207,10 +210,12 @@ def extremes_grid(
 ) -> Grid:
     """Build a table with the least and the largest value of all that was measured, with their times and places.
 
-    Values of one unit have one prefix.  A value is printed as 0 if its magnitude is at most `NOTHING` times the largest
-    one of its unit, in the table or among all forces or moments of the run, or if it is at most `floor`.  `where` are
-    words for the places, by default `then_words`; `remark` is a sentence after the caption.  What has no name is called
-    slider.
+    Values of one unit have one prefix.  A value is printed as 0 if its magnitude is at most `floor`.  It is also
+    printed as 0 if it is at most `NOTHING` times the largest value with its unit: in this table, and among all forces
+    and moments of the run.
+
+    `where` are words for the places, by default `then_words`; `remark` is a sentence after the caption.  A value
+    without a name is called slider.
     """
     placed, rows, small = where is not None or bool(moving_part(result)), [], False
     largest = largest_by_unit(result) if measured else {}
@@ -239,10 +244,10 @@ def _extreme_cells(extremes: Extremes, unit: Unit, negligible: float, placed: bo
 
 
 def then_words(result: RunResult) -> str:
-    """Clause on the position at which extremes occur: that of mouth or slider on a body alone, else the boom length.
+    """Clause that names the position that is stated beside an extreme; empty if nothing slides.
 
-    Where a mass on a wheel crosses another section, it is the place of the wheel.  The clause is empty if nothing
-    slides.
+    For a body alone it is the position of mouth or slider, for a boom its length.  Where a mass on a wheel crosses
+    another section, it is the place of this mass.
     """
     part = moving_part(result)
     if not part:

@@ -47,10 +47,10 @@ class AppliedLoad:
 
 
 def play_clause(result: RunResult, quantity: str, name: str = "") -> str:
-    """Clause with the largest value of a quantity in a run with another play of the pads (``budget.play``).
+    """Clause with the largest value of a `quantity` in the run with another play of the pads (``budget.play``).
 
-    `name` is the name of the part or direction of the value.  If there was no such run, the clause says so where pads
-    only push and have no play; otherwise it is empty.
+    `name` is the part or direction that the value belongs to.  If there was no such run, the clause says that the value
+    was computed without play, provided that pads only push and have no play.  In any other case the clause is empty.
     """
     play = play_summary(result)
     for row in play.get("rows", ()):
@@ -83,7 +83,8 @@ def direction_words(result: RunResult, direction: str) -> str:
 def elevation(result: RunResult, t: Array) -> Array | None:
     """Angles (T,) in rad from level to the boom at times t (T,) in s.
 
-    The result is None on a base that moves or is inclined, and without a frame if no weight acts.
+    The result is None if a base moves or is inclined.  Without a frame, the angle is constant, that of gravity; it is
+    None if no weight acts.
     """
     if result.frame is None:
         gravity = result.scene.gravity
@@ -123,10 +124,10 @@ def structural_model_words(model: str, walls: str) -> str:
 
 
 def choice_clause(measured: Summary) -> str:
-    """Clause that states why measurements chose a model: the error of each model that was tried, and the allowed error.
+    """Clause that states why measurements chose a model.
 
-    `measured` is the summary's entry on these measurements.  If no model could be compared, the clause says that the
-    smallest one was taken, and why.
+    It has the error of each model that was tried, and the allowed error.  If no model could be compared, the clause
+    says that the smallest one was taken, and why.  `measured` is the summary's entry on these measurements.
     """
     if "reason" in measured:
         return f"the smallest one, which nothing could be compared with: {measured['reason']}"
@@ -173,8 +174,8 @@ def slider_offsets(result: RunResult) -> tuple[float, ...]:
 def reach(result: RunResult) -> float:
     """Length of a body alone in m; for a boom, its largest reach.
 
-    If the scene does not state the body's length, it is the largest x of the points of its fields.  Without fields, it
-    is the end of the range in which the scene observes displacements, or 0.
+    If the scene does not state the body's length, the largest x of the points of its fields is taken.  Without fields,
+    it is the end of the range in which the scene observes displacements; without such an end, 0.
     """
     if result.reach is not None:
         return float(result.reach.max())
@@ -237,8 +238,8 @@ def changing_angles(result: RunResult) -> dict[str, SignalBase]:
 def drive_of(rope: Mapping[str, object]) -> str:
     """Return ``rope`` or ``cylinder``: the part that carries the force of an entry of ``ropes`` in summary.json.
 
-    The part is a rope if the entry's section follows another section, or if the entry has a length.  A section with a
-    length that follows no other one may hang on the rope of a winch.
+    The part is a rope if the entry's section follows another section.  It is also a rope if the entry has a length, as
+    the section may hang on the rope of a winch.
     """
     return "rope" if rope["follows"] or "length" in rope else "cylinder"
 
@@ -334,6 +335,9 @@ def field_times(result: RunResult, body: BodyResult) -> Array:
 
 
 def with_shown_label(result: RunResult, text: str) -> str:
-    """Text in which the label of support forces names the luffing cylinder if it is the only support that gives way."""
+    """Replace the label of support forces in a text by that of the luffing cylinder's force.
+
+    The text is returned unchanged unless the luffing cylinder is the only support that gives way.
+    """
     alone = is_luffing_cylinder_alone(result)
     return text.replace(QUANTITIES["support_force"].label, QUANTITIES["luffing_force"].label) if alone else text

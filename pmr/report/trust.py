@@ -36,9 +36,9 @@ WALLS = "in stresses the bending of a beam's walls under pads, which a shell has
 def trust_table(result: RunResult) -> Table:
     """Build the table of errors of model, mesh, time step and reduction, and of what these errors do not cover.
 
-    A row has a bar if its error is known.  The bar shows the largest of the row's errors on a logarithmic scale, which
-    begins at `LEAST` and is the same for all bars.  If two or more sources have errors, a row adds these up.  Changes
-    by another play of the pads have a row if a run had such a play.
+    Each source of errors has a row.  If errors of two or more sources are known, a further row has their sums.  A row
+    on the play of the pads is added if a run had another play.  A bar shows the largest error of its row on a
+    logarithmic scale, which begins at `LEAST` and is the same for all bars.
     """
     summary = result.summary
     budget, step, estimate = (summary.get(name) or {} for name in ("budget", "step", "estimate"))
@@ -153,7 +153,10 @@ def _play_text(result: RunResult) -> str:
 
 
 def _stress_certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
-    """Yield a row on the error of the stress in walls at pads, if known, and one on errors that are not known."""
+    """Yield a row on the error of the stress in walls at pads, and a row on other stresses, whose error is not known.
+
+    If the first error is not known either, one row says so of all stresses.
+    """
     walls, unknown = wall_stress(result.summary), f"not known, because {' and '.join(_stress_gaps(result))}"
     if walls is None or not (error := wall_stress_error(result.summary)):
         yield "stress", unknown
@@ -167,10 +170,10 @@ def _stress_certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
 
 
 def wall_stress_error(summary: Summary) -> float | None:
-    """Return the relative error of the largest stress in walls: that by the mesh of the walls and that of pad forces.
+    """Return the relative error of the largest stress in walls: the error by their mesh plus that of the pad forces.
 
-    If the error of the pad forces is not known, the result is the error by the mesh alone.  None is returned if the
-    `summary` has no such stress, if the stress is 0, and for files of earlier versions, which have no error of it.
+    If the error of the pad forces is not known, it counts as 0.  The result is None if the `summary` has no such
+    stress, if the stress is 0, and for files of earlier versions, which have no error of it.
     """
     walls = wall_stress(summary)
     if walls is None or "error" not in walls or not walls["value"]:
@@ -219,9 +222,9 @@ def _errors_by_source(summary: Summary) -> dict[str, dict[str, float]]:
 class SummedErrors:
     """Relative errors added up over their sources, by the key of a quantity.
 
-    `sources` are the sources in the sum of a quantity, `lacking` are those that state no error in this quantity.  A
-    quantity is left out if the model or the mesh states errors, but none in this quantity.  There are no sums unless
-    two sources or more state errors.
+    `sources` has the sources in the sum of each quantity.  `lacking` has the sources that state no error in the
+    quantity, without those that cannot affect it.  A quantity is left out if the model or the mesh states errors, but
+    none in this quantity.  There are no sums at all unless two sources or more state errors.
     """
 
     by_key: Mapping[str, float]
@@ -265,7 +268,10 @@ def pad_force_error(summary: Summary) -> float | None:
 
 
 def _lacking_clauses(summed: SummedErrors) -> Iterator[str]:
-    """Yield a clause for each source that some sums lack; it names the quantities of these sums unless all lack it."""
+    """Yield a clause for each source that some sums lack, such as "the error of the mesh".
+
+    If other sums have an error of this source, the clause adds the quantities of the sums that lack it.
+    """
     for source in dict.fromkeys(name for names in summed.lacking.values() for name in names):
         keys = [key for key, names in summed.lacking.items() if source in names]
         stated = [key for key in summed.by_key if key not in keys and source in summed.sources[key]]
@@ -274,9 +280,10 @@ def _lacking_clauses(summed: SummedErrors) -> Iterator[str]:
 
 
 def _step_words(step: Mapping[str, object]) -> str:
-    """Words before the error of the time step, which say whether it is a lower bound or that of the mean motion.
+    """Words before the error of the time step: "of the mean motion, ", "at least ", both or none.
 
-    `step` is the entry ``step`` of the summary.  The words are empty if neither holds.
+    "At least" stands before an error that is a lower bound, as it did not settle with smaller steps.  `step` is the
+    entry ``step`` of the summary.
     """
     least = "at least " if not step.get("settled", True) else ""
     return f"{'of the mean motion, ' if step.get('by') == 'mean' else ''}{least}"

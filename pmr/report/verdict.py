@@ -22,9 +22,9 @@ LIMITED_BY = {"stress": ("wall_stress", "utilisation"), "support": ("support_use
 
 
 def verdict(result: RunResult) -> Verdict:
-    """Return the verdict on a run: the values above their limits, or the one that is closest to its limit.
+    """Return the verdict on a run: all values above their limits or, if there are none, the value closest to its limit.
 
-    If all limits are kept, values that exceed theirs together with the known errors are named, too.  The notes say
+    In the second case, values that exceed their limits together with the known errors are named, too.  The notes say
     which quantities have no limit, and which effects on strength are not checked.
     """
     rows = first_page.largest_values(result)

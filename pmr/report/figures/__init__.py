@@ -115,9 +115,9 @@ def make_sheet(
 ) -> Sheet:
     """Make an empty figure of `width` x `height` inches, and its axes (rows, columns).
 
-    `margins` (``left``, ``right``, ``top``, ``bottom``) are in inches; those that are not in `margins`, or all if None
-    is passed, have defaults.  So the axes of different figures line up, and no text has to be measured.  `grid` holds
-    further keywords of `Figure.subplots`.
+    `margins` are the distances in inches between axes and edges of the figure: ``left``, ``right``, ``top``,
+    ``bottom``.  A margin that is not stated has its default.  Fixed margins make the axes of different figures line up,
+    and no text has to be measured.  `grid` holds further keywords of `Figure.subplots`.
     """
     inches = {"left": 0.6, "right": 0.16, "top": 0.28, "bottom": 0.38, **(margins or {})}
     figure = Figure(figsize=(width, height))
@@ -249,8 +249,8 @@ def _raise_top(figure: Figure, inches: float) -> None:
 def log_axis(ax: Axes, low: float, high: float) -> None:
     """Make the y-axis logarithmic over the whole decades from `low` to `high`, both above 0.
 
-    Of more than `MOST_DECADES`, the lowest decades are left out; there is at least one.  Labels are powers of ten as
-    plain text, as math mode is switched off.
+    The axis spans at least one decade.  If the range spans more than `MOST_DECADES`, only the highest ones are shown.
+    Labels are powers of ten as plain text, as math mode is switched off.
     """
     top = ceil(log10(high) - 1e-9)
     bottom = max(min(floor(log10(low)), top - 1), top - MOST_DECADES)
@@ -264,7 +264,7 @@ def log_axis(ax: Axes, low: float, high: float) -> None:
 def octave_axis(ax: Axes, low: float, high: float) -> bool:
     """Make the y-axis logarithmic with labels 1, 2, 5, 10 if the range `low` to `high` spans one to four decades.
 
-    Return true if it does; otherwise leave the axis unchanged and return false.
+    Return true if the axis was made logarithmic.  For any other range the axis stays as it is, and false is returned.
     """
     if not 10.0 < high / max(low, 1e-300) < 1e4:
         return False
@@ -386,8 +386,8 @@ def _attribute(declaration: str) -> str:
 def drawing(name: str, draw: Callable[..., Figure], caption: str, *arguments: Any, fits: bool = False) -> Drawing:
     """Draw a figure in the report's style by ``draw(*arguments)``, and return it with its caption.
 
-    `name` is the figure's identifier and has to be unique in the page.  If `fits` is true, a second figure for narrow
-    windows is drawn by ``draw(*arguments, HALF)``, which is not printed.
+    `name` is the figure's identifier and has to be unique in the page.  If `fits` is true, a second figure is drawn by
+    ``draw(*arguments, HALF)``.  It replaces the first one in narrow windows and is not printed.
     """
     with style():
         figure = draw(*arguments)

@@ -101,10 +101,11 @@ class Timeline:
         return {name: signal - signals[base] for name, signal in signals.items() if name != base}
 
     def difference_clause(self, signals: Mapping[str, Array]) -> str:
-        """Clause that the difference of `signals` (T,), by simulator, to the reference is drawn below.
+        """Clause that says that the differences of `signals` (T,), by simulator, to the reference are drawn below.
 
-        The clause is empty if all differences are 0 or there is no reference.  It says if the largest difference, as a
-        share of the largest value, is less than the error of the time step in displacements.
+        The clause is empty if there is no reference, or if all differences are 0.  Let a ratio be the largest
+        difference divided by the largest value of the signals.  If this ratio is at most the error of the time step in
+        displacements, the clause says so.
         """
         if not (apart := largest_of(self.differences(signals))):
             return ""
@@ -125,10 +126,10 @@ class Timeline:
             ax.plot(self.t[shown], curve[shown] / size, label=pen.label, zorder=zorder, **pen.line(weight))
 
     def frame(self, ax: Axes, label: str, last: bool = True) -> None:
-        """Set limits and labels of an axis of time, and shade the phases in which something moves.
+        """Set limits and labels of axes over time, and shade the phases in which something moves.
 
-        `label` is that of the other axis, which has the values.  Only the lowest axes of a column (`last`) have the
-        name of the time axis below them.
+        `label` is the label of the vertical axis.  The time axis has its label only if `last` is true, which is meant
+        for the lowest axes of a column.
         """
         what = "boom" if subject.changing_angles(self.result) else subject.moving_part(self.result)
         for phase in self.phases:

@@ -78,7 +78,10 @@ class LoadChart:
 
     @property
     def lengths(self) -> list[str]:
-        """Labels (E,) with the distance of the tip from the pivot, and the extensions where lengths are equal."""
+        """Labels (E,) with the distance of the tip from the pivot, such as ``30.25 m``.
+
+        Labels that would be equal have the extensions behind them in brackets.
+        """
         names = [f"{np.linalg.norm(place[0]):.2f} m" for place in self.place]
         return [
             f"{name} ({self.extensions[e]})" if self.extensions and names.count(name) > 1 else name
@@ -97,9 +100,10 @@ class LoadChart:
 
     @property
     def labels(self) -> list[str]:
-        """Letters and names of the governing limits, then words for other positions that the chart has.
+        """Letters and names of the governing limits, then words for positions without a governing limit.
 
-        Other positions are those at which no limit is reached, and those at which the boom is not permitted even empty.
+        Words are added only for what occurs in the chart: positions at which no limit is reached, and positions at
+        which the boom is not permitted even empty.
         """
         named = [f"{letters(k)} {self.names[k]}" for k in self.governing_limits]
         beyond = [f"more than {format_input(self.up_to)} kg (search ends there)"] * bool((self.which < 0).any())
@@ -232,9 +236,10 @@ def duty_lines(chart: LoadChart, width: float = WIDE) -> Figure:
 
 
 def label_ends(ax: Axes, ends: Sequence[tuple[str, float, float]]) -> None:
-    """Write labels above the ends of lines, each as low as those before it leave room, with a thin line to its end.
+    """Write labels above the ends of lines, and a thin line from each label to its end.
 
-    Each of `ends` is a label with the radius in m and the load in kg at which its line ends.
+    A label stands as low as the labels written before it leave room.  Each of `ends` is a label, the radius in m and
+    the load in kg at which its line ends.
     """
     taken = list[tuple[float, float]]()
     for text, radius, load in ends:
@@ -258,9 +263,9 @@ def label_ends(ax: Axes, ends: Sequence[tuple[str, float, float]]) -> None:
 def _contour_loads(load: Array) -> list[float]:
     """Loads in kg for which curves are drawn: at most `CURVES` round numbers, in ascending order.
 
-    They are the largest round numbers between the least and the largest `load` (any shape), in kg; NaN and loads of 0
-    do not count.  The result is empty if all loads are equal.  If no round number lies between the least and the
-    largest load, three loads at equal distances are returned.
+    Round numbers between the least and the largest `load` (any shape), in kg, are candidates; the largest of them are
+    taken.  NaN and loads of 0 do not count.  If there is no such round number, three loads at equal distances are
+    returned.  The result is empty if all loads are equal.
     """
     finite = load[np.isfinite(load) & (load > 0.0)]
     if not len(finite) or finite.max() <= finite.min():

@@ -85,9 +85,10 @@ COLOURS = ("#440154", "#3b528b", "#21918c", "#5ec962", "#c9b30e")
 
 
 def singular_value_figure(result: RunResult, shapes: Shapes) -> Figure:
-    """Draw singular values divided by the first one.
+    """Draw singular values of the snapshots, divided by the first one, as circles over their numbers.
 
-    The singular values of the basis are filled, and kappa is the share that they capture.
+    Circles of the vectors in the basis are filled, and the others are empty.  If the summary has kappa, the share that
+    the basis captures, it is written into the figure.
     """
     sigma, taken = shapes.singular_values, shapes.shapes.shape[1]
     figure, ax = make_axes(HALF, 2.15, "Number k (–)", "Singular value σ(k) / σ(1) (–)")
@@ -217,7 +218,7 @@ def frequencies_caption(result: RunResult) -> str:
 def envelope_figure(result: RunResult, quantities: Sequence[str]) -> Figure:
     """Draw the range over time of forces or moments along the beams, by the reduced model, one panel a quantity.
 
-    `quantities` are the names of these forces and moments; those of one unit have the same prefix.
+    `quantities` are the names of these forces and moments.  Panels with the same unit have the same prefix.
     """
     envelopes_by_body = {
         name: body.envelopes["reduced"] for name, body in result.bodies.items() if "reduced" in body.envelopes

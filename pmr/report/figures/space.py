@@ -163,8 +163,8 @@ def _draw_boom(result: RunResult, view: str, across: str, up: str, from_side: bo
 def _draw_fixtures(ax: Axes, result: RunResult, step: int) -> None:
     """Draw supports as triangles and pads and sliders as squares, where they are at the time step number `step`.
 
-    For a body alone, empty squares are drawn where sliders are at the end of the path that is farther away.  The legend
-    names each symbol once.
+    For a body alone, empty squares show where its sliders are at one end of the path: the end that is farther from
+    their place at this step.  The legend names each symbol once.
     """
     direction = frame_rotations(result, result.responses["reduced"].t[[step]])[0, [0, 2], 0]
     names, slides = {"pad": "pad"}, "slider" if is_alone(result) and result.scene.points else "pad that moves"
@@ -193,15 +193,15 @@ def _draw_fixtures(ax: Axes, result: RunResult, step: int) -> None:
 def _draw_loads(
     ax: Axes, result: RunResult, axes: Mapping[str, tuple[Array, Array]], worst: LargestStress | None
 ) -> None:
-    """Draw each force in the plane of the view as an arrow, with two heads if it changes its sign, and its name.
+    """Draw each force in the plane of the view as an arrow with its name; a force that changes sign has two heads.
 
-    `axes` are the points x (n,) in m of each body's axis, and their places (n, 2) in m in the view.  The direction is
-    that of the force at its largest value: in the body's axes, or in space for a force along an axis of the ground.
-    Forces whose arrows begin at one point have a common label.
+    `axes` has, for each body, the points x (n,) in m of its axis, and their places (n, 2) in m in the view.  An arrow
+    has the direction of the force at the time of its largest value.  This direction is taken in the body's axes, or in
+    space for a force along an axis of the ground.  Forces whose arrows begin at one point have a common label.
 
-    Forces that are always zero are left out, and so are those on bodies that `axes` lacks.  If `worst` is not None, a
-    force with one head is left out, too, if it is at most the share `ACTING` of its largest value at the time of this
-    largest stress.
+    Not drawn are forces that are always zero, and forces on bodies that `axes` lacks.  `worst` is the largest stress of
+    the run, or None.  If it is given, a force with one head is drawn only if it acts at the time of this stress with
+    more than the share `ACTING` of its largest value.
     """
     inch = float(np.ptp(ax.get_xlim())) / (HALF - LEFT - RIGHT)
     forces, names = dict[tuple[str, str, float, bool], Array](), dict[tuple[float, ...], list[str]]()
@@ -237,9 +237,10 @@ def _draw_loads(
 
 
 def _lines_of_action(result: RunResult, bodies: Sequence[Axis], view: str) -> Iterator[tuple[str, Array]]:
-    """Yield name and ends (S, 2, 2) in m of each cylinder or rope that drives a section beside the axis, in a view.
+    """Yield the cylinders and ropes that drive a section beside the axis, each with its ends (S, 2, 2) in m in a view.
 
-    The ends are at the first points of the axes of the two sections; `bodies` are all axes at S times.
+    The ends are at the tails of the outer and the inner section, moved to the side by the distance that the joint
+    states.  `bodies` are the axes of all bodies at S times, and `view` is ``side`` or ``plan``.
     """
     for outer, inner in pairwise(bodies):
         joint = result.scene.bodies[inner.body].joint
@@ -266,8 +267,8 @@ def _cylinders(result: RunResult, steps: NDArray[np.intp]) -> list[Array]:
 def _label_times(ax: Axes, lines: Array, t: Array, most_stressed: int) -> None:
     """Write the time next to the end of each drawn body axis, one of `lines` (S, n, 2) in m, at times t (S,) in s.
 
-    A label that would come near another one is left out.  The first label is that of the line number `most_stressed`,
-    the second that of the last time; labels of all other times follow in order.
+    The line number `most_stressed` is labelled first, the last line second, and then all others in order.  A label that
+    would come near an earlier one is left out.
     """
     labelled = list[Array]()
     for k in dict.fromkeys([most_stressed, len(t) - 1, *range(len(t))]):
@@ -314,11 +315,15 @@ def exaggeration(result: RunResult) -> float:
 def drawn_steps(result: RunResult, view: str) -> NDArray[np.intp]:
     """Numbers (k,) of the time steps at which the boom is drawn, evenly spaced along its tip's path in a `view`.
 
-    The `view` is ``side`` or ``plan``.  There are at most `MOMENTS` steps; among them are the first one, and that at
-    which the tip reaches the end of its path.  If the tip is at rest in this view, the steps are those of the largest
-    deflection in `MOMENTS` equal parts of the time.  If the boom extends but does not turn in this view, there is one
-    step, with the largest extension, as the drawings at other extensions would lie on top of each other.  Then the step
-    of the largest stress replaces the step nearest to it.
+    The `view` is ``side`` or ``plan``.  There are at most `MOMENTS` steps.  The first step is among them, and so is the
+    step at which the tip reaches the end of its path.  There are two exceptions:
+
+    - If the tip is at rest in this view, time is cut into `MOMENTS` equal parts.  The step of the largest deflection in
+      each part is taken.
+    - If the boom extends but does not turn in this view, drawings at other extensions would lie on top of each other.
+      The only step is that of the largest extension.
+
+    At last, the step of the largest stress, if there is one, replaces the step nearest to it.
     """
     t, out, worst = result.responses["reduced"].t, _tip_distance(result), largest_stress(result)
     along = frame_rotations(result, t)[:, :, 0]
@@ -351,7 +356,10 @@ class LargestStress:
 
 
 def largest_stress(result: RunResult) -> LargestStress | None:
-    """Largest von Mises stress: in walls at pads, if known, else of the reduced model; None without stresses."""
+    """Largest von Mises stress of the reduced model; None if the run has no stresses.
+
+    If the stress in walls at pads is known, it is returned instead.
+    """
     peak, walls = result.summary.get("stress_peak", {}).get("reduced"), wall_stress(result.summary)
     if peak is None:
         return None

@@ -75,10 +75,11 @@ def _provenance_chapter(summary: Summary, studies: Sequence[FinishedStudy]) -> C
 
 
 def study_chapter(study: FinishedStudy, anchor: str) -> Chapter:
-    """Build the chapter about a study; if a run has no result yet, the chapter is about the runs that have one.
+    """Build the chapter about a study; `anchor` begins all identifiers in it.
 
-    The table that compares the study with published statements comes last, unless a block has errors already.  `anchor`
-    begins all identifiers in the chapter.
+    If a run has no result yet, the chapter is that of a list of runs (`pmr.report.studies.runs.build_chapter`),
+    whatever the kind of the study, and shows the runs that have a result.  The table that compares the study with
+    published statements comes last.  It is left out if another block has an error table.
     """
     build = CHAPTERS.get(study.kind, runs.build_chapter)
     content = (runs.build_chapter if study.unfinished_runs else build)(study, anchor)
@@ -162,7 +163,7 @@ def _comparison_row(statement: Statement, value: Scalar) -> Row:
 class Verdict(NamedTuple):
     """Verdict on a value compared with a published one, and the relative deviation of the value as text.
 
-    The deviation is None if either of the two is a text, or if the value rounds to the published one.
+    The deviation is None if the value or the published one is a text, or if the value rounds to the published one.
     """
 
     mark: Mark

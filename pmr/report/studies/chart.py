@@ -107,7 +107,12 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
 
 
 def duty_caption(lengths: int) -> str:
-    """Caption of the lines of loads over the radius; if not all boom lengths are drawn, it says how many are."""
+    """Caption of the lines of loads over the radius; `lengths` is the number of boom lengths in the chart.
+
+    The figure for narrow windows has at most `NARROW_LINES` lines, the other one at most `LINES`.  If the chart has
+    more than `NARROW_LINES` boom lengths, the caption adds that "at most n of" them are drawn.  This n is the number of
+    lines in the wider figure.
+    """
     caption = "Allowed load over the radius of the tip for boom lengths from the pivot; letters and colours as above."
     drawn = f" Lines are drawn for at most {min(LINES, lengths)} of {lengths} boom lengths"
     return caption + (f"{drawn}; the tables have all." if lengths > NARROW_LINES else "")
@@ -131,11 +136,11 @@ def _definitions(study: FinishedStudy, parts: Parts) -> Iterator[tuple[str, str]
 def _cell_text(study: FinishedStudy, table: LeastLoads, chart: LoadChart, error: Array, number: int) -> str:
     """Text under a pointer on a cell of the chart: position, load, and the load of each limit.
 
-    A cell that no limit bounds has the study's largest load instead, and one that is not permitted the names of the
-    limits that are passed without a load.
+    At a position without a governing limit, the text has the largest load of the study in place of these loads.  At a
+    position where the boom is not permitted even empty, it names the limits that are passed without a load.
 
-    The cells are counted by `number`: all angles of the first reach, then those of the next one.  `error` (E, A) are
-    error bars in kg.
+    `number` counts the cells: all angles of the first reach, then those of the next one.  `error` (E, A) are error bars
+    in kg.
     """
     i, k = divmod(number, chart.load.shape[1])
     radius, height = chart.place[i, k]
@@ -157,14 +162,15 @@ def _cell_text(study: FinishedStudy, table: LeastLoads, chart: LoadChart, error:
 
 
 def _key_numbers(study: FinishedStudy, chart: LoadChart, error: Array, lower: Array, parts: Parts) -> list[KeyNumber]:
-    """Key numbers: the largest load of a `chart`, the load at its largest radius, and last the number of points.
+    """List the key numbers of a `chart`; `parts` are the arrays of each run of the study.
 
-    Loads are rounded down as in the duty table.  The load at the largest radius is left out if no limit governs it.  It
-    has its lower bound beside it, from `lower` (E, A) in kg, if it has an error bar.
+    The first one is the largest load that a limit governs, if it is above 0.  The second one is the load at the largest
+    radius, if a limit governs there.  With an error bar, its note has its lower bound, from `lower` (E, A) in kg.  The
+    last one is the number of points.  Loads are rounded down as in the duty table.
 
-    If one of the error bars `error` (E, A), in kg at each point of the chart, is finite, two more stand before the last
-    one: the largest error bar, with the errors that it contains, and the number of points at which another limit may
-    govern within the error bars.  `parts` are the arrays of each run of the study.
+    `error` (E, A) are the error bars in kg at each point of the chart.  If one of them is finite, two more numbers
+    stand before the last one.  They are the largest error bar, with the errors that it contains, and the number of
+    points at which another limit may govern within the error bars.
     """
     count, most, radius = len(study.study_file["limits"]) + 1, float(np.nanmax(chart.load)), chart.place[..., 0]
     rounded = as_in_duty_table(chart.load, chart.up_to)
@@ -212,9 +218,10 @@ ROUND_OFF = 1e-9
 
 
 def governing_pages(study: FinishedStudy, names: list[str], arrays: Parts, prefix: str) -> Iterator[Block]:
-    """Yield a block for each limit of `names` that governs anywhere, on the state with the largest load it governs.
+    """Yield a block for each limit that governs anywhere, about the point at which it governs the largest load.
 
-    `arrays` are the arrays of each run of the study, and `prefix` begins the identifiers of the figures.
+    `names` are the names of all limits, `arrays` are the arrays of each run of the study, and `prefix` begins the
+    identifiers of the figures.
     """
     for n in range(len(names)):
         best = [(float(a["load"][k, n]) if (k := int(a["at.place"][n])) >= 0 else -1.0) for a in arrays]
@@ -264,12 +271,14 @@ def _governing_page(
 
 
 def _stops(study: FinishedStudy, stops: Array) -> list[Summary]:
-    """Entries of the study's stops with results at one point: swing of the tip after the stop, and use of the limit.
+    """List the entries of the study's stops, with results at one point added.
 
-    `stops` (stops, 5) has a row of five numbers for each stop.  The first is the swing of the tip as a multiple of the
-    displacement by a steady deceleration; it is NaN if not known, and then the stop is left out.  The next three are
-    the use of the limit at rest, under the steady deceleration, and at most.  The last is the speed in rad/s, which the
-    entries have in degrees/s.
+    `stops` (stops, 5) has a row of five numbers for each stop:
+
+    - ``factor``, the swing of the tip after the stop, as a multiple of the displacement by a steady deceleration.  NaN
+      means that it is not known; then the stop is left out.
+    - ``rest``, ``steady`` and ``most``, the use of the limit at rest, under the steady deceleration, and at most.
+    - ``speed`` in rad/s, which the entry has in degrees/s.
     """
     return [
         stop | {"factor": factor, "rest": at_rest, "steady": steady, "most": most, "speed": np.rad2deg(speed)}

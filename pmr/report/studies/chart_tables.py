@@ -65,10 +65,11 @@ def ceiling(study: FinishedStudy) -> str:
 
 
 def case_rows(study_file: Summary) -> Iterator[tuple[str, str]]:
-    """Yield rows on the cases in service of a study file: factors of load and weights, wind, and what is missing.
+    """Yield rows on the load cases in service of a study file, and a last row on what the loads do not contain.
 
-    `study_file` are the keys of the study file.  If all factors are 1 and neither wind nor another load acts, the only
-    row says so.
+    `study_file` are the keys of the study file.  A row states the factors of load and weights, the wind and other
+    loads; cases that are alike share a row.  If all factors are 1 and neither wind nor another load acts, the only row
+    says so.
     """
     cases = [case for case in map(LoadCase.model_validate, study_file["cases"]) if case.in_service]
     plain = all(case.weight == case.machine == case.load == 1.0 and case.hoisting_class is None for case in cases)
@@ -137,9 +138,10 @@ def payload_sentences(figures: Mapping[str, Any]) -> str:
 
 
 def _acting_forces(case: LoadCase) -> str:
-    """List the loads of the scene that act in a case, with their values, and forces of wind on areas; empty without.
+    """List the loads that a case adds, with their values: loads of the scene, and forces of wind on areas.
 
-    A study file does not tell forces from moments, so that both units are named.
+    The text is empty if there are none.  A study file does not tell forces from moments, so that a load of the scene
+    has both units.
     """
     words = [f"{name} {value:.5g}{SPACE}N (N{SPACE}m of a moment)" for name, value in case.loads.items()]
     forces = case.wind.forces if case.wind else {}
@@ -147,7 +149,10 @@ def _acting_forces(case: LoadCase) -> str:
 
 
 def _wind_size(case: LoadCase) -> str:
-    """Speed and pressure of the wind of a case, and that it acts on the sections if it does; empty without wind."""
+    """Text with speed and pressure of the wind of a case; empty without wind.
+
+    If the wind acts on no areas of the study file, the text adds that it acts on the sections.
+    """
     if case.wind is None:
         return ""
     size = f"{case.wind.speed:g}{SPACE}m/s, {case.wind.pressure:.4g}{SPACE}Pa"
@@ -174,10 +179,11 @@ def brief_rows(study: FinishedStudy, slewing: Array) -> Iterator[tuple[str, str]
 
 
 def headline(study: FinishedStudy, least_loads: Array, lower: Array, points: int) -> str:
-    """Sentences on the range of `least_loads` (E, A) in kg, which are NaN where no limit is reached, and what governs.
+    """Sentences on the range of the allowed loads of a chart, and on the limits that govern them.
 
-    These are loads for E boom lengths and A luffing angles, at a number of `points` with all slewing angles, and
-    `lower` (E, A) are their lower bounds.
+    `least_loads` (E, A) in kg are the loads at E boom lengths and A luffing angles, NaN where no limit is reached, and
+    `lower` (E, A) are their lower bounds.  `points` is the number of points, all slewing angles included.  If the
+    scene's payload is more than the chart allows, the sentences say so.
     """
     limits = study.study_file["limits"]
     if not np.isfinite(least_loads).any():
@@ -366,7 +372,8 @@ def case_grid(study: FinishedStudy) -> Grid:
 def _format_amount(limit: Mapping[str, object], amount: float | None) -> str:
     """Format the amount of a limit with its unit.
 
-    None is printed as ``none`` or, for pads, as words for the allowed pressures, which the remark on the limit states.
+    A limit without an amount, None, is ``none``.  If it limits pads, their allowed pressures are its amounts, which the
+    remark on the limit states: then the text is ``of each pad``.
     """
     if amount is None:
         return "of each pad" if limit["of"] == "pad" else "none"
@@ -379,20 +386,20 @@ def _format_amount(limit: Mapping[str, object], amount: float | None) -> str:
 
 
 def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Iterator[Grid]:
-    """Yield the duty table, with loads and letters of limits over radius and boom length, and that of lower bounds.
+    """Yield the duty table and, if the study has error bars, the table of lower bounds.
 
-    At most `MOST_LENGTHS` boom lengths are shown.  Both tables have a part for each group of `LENGTHS_BESIDE` of them;
-    a part leaves out radii at which none of its booms has a load.  Lower bounds are yielded only if the study has error
-    bars; their caption says what is `not_covered` by them.
+    Both have loads in kg with letters of limits over radius and boom length, for at most `MOST_LENGTHS` boom lengths.
+    A table is cut into parts of `LENGTHS_BESIDE` boom lengths.  A part leaves out radii at which none of its booms has
+    a load.  The caption of lower bounds says what is `not_covered` by them.
     """
     columns, step = spread_indices(len(duty.lengths), MOST_LENGTHS), load_step(float(np.nanmax(duty.load, initial=0.0)))
 
     def cell(r: int, e: int, values: Array, which: NDArray[np.int64]) -> str:
-        """Entry of `values` (radii, lengths) in kg at radius number `r` and length number `e`, and its limit's letter.
+        """Text of `values` (radii, lengths) in kg at radius number `r` and length number `e`, with the limit's letter.
 
-        `which` (radii, lengths) are the numbers of the limits, -1 for none.  The text is `OUTSIDE` for NaN.  It is
-        ``>`` and the largest load that was tried if no limit is reached, and `NO_LOAD` if nothing remains after
-        rounding down.
+        `which` (radii, lengths) are the numbers of the limits, -1 for none.  For NaN the text is `OUTSIDE`.  If no
+        limit is reached, it is ``>`` and the largest load that was tried.  If nothing remains after rounding down, it
+        is `NO_LOAD`.
         """
         if np.isnan(values[r, e]):
             return OUTSIDE

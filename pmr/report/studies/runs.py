@@ -65,9 +65,10 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
 
 
 def _opening_sentence(runs: Sequence[RunRecord]) -> str:
-    """Sentence on the number of runs and on the varied parameters, each with its values or the number of its values.
+    """Sentence on the number of runs and on each varied parameter, such as "6 runs over time step (0.01, 0.02 s)".
 
-    Up to `MOST_VALUES` values are listed.  The number of more values is left out if each run has its own.  The text is
+    Behind a parameter stand its values, if there are at most `MOST_VALUES`.  Of a parameter with more values only their
+    number is stated.  If each run has another value, the number is left out, as it is the number of runs.  The text is
     empty if no parameter varies.
     """
     parts = []
@@ -83,11 +84,11 @@ def _opening_sentence(runs: Sequence[RunRecord]) -> str:
 
 
 def _headline(count: int, done: Sequence[RunRecord], error: str | None) -> str:
-    """Sentence on the range of the values called `error`, with the runs at both ends, and on runs without a result.
+    """Sentence on the range of the error of the runs, with the runs at both ends, and on runs without a result.
 
-    `count` is the number of all runs, `done` are the runs with a result.  The range is left out if `error` is None or
-    fewer than two runs have that value.  The number of runs with a result is stated if some have none, or if `error` is
-    None.
+    `count` is the number of all runs, `done` are the runs with a result, and `error` is the name of the error.  The
+    range is left out if `error` is None or fewer than two runs have this error.  The number of runs with a result is
+    stated if some runs have none, or if `error` is None.
     """
     texts = {"label": "", "least": "", "best": "", "largest": "", "worst": ""}
     if error is not None and len(ordered := sorted(runs_with(done, error), key=lambda run: value_of(run, error))) > 1:
@@ -102,8 +103,8 @@ def _headline(count: int, done: Sequence[RunRecord], error: str | None) -> str:
 def _key_numbers(done: Sequence[RunRecord], error: str | None) -> Iterator[KeyNumber]:
     """Yield the largest error, difference, displacement and force of all runs `done`, and the fastest simulation.
 
-    `error` is the name of the error's value, None for a study without one; values that no run has are left out.  So is
-    the fastest simulation if times differ by chance only (`_cost_differs`).
+    `error` is the name of the error, None for a study without one.  Values that no run has are left out.  The fastest
+    simulation is left out if times differ by chance only (`_cost_differs`).
     """
     for name in (error, "max_error", "max_displacement", "largest_force"):
         if name is None or not (runs_with_figure := runs_with(done, name)):
@@ -129,10 +130,11 @@ def _cost_differs(runs: Sequence[RunRecord]) -> bool:
 
 
 def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Iterator[Block]:
-    """Yield blocks of figures of the runs `done`: values over the varied parameter, and the error over a run's time.
+    """Yield a block with figures of the runs `done`: values over the varied parameter, and an error over time taken.
 
-    `error` is the name of that error, None if there is none; `prefix` begins the identifiers of the figures.  Values
-    that hardly differ between the runs are not drawn.  Nothing is yielded if no parameter has several numbers.
+    `error` is the name of the error, None if there is none.  Values that hardly differ between the runs are not drawn.
+    Nothing is yielded if there is nothing to draw, or if no parameter has several numbers (`varied_parameter`).
+    `prefix` begins the identifiers of the figures.
     """
     over = varied_parameter(done)
     if over is None:
@@ -187,9 +189,9 @@ def varied_parameter(done: Sequence[RunRecord]) -> str | None:
 def terminal_grid(runs: Sequence[RunRecord], columns: int, rows: int) -> Grid:
     """Build a table of runs with at most `columns` columns and `rows` lines, for a terminal; the rest is left out.
 
-    The table shows parameters, the error and the largest values of each run, and also the study's own values if there
-    are fewer than two of those.  If all runs fit side by side, each run has a column.  If not, each run has a row;
-    values that differ between runs come first, as not all values may fit.
+    The table shows parameters, the error and the largest values of each run.  If these are fewer than two values, it
+    shows all values of the runs, too.  If all runs fit side by side, each run has a column.  If not, each run has a
+    row.  Then values that differ between runs come first, as not all values may fit.
     """
     heads, error = _varied_keys(runs), next((name for name in ERRORS if runs_with(runs, name)), None)
     cells_by_name = {quantity_of(error).label: [_format_cell(run, error) for run in runs]} if error else {}

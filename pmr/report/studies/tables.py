@@ -129,7 +129,8 @@ def value_words(value: Scalar) -> str:
 def unit_of(key: str) -> str:
     """Unit of a scene's key, as the scene declares it; empty for a pure number, a text or an unknown key.
 
-    The dotted key begins with ``section.`` or ``sections[1].``, or is that of a scene file of one body.
+    `key` is dotted.  In a scene of sections it begins with ``section.`` or ``sections[1].``; any other key is looked up
+    in the tables of a scene of one body.
     """
     section: type[BaseModel] = BoomSection if re.match(r"sections?\b", key) else BodyFile
     *path, last = key.split(".")
@@ -172,7 +173,10 @@ def run_name(run: RunRecord, left_out: str = "") -> str:
 
 
 def quantity_of(name: str) -> ValueLabel:
-    """Label and unit of the value called `name`; a name without a label of its own is the label of a plain number."""
+    """Label and unit of the value called `name`.
+
+    A name without a label of its own becomes the label of a plain number, with spaces for underscores.
+    """
     parts = name.split(".", 2) if name.startswith("errors.") else name.split(".")
     if parts[0] == "errors" and len(parts) == 3:
         model, _, other = parts[1].partition("_vs_")
@@ -257,10 +261,10 @@ def largest_value_block(runs: Sequence[RunRecord]) -> Block | None:
 
 
 def largest_values(runs: Sequence[RunRecord]) -> dict[str, list[str]]:
-    """List the largest absolute value of every run as text with its unit, by quantity.
+    """List the largest absolute value of every run as text with its unit, by quantity of `ROWS`.
 
-    Quantities whose name begins with "lowest" have the lowest value.  Quantities of `ROWS` that no run has are left
-    out; a dash stands for a run that does not have one.
+    A quantity whose name begins with "lowest" has the lowest value instead.  A dash stands for a run without the
+    quantity; quantities that no run has are left out.
     """
     cells = {}
     for word, (names, unit) in ROWS.items():
@@ -320,9 +324,10 @@ def value_blocks(runs: Sequence[RunRecord]) -> Iterator[Block]:
 
 
 def _value_grid(runs: Sequence[RunRecord], pattern: re.Pattern[str], base: str) -> Grid:
-    """Table of the values of `runs` whose names match the `pattern`, each from least to largest, without round-off.
+    """Build a table of values of `runs`, each from least to largest: those whose names match the `pattern`.
 
-    `base` is the unit of these values without prefix.  Ranges of load cycles have rows of their own.
+    `base` is the unit of these values without prefix.  Values that are round-off beside the largest one have no row.
+    Ranges of load cycles have rows of their own.
     """
     keys = dict.fromkeys(key for run in runs for key in run.figures if _ENDS.search(key))
     names = {_ENDS.sub(r"\2", key): None for key in keys if pattern.fullmatch(_ENDS.sub(r"\2", key))}
