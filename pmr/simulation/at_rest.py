@@ -50,10 +50,10 @@ class ListSignal(SignalBase):
 
 
 def critical_luffing(scene: Scene) -> float:
-    """Luffing angle in rad at which gravity compresses the boom most: the one with the largest sine.
+    """Luffing angle in rad at which gravity compresses the boom most.
 
-    It is one of `ANGLES` evenly spaced angles from the smallest to the largest in the scene's time.  Beyond 90 degrees
-    the largest angle is not the steepest.  Not to be called for a scene without a frame.
+    Of `ANGLES` evenly spaced angles, from the smallest to the largest in the scene's time, it is the one with the
+    largest sine.  This is not the largest angle if the boom luffs beyond 90 degrees.  The scene must have a frame.
     """
     angles = np.linspace(*scene.present_frame.angles.luffing.bounds(0.0, scene.time.end), ANGLES)
     return float(angles[np.argmax(np.sin(angles))])
@@ -76,8 +76,8 @@ def scene_at_rest(
     scene : Scene
         A scene with a frame.
     extensions : mapping of str to (P,) array, m
-        Extensions of joints by the section's name, and of a slider as `SLIDER`; extensions that are not named keep
-        their signals, which are not at rest unless they are constant.
+        Extensions of joints by the section's name, and of a slider as `SLIDER`.  An extension that is not named keeps
+        its signal, so name all that vary in time.
     luffing, slewing : float or (P,) array, rad
         Angles of the frame; `slewing` has no effect on a frame without a slewing angle.
     loads : mapping of str to float
@@ -119,10 +119,12 @@ def amplitudes_at_rest(scene: Scene, extensions: Mapping[str, Array], luffing: f
     """Amplitudes c (P, k) of the k terms of a scene's moving frame, for a boom at rest in P postures.
 
     A term is a matrix of the system times an amplitude that varies in time, such as the geometric stiffness by the
-    weight (`pmr.system.terms`).  The postures have extensions (P,) in m by name, one at least, and a `luffing` angle
-    in rad.  The weight acts in full.  Loads that pull at the boom along its axis have their smallest value in the
-    scene's time, since it compresses the boom most, and all other loads their largest.  For a scene without terms, k is
-    0.
+    weight (`pmr.system.terms`).  For a scene without terms, k is 0.
+
+    `extensions` has the extensions (P,) in m by name, of one section at least; `luffing` is the luffing angle in rad of
+    all postures.  The weight acts in full.  A load that pulls at the boom along its axis has its smallest value in the
+    scene's time, because the boom is compressed most when such a load is small.  Every other load has its largest
+    value.
     """
     if not list(frame_terms(scene)):
         return np.empty((len(next(iter(extensions.values()))), 0))
@@ -182,7 +184,7 @@ def rest_rows(scene: Scene, assembly: Assembly, place: int, x: Array, amplitudes
     x : (sides,) array, m
         Positions of the sides of all contacts.
     amplitudes : (w, k) array
-        Amplitudes of the system's k terms by a unit of each of w components of the load.
+        A row for each of w components of the load: the amplitudes of the system's k terms under a unit of it.
     """
     system, n, m, parts = assembly.system, assembly.size, len(assembly.system.contacts), len(amplitudes)
     ends = np.cumsum([n, m, assembly.B.shape[1]])

@@ -41,8 +41,9 @@ PLACES = 65
 def contact_frequency(system: System, excitation: Excitation) -> float:
     """Largest omega in rad/s of contacts that only push, along the paths; 0 without such contacts or if they are rigid.
 
-    It is computed at `PLACES` positions between the ends of the run's way on a single path, and for several paths at as
-    many steps of the run.  Raises the errors of `pmr.simulation.excitation.side_positions`.
+    For a single path, omega is computed at `PLACES` positions, from the smallest to the largest coordinate of the run.
+    For several paths, it is computed at up to `PLACES` steps of the run.  Raises the errors of
+    `pmr.simulation.excitation.side_positions`.
     """
     x = side_positions(system, excitation, np.unique(np.linspace(0, len(excitation.s) - 1, PLACES).astype(int)))
     if not (system.on_one_path and system.paths):
@@ -67,7 +68,7 @@ def contact_frequency_within(system: System, ranges: Mapping[str, tuple[float, f
 def contact_frequency_at(system: System, x: Array) -> float:
     """Largest omega in rad/s of contacts that only push, with the sides of all contacts at x (T, sides) m.
 
-    The result is 0 if no contact only pushes, or if those that do are rigid.
+    The result is 0 if no contact only pushes, or if all contacts that only push are rigid.
     """
     pushing = np.flatnonzero(~np.isnan(system.clearance))
     if not len(pushing):
@@ -95,8 +96,9 @@ def row_frequency(F: Array, mobility: Array) -> float:
 def count_parts(omega: float, stepping: TimeStepping) -> int:
     """Number of equal parts of a step that resolve contacts of circular frequency `omega` in rad/s.
 
-    If `stepping` has parts or a schedule, the result is its number of parts or the largest number of the schedule.
-    Otherwise it is at most `MOST_PARTS`, and small enough that all steps have at most `MOST_IN_ALL` parts together.
+    If `stepping` states a number of parts, the result is this number; if it has a schedule, the largest number there.
+    Otherwise the result is at most `MOST_PARTS`, and all steps together have at most `MOST_IN_ALL` parts.  With these
+    bounds the parts may be too long for the contacts (`warnings`).
     """
     if stepping.parts or stepping.schedule:
         return stepping.parts or max(stepping.schedule)
@@ -105,10 +107,11 @@ def count_parts(omega: float, stepping: TimeStepping) -> int:
 
 
 def part_counts(omega: float, stepping: TimeStepping) -> tuple[int, ...]:
-    """Ascending numbers of equal parts, powers of two, from which the error of a step chooses.
+    """Ascending numbers of equal parts, among which a step chooses by its error: 1, 2, 4 and so on.
 
-    The largest number is enough for contacts of the circular frequency `omega` in rad/s.  If `stepping` has a schedule
-    or a number of parts, only the numbers of that schedule, or that number, are returned.
+    The largest number is at least `count_parts` of `omega` in rad/s, the circular frequency of the contacts.  If
+    `stepping` has a schedule, only the numbers in the schedule are returned.  If it states a number of parts, only this
+    number is.
     """
     if stepping.schedule:
         return tuple(sorted(set(stepping.schedule)))
@@ -118,10 +121,11 @@ def part_counts(omega: float, stepping: TimeStepping) -> tuple[int, ...]:
 
 
 def with_schedule(stepping: TimeStepping, parts_of_steps: Indices | None, omega: float) -> TimeStepping:
-    """Time grid `stepping` with the numbers of parts `parts_of_steps` (T + 1,) of another simulation in its steps.
+    """Time grid `stepping` whose T steps have the numbers of parts that another simulation chose.
 
-    The first number, of t = 0, is ignored.  If the numbers are None, every step has the number of parts that `omega` in
-    rad/s needs.  The grid is unchanged if `omega` is 0 or the grid has parts.
+    `parts_of_steps` (T + 1,) are these numbers; the first one, of t = 0, is ignored.  If they are None, every step has
+    the number of parts that `omega` in rad/s needs.  The grid is returned unchanged if `omega` is 0, or if the grid
+    states a number of parts.
     """
     if omega == 0.0 or stepping.parts:
         return stepping
@@ -146,10 +150,10 @@ def summary(omega: float, stepping: TimeStepping) -> dict[str, object]:
 
 
 def warnings(omega: float, stepping: TimeStepping) -> list[str]:
-    """Warning, in a list, if even a part of a step is too long for contacts of frequency `omega` in rad/s.
+    """Warning, in a list, if the shortest parts of steps are too long for contacts of frequency `omega` in rad/s.
 
-    The list is empty if the parts are short enough.  The schedule of `stepping` does not matter, as another run chose
-    it by the error of its steps: the parts in question are the shortest ones that are allowed.
+    The shortest parts are those that `count_parts` allows without the schedule of `stepping`.  The list is empty if
+    they are short enough.
     """
     stepping = replace(stepping, schedule=())
     count = count_parts(omega, stepping)
@@ -194,9 +198,9 @@ class StepParts:
 
     @cached_property
     def numbers(self) -> Indices:
-        """Numbers (N,) of the ends of all parts on a uniform time grid, 0 for t = 0 included.
+        """Numbers (N,) of the ends of all parts on a uniform time grid; the first is 0, for t = 0.
 
-        On that grid each step is divided into `finest` parts, so that every end of a part is a point of the grid.
+        The uniform grid divides each step into `finest` parts, so every end of a part is a point of this grid.
         """
         return np.concatenate([[0], np.cumsum(np.repeat(self.finest // self.parts, self.parts))])
 
@@ -207,7 +211,7 @@ class StepParts:
 
     @cached_property
     def ends(self) -> Indices:
-        """Indices (T + 1,) among `times` of the ends of whole steps, t = 0 included."""
+        """Indices (T + 1,) in `times` at which whole steps end; the first is 0, for t = 0."""
         return np.concatenate([[0], np.cumsum(self.parts)])
 
     @property

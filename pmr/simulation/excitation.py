@@ -180,8 +180,9 @@ class Excitation:
         return self if stepping == self.stepping else replace(self, stepping=stepping)
 
     def on_grid(self, stepping: TimeStepping) -> Excitation:
-        """Excitation on another time grid `stepping`; loads, terms and hoist average accelerations over its steps.
+        """Excitation on another time grid, `stepping`.
 
+        Loads, terms and what drives a hoist contain accelerations, which are averaged over the steps of the new grid.
         Paths, and the excitation `resting`, stay as they are.
         """
         loads, terms, hoist = (
@@ -199,9 +200,10 @@ class Excitation:
 def signals_in_order(
     loads: Mapping[str, Load], names: Sequence[str], of: Literal["input", "term", "hoist"] = "input"
 ) -> tuple[Load, ...]:
-    """Return the signals of `loads`, a mapping by name, in the order of `names`, those of a system's inputs or terms.
+    """Return the signals of `loads`, a mapping by name, in the order of `names`.
 
-    `of` is ``input``, ``term`` or ``hoist``, for the message.  Raises InputError unless `loads` has just these names.
+    `names` are those of a system's inputs, of its terms, or of what drives its hoist.  `of` says which, for a message:
+    ``input``, ``term`` or ``hoist``.  Raises InputError unless `loads` has all `names` and no other.
     """
     if set(loads) != set(names):
         allowed = f"{', '.join(loads) or 'none'} given, one for each {of} is allowed: {', '.join(names) or 'none'}"
@@ -294,7 +296,10 @@ def machine_signals(scene: Scene) -> list[tuple[str, SignalBase]]:
 
 
 def _signals_in(key: str, table: BaseModel) -> Iterator[tuple[str, SignalBase]]:
-    """Yield pairs (key, signal) of all signals in a table of a scene and in its tables; `key` is that of the table."""
+    """Yield pairs (key, signal) of all signals in a table of a scene, and in tables within it.
+
+    `key` is the key of the table in the scene.
+    """
     for name, value in table:
         if isinstance(value, SignalBase):
             yield f"{key}.{name}", value
@@ -303,15 +308,18 @@ def _signals_in(key: str, table: BaseModel) -> Iterator[tuple[str, SignalBase]]:
 
 
 def term_signals(scene: Scene, which: Iterable[FrameTerm] | None = None) -> dict[str, SignalBase]:
-    """Amplitudes of terms (`pmr.scene.mechanism`) by the term's name: of those in `which`, or of all if it is None."""
+    """Amplitudes of the terms `which` (`pmr.scene.mechanism`), or of all terms if `which` is None, by the term's name.
+
+    The terms are those of the scene.
+    """
     return {term.name: _term_signal(scene, term) for term in (frame_terms(scene) if which is None else which)}
 
 
 def _term_signal(scene: Scene, term: FrameTerm) -> SignalBase:
     """Signal of the amplitude of one term of the scene.
 
-    The amplitude is an acceleration, a load, one of these over the length of a cylinder, or one of the frame's
-    rotation.
+    The amplitude is an acceleration, a load, an acceleration or load divided by the length of a cylinder, or a product
+    of the frame's rotation (`rotation_products`).
     """
     if term.kind == "field":
         return section_acceleration(scene, term.number, term.component)
@@ -329,7 +337,7 @@ def _term_signal(scene: Scene, term: FrameTerm) -> SignalBase:
 def _over_length(scene: Scene, of: SignalBase, term: FrameTerm) -> FrameAmplitude:
     """Amplitude of the force in the cylinder of `term`, divided by the cylinder's length.
 
-    The force is caused by `of`, which is a load on what the cylinder carries, or an acceleration of what it carries.
+    The force is caused by `of`: either a load on the sections that the cylinder carries, or their acceleration.
     """
     name, over = input_name(term.carried_section, term.component), ("over", term.number)
     products = tuple(product.times(1.0, over) for product in products_of(of, name))

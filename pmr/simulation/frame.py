@@ -78,7 +78,7 @@ class BaseAcceleration(FrameSignal):
 
     @property
     def strands(self) -> tuple[Strand, ...]:
-        """Pieces of the signal for the kernel, in which those of the displacement stand for its second rate."""
+        """Pieces of the signal for the kernel; those of the displacement are marked to enter with their second rate."""
         displacements = (replace(strand, spread=-1.0) for strand in self.displacement.strands)
         return (*displacements, *self.acceleration.strands)
 
@@ -306,8 +306,8 @@ class WindOnSection(FrameSignal):
 
     .. math:: w \approx \sum_j w_j P_j(2 x / L - 1), \qquad w_j = \frac{2 j + 1}{L} \int w\, P_j(2 x / L - 1)\, dx
 
-    which has the same force and the same moment.  The component of the pressure's velocity along the axis of the
-    section exerts no force.  The motion of the boom itself against the air is left out.
+    which has the same force and the same moment.  The part of the wind's velocity along the axis of the section exerts
+    no force.  The motion of the boom itself against the air is left out.
     """
 
     SAMPLES: ClassVar = 1001

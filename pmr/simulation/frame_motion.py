@@ -175,10 +175,10 @@ _QUINTIC = np.linalg.inv(_ENDS.astype(float))
 
 @dataclass(frozen=True, eq=False)
 class MotionSamples:
-    """Computed motion of a machine in one direction, of a luffing angle or of an extension.
+    """Computed motion of one direction of a machine, of a luffing angle, or of an extension.
 
-    Each object is equal to itself alone.  The N `times` are t = 0 and the ends of all T - 1 steps.  If steps are
-    divided into parts, they are t = 0 and the ends of all parts.
+    The N `times` are t = 0 and the ends of all T - 1 steps, or of all parts if steps are divided into parts.  Two
+    objects are never equal, even with the same values.
     """
 
     times: Array  # (N,) s
@@ -261,10 +261,10 @@ class ComputedInput(SignalBase):
 def computed_inputs(scene: Scene) -> dict[str, SignalBase]:
     """Signals of a boom's inertia inputs, by name, if a motion of the scene has been computed; otherwise an empty dict.
 
-    The motion is that of a machine, of a luffing angle or of an extension.  Averaged over a step they agree with the
-    frame's accelerations.  The accelerations at the ends of steps are not used.  Generalized-alpha leaves in them an
-    undamped part that alternates from step to step, and this part must not be multiplied by quantities that change from
-    step to step.
+    The motion is that of a machine, of a luffing angle or of an extension.  The signals agree with the frame's
+    accelerations averaged over a step; the accelerations at the ends of steps are not used.  Generalized-alpha leaves
+    in the accelerations at the ends of steps an undamped part that alternates from step to step.  This part must not be
+    multiplied by quantities that change from step to step.
     """
     frame = scene.frame
     if frame is None:

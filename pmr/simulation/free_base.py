@@ -328,7 +328,7 @@ class FreeBase:
         return moments
 
     def moments_with_contacts(self, contacts: EliminatedContacts, at: Extensions) -> Moments:
-        """First moments at extensions `at`, to which `contacts` that give way add how they answer to inertia."""
+        """First moments at extensions `at`, with the displacements by which `contacts` give way to inertia."""
         response, curve = contacts.response(at.value), contacts.curve(at.value, at.rate)
         return Moments(
             self.moments(response.B), np.moveaxis(self.moments(response.B_slope), 0, -1), self.moments(curve)
@@ -345,10 +345,10 @@ class FreeBase:
         return loads
 
     def inertia(self, motion: FrameMotion, driven: Array, extended: Extensions, loads: Array) -> Array:
-        """Return a copy of the `loads` (i,) on all inputs, with those on inertia inputs by the frame's accelerations.
+        """Return a copy of the `loads` (i,) on all inputs, with the frame's accelerations as loads on inertia inputs.
 
-        `motion` is that of the frame, and the sections are `extended`.  `driven` (6,) is the acceleration of O and the
-        angular acceleration of the frame.
+        `motion` is that of the frame, and the sections are `extended`.  `driven` (6,) are the linear acceleration of
+        the pivot and the angular acceleration of the frame.
         """
         changed, y = loads.copy(), accelerations(self.boom, motion, extended, np.append(driven, extended.second))
         for at, column in self.fields.items():

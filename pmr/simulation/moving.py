@@ -81,10 +81,12 @@ class StoredScene:
 def read_scene(system: System, source: str, free: bool = False) -> StoredScene:
     """Scene that is stored in the provenance of a system.
 
-    A free luffing angle or extension is held where it begins if `free`, and `StoredScene.free_scene` has it; otherwise
-    it is refused, as `Excitation.from_scene` does.  Raises InputError, which names the file `source`, if there is no
-    scene, if a value is not of the type that its key needs, if a signal of the scene is in a file of its own, if the
-    scene does not fit the system, or if it has more than `MOST_STEPS` steps.
+    A scene with a free luffing angle or extension is accepted only if `free` is true.  The result then holds this angle
+    or extension where it begins, and `StoredScene.free_scene` is the scene in which it is free.
+
+    Raises InputError, which names the file `source`, if there is no scene, or if the scene does not fit the system.
+    Also if a value is not of the type that its key needs, if a signal is in a file of its own, or if the scene has more
+    than `MOST_STEPS` steps.
     """
     try:
         scene = system.provenance["scene"]
@@ -163,10 +165,11 @@ def _check_steps(stepping: TimeStepping) -> TimeStepping:
 
 
 def path_ranges(system: System) -> dict[str, tuple[float, float]]:
-    """Smallest and largest coordinate s of each path, by the path's name: in m, and in rad of a luffing angle.
+    """Smallest and largest coordinate s of each path, by the path's name; in m, but in rad for a luffing angle.
 
-    For sections it is the range in the scene's time, within the ranges of the rows.  For a single body, without a scene
-    that can be read, or with a free extension, it is the range of the rows.
+    For a boom of sections, it is the range that the path covers in the scene's time, within the range of the rows.  For
+    a single body it is the range of the rows.  It is also the range of the rows if the system has no scene that can be
+    read, or a free extension.
     """
     ranges = system.ranges
     try:
@@ -181,9 +184,10 @@ def path_ranges(system: System) -> dict[str, tuple[float, float]]:
 
 
 def _signal_entries(scene: Any) -> list[Any]:
-    """Entries of a stored scene that have signals, None for those that it lacks; the scene has one body or sections.
+    """Entries of a stored scene that may contain signals; an entry that the scene lacks is None.
 
-    They are frame and hoist, and joint, slider and loads of each section.
+    These are the frame, the hoist, and joint, slider and loads of each section.  A scene of a single body counts as a
+    section itself.
     """
     parts = [part for part in scene.get("sections", [scene]) if isinstance(part, dict)]
     of_parts = (part.get(key) for part in parts for key in ("joint", "slider", "loads"))

@@ -204,7 +204,7 @@ def with_force_of_pin(scene: Scene, response: Response) -> Response:
 
 
 def _first_stored_force(response: Response, names: Sequence[str]) -> Array:
-    """Force (T,) of a response, by the first of `names` that the response has; it has to have one of them."""
+    """Force (T,) of a response, by the first of `names` that the response has; one of them has to be there."""
     name = next(label for label in names if label in response.force_names or label in response.other_names)
     if name in response.force_names:
         return response.slider_force[:, response.force_names.index(name)]

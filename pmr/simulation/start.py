@@ -119,7 +119,8 @@ def complete_states(sizes: Mapping[str, int], initial: Mapping[str, InitialState
     """State of each body, by its name, as float arrays; bodies that `initial` does not name are at rest, undeformed.
 
     `sizes` are the numbers of coordinates by the bodies' names.  Arrays of floats in `initial` are not copied.  Raises
-    InputError if `initial` names no body, or if coordinates or velocities in it are not so many finite values.
+    InputError if `initial` has a name that no body has.  Also if a body's coordinates or velocities have another number
+    of values than it has coordinates, or values that are not finite.
     """
     if unknown := [name for name in initial if name not in sizes]:
         raise InputError("initial state", unknown[0], None, f"one of the bodies is allowed: {', '.join(sizes)}")
@@ -169,7 +170,7 @@ def start_impulses(G: Array, drift: Array, names: tuple[str, ...]) -> Array:
 def _magnitude(C: Array, q: Array, largest: float = 0.0) -> Array:
     """Upper bound (m,) of the values C q of rows C (m, n), from the largest absolute value in q (n,).
 
-    If `largest` is larger than this value, it takes its place.
+    If `largest` is larger than the largest absolute value in q, the bound follows from `largest` instead.
     """
     return np.asarray(np.abs(C).sum(axis=1) * np.abs(q).max(initial=largest))
 

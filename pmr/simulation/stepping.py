@@ -113,12 +113,12 @@ STEPS_A_PERIOD = 7
 
 
 def describe_lost_features(signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
-    """Warnings on what the steps do not resolve of signals, one line for each lost feature; empty if nothing is lost.
+    """Warnings about features of signals that the steps do not resolve, one line each; empty if nothing is lost.
 
     A feature is a tone that has too few steps in a period, or the course of a signal at a break between two steps.
-    `signals` are pairs of a name and a signal, `stepping` the time grid.  A line names the
-    signals that lose the feature.  Those that follow from other signals are left out unless all do: then the line names
-    the first and counts the rest.
+    `signals` are pairs of a name and a signal, `stepping` is the time grid.  A line names the signals that lose the
+    feature.  It leaves out signals that follow from other signals.  If all signals that lose the feature follow from
+    others, the line names the first and says how many more there are: ``inertia x and 3 more``.
     """
     names, derived = dict[str, list[str]](), dict[str, list[str]]()
     for name, signal in signals:

@@ -57,16 +57,16 @@ class Cable:
         return self.length / self.elements
 
     def left_elements(self, x: Array) -> Indices:
-        """Numbers, like x, of the elements with the material points x (any shape) in m; at a node, of the left one.
+        """Numbers of the elements in which the material points x (any shape) in m are, in the shape of x.
 
-        Points beyond an end of the cable count to the element there.
+        A point at a node is in the element to the left; a point beyond an end of the cable, in the element there.
         """
         return np.clip(np.ceil(x / self.element_length - _ON_NODE).astype(int) - 1, 0, self.elements - 1)
 
     def right_elements(self, x: Array) -> Indices:
-        """Numbers, like x, of the elements with the material points x (any shape) in m; at a node, of the right one.
+        """Numbers of the elements in which the material points x (any shape) in m are, in the shape of x.
 
-        Points beyond an end of the cable count to the element there.
+        A point at a node is in the element to the right; a point beyond an end of the cable, in the element there.
         """
         return np.clip(np.floor(x / self.element_length + _ON_NODE).astype(int), 0, self.elements - 1)
 
@@ -100,10 +100,10 @@ def _curvature(cable: Cable, q: Array, x: Array, elements: Indices) -> Array:
 
 
 def _interpolation(cable: Cable, x: Array, elements: Indices, derivative: int) -> Array:
-    """Matrix (o, 2 N) from values and slopes at the N nodes of a `cable` to a derivative at material points x (o,).
+    """Matrix (o, 2 N) that maps values and slopes at the N nodes of a `cable` to a derivative at o material points.
 
-    `derivative` is its order, 0 for the value.  `elements` (o,) are the numbers of the elements whose shape functions
-    are used, one for each point.
+    The points are x (o,) in m.  `derivative` is the order of the derivative, 0 for the value.  `elements` (o,) are the
+    numbers of the elements whose shape functions are used, one for each point.
     """
     h = cable.element_length
     matrix = np.zeros((len(x), 2 * (cable.elements + 1)))

@@ -41,7 +41,7 @@ class Contacts:
     """
 
     def __init__(self, equations: Equations, inputs: Inputs) -> None:
-        """Tell rigid contacts of `equations` from those that give way, at the positions of `inputs` at t = 0."""
+        """Find which contacts of `equations` are rigid and which give way, at the positions of `inputs` at t = 0."""
         self._equations = equations
         self.rigid = equations.rows(inputs.positions(0.0)).rigid[0]
         self.gives = ~self.rigid
@@ -73,8 +73,9 @@ class Contacts:
     def forces(self, rows: ContactRows, q: Array, f: Array) -> Array:
         """Forces (T, m') in N of contacts that give way, by `rows` at T times, coordinates q (T, n) and loads f (T, i).
 
-        If some only push, the search for closed ones begins at each time with those of the time before.  Raises
-        SimulationError if contacts depend on each other, or if it can't be settled which contacts are closed.
+        If some contacts only push, the closed contacts are searched at each time.  The search begins with the contacts
+        that were closed at the time before.  Raises SimulationError if contacts depend on each other, or if it can't be
+        settled which contacts are closed.
         """
         motion = np.einsum("tmn,tn->tm", rows.C, q) + np.einsum("tmi,ti->tm", rows.H, f)
         if not self.any_pushes:
@@ -137,8 +138,8 @@ class Balance:
 def balance_energy(equations: Equations, contacts: Contacts, motion: Motion) -> Balance:
     """Compute stored energy and work of a motion, and write the forces of contacts that give way into `motion`.
 
-    If pads rub, `motion` has these forces already, and they are not computed again.  Some thousand times are evaluated
-    together.
+    If pads rub, `motion` has these forces already, and they are not computed again.  Times are evaluated in blocks of
+    some thousand, which limits the memory.
     """
     m, (n, i) = len(equations.system.contacts), equations.B.shape
     N, block = len(motion.q), max(2, ENTRIES // max(1, m * (n + m + i)))
@@ -158,7 +159,7 @@ def balance_energy(equations: Equations, contacts: Contacts, motion: Motion) -> 
 def _energy_and_work(equations: Equations, rows: ContactRows, motion: Motion) -> Balance:
     """Energy (T,) in J of the whole system with its contacts, kinetic and elastic, and work (T,) in J done on it.
 
-    The work is that since the first of the T times of `motion`; `rows` are the contacts' rows at these times.
+    The work is counted from the first of the T times of `motion` on; `rows` are the contacts' rows at these times.
     """
     q, f, forces = motion.q, motion.f, motion.forces
     load_gaps, bent = np.einsum("tmi,ti->tm", rows.H, f), np.einsum("tmn,tn->tm", rows.F, forces)
@@ -196,7 +197,8 @@ class PadRows:
 class PadState:
     """State of contacts and pads: contact forces (m,) in N, friction, forces w (n,) in N and gaps g (m,) in m.
 
-    The forces w are those of the moments of friction.  The forces of rigid contacts are zero.
+    Friction exerts moments on the bodies; w are the forces of these moments on the coordinates.  The contact forces of
+    rigid contacts are zero.
     """
 
     multipliers: Array

@@ -79,7 +79,7 @@ class Equations:
     def side_positions(self, excitation: Excitation) -> Array:
         """Side positions x (T, sides) in m at the steps of an excitation.
 
-        Raises InputError if a path leaves a row.
+        Raises InputError if a path leaves the range of a row.
         """
         if self.alone is not None:
             excitation.path_within(self.alone.domain)  # this error names the key of the scene
@@ -90,7 +90,7 @@ class Equations:
         return self.system.side_coordinates(s)[None]
 
     def rows(self, x: Array) -> ContactRows:
-        """Rows of all contacts with their sides at x (T, sides) m; those of the last call are stored.
+        """Rows of all contacts with their sides at x (T, sides) m; the rows of the last call are stored.
 
         Raises SimulationError if a single body slides over a support, where its flexibility can't be inverted.
         """
@@ -166,9 +166,10 @@ class Paths:
     def __init__(
         self, mbs: exu.MainSystem, scene: Scene, paths: Mapping[str, Driving], aside: Sequence[str] = ()
     ) -> None:
-        """Sort the `paths` of an mbs, by name, into functions or signals of time and coordinates of nodes.
+        """Sort the `paths` of an mbs into two groups: those given in time, and those that are coordinates of nodes.
 
-        `scene` has the names of its sections and the time step; `aside` are names of paths that move no section.
+        A path is a signal or a function of time, or a `NodeCoordinate`; `paths` has it by its name.  `scene` has the
+        names of its sections and the time step.  `aside` are names of paths that move no section.
         """
         #: names of the P paths; the first belongs to the base section, which has the extension 0
         self.names = (*scene.names, *aside)
@@ -245,7 +246,7 @@ class InputValues(NamedTuple):
 class Inputs(ABC):
     """Side positions and loads at a time, and quantities that depend on the positions.
 
-    Side positions that do not change for some time have one index.
+    An index numbers the side positions: it stays the same as long as no side moves.
     """
 
     @abstractmethod
@@ -281,7 +282,8 @@ class Inputs(ABC):
 class SignalInputs(Inputs):
     """Inputs from signals and functions, which are evaluated when the time changes or a step begins.
 
-    Raises InputError if a path, load or amplitude of a term is missing, or a load or amplitude has no input or term.
+    Raises InputError if a path is missing, if the loads are not just one for each input, or if the amplitudes are not
+    just one for each term.
     """
 
     def __init__(
@@ -334,7 +336,10 @@ class SignalInputs(Inputs):
         )
 
     def values_at(self, t: float) -> InputValues:
-        """Return index of the side positions, loads, and amplitudes at t s; evaluate them if t is not the last time."""
+        """Return index of the side positions, loads, and amplitudes at t s.
+
+        They are evaluated only if t is not the time of the last evaluation.
+        """
         if t != self._t:
             self.begin(t)
         return InputValues(self._k, self._f, self._c)

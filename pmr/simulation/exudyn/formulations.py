@@ -103,10 +103,12 @@ def _contact_functions(
 ) -> ContactFunctions:
     """Return the user functions of ObjectGenericODE2 for `pads`, contacts that push or rub, and a function `finish`.
 
-    ``finish(mbs, items, t)`` is to be called before each step, with the time t in s at which that step will end.
-    `finish` ends the friction of the step before; at t = 0 friction begins anew in the bodies' states `start`.  The
-    function does nothing if contacts do not rub.  The Jacobian raises an InputError (``steps.check``) if rows and loads
-    were not set for its step.
+    ``finish(mbs, items, t)`` is to be called before each step, with the time t in s at which that step will end.  It
+    ends the friction of the step before.  At t = 0 it begins friction anew in the bodies' states `start`.  It does
+    nothing if contacts do not rub.
+
+    The user function for the Jacobian raises an InputError (``steps.check``) if rows and loads were not set for its
+    step.
     """
     stored_rows: tuple[int, PadRows] | None = None
     begun = np.concatenate([state.q for state in start.values()])
@@ -143,7 +145,7 @@ def _contact_functions(
         return equations.matrix(factor * pads.stiffness(at, state))
 
     def finish(mbs: exu.MainSystem, items: SystemItems, t: float) -> None:
-        """End the friction of the step that ended before the one to t, so that the next step starts from it.
+        """End the friction of the last step, before the step to t begins, which starts from this friction.
 
         At t = 0 friction begins anew.
         """

@@ -57,7 +57,7 @@ from pmr.system.changing_rows import ChangingRows, EliminatedContacts
 
 
 def add_without_contacts(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
-    """Add nodes and items of the bodies in the states `start`, without contacts; these are added with the base."""
+    """Add nodes and items of the bodies in the states `start`; contacts are added later, with the base."""
     steps = Steps(held=bool(Contacts(equations, inputs).rigid.any()))
     jacobian, force = zero_jacobian(equations, steps), equations.B @ inputs.values_at(0.0).loads
     items = add_bodies(mbs, equations, inputs, start, forceVector=force, jacobianUserFunction=jacobian)
@@ -92,10 +92,10 @@ class ExtendingBoom:
     def __init__(
         self, equations: Equations, contacts: Contacts, boom: FreeBase, paths: Paths, along: ChangingRows
     ) -> None:
-        """Choose the paths that are coordinates, and the loads that shorten cylinders, of a `boom` on its base.
+        """Find which extensions of a `boom` on its base are coordinates, and which loads shorten cylinders there.
 
-        `paths` has all extensions, and `along` the rows of `contacts` as functions of these; `equations` are those of
-        the system.
+        `paths` has all extensions.  `along` has the rows of `contacts` as functions of the extensions.  `equations` are
+        those of the system.
         """
         self._contacts, self._along, self.rigid = contacts, along, np.flatnonzero(contacts.rigid)
         self._numbers = np.flatnonzero(paths.along.any(axis=1))
@@ -218,8 +218,9 @@ class Base:
     ) -> None:
         """Prepare the boom on the rigid body that `on` names in the mbs, driven by `inputs` and `paths`.
 
-        `equations` are those of the boom's system.  Raises InputError for another body, for a node whose rotations are
-        not known, and for a luffing cylinder that holds the base; also as `FreeBase`.
+        `equations` are those of the boom's system.  Raises InputError if the body is not a rigid body, if its node is
+        of a kind that is not in `ROTATIONS`, or if a luffing cylinder with a stiffness holds the base.  Also raises the
+        errors of `FreeBase`.
         """
         if LUFFING in equations.system.paths:
             allowed = "a support of the base in its place is allowed where a body of Exudyn carries the boom"
@@ -291,8 +292,8 @@ class Base:
     def inertia(self, mbs: exu.MainSystem, t: float) -> Array:
         """Loads (i,) of the boom's inertia and weight by the body's current motion, at t s.
 
-        These loads deform contacts that give way immediately.  The result is zero if no contact gives way, or if pads
-        only push.
+        Contacts that give way deform under these loads without delay.  The result is zero if no contact gives way, or
+        if any contact only pushes.
         """
         loads = np.zeros(self._inputs)
         if not self._gives:
@@ -334,11 +335,11 @@ class Base:
 
 
 def terms_on_base(loads: Mapping[str, Driving], paths: Mapping[str, Driving], on: OnBody) -> dict[str, Driving]:
-    """Amplitudes by name of the terms of the bodies `on` a base; only terms of loads that stress the boom are not zero.
+    """Amplitudes by name of the terms of the bodies `on` a base, driven by `loads` and `paths`.
 
-    `loads` and `paths` are those of the bodies.  The base adds the other terms.  Terms of a cylinder are zero, too, if
-    its extension is a coordinate of a node.  Raises InputError for a path that is missing, or is neither a signal, nor
-    a function, nor a `NodeCoordinate`.
+    Only terms of loads have amplitudes other than zero, because the base adds all other terms itself.  The term of a
+    load on a cylinder is zero, too, if the cylinder's extension is a coordinate of a node.  Raises InputError for a
+    path that is missing, or that is neither a signal, nor a function, nor a `NodeCoordinate`.
     """
     for name in dict.fromkeys((*on.scene.names[1:], *paths)):
         check_path(name, paths.get(name))
@@ -366,8 +367,8 @@ def _cylinder_load(load: Driving, extension: Driving, mbs: exu.MainSystem, t: fl
 def with_base(mbs: exu.MainSystem, items: SystemItems, base: Base, inputs: Inputs) -> SystemItems:
     """Add the object by which the boom and the body below it act on each other; return the items with it.
 
-    `base` computes its mass, force and stiffness.  Rigid contacts along extensions that are coordinates of nodes get a
-    connector, too.
+    `base` computes the mass, force and stiffness of this object.  Rigid contacts along extensions that are coordinates
+    of nodes get a connector, too.
     """
     nodes = [base.node, *items.nBodies.values(), *base.paths.nodes]
     count = sum(len(mbs.GetNode(node)["referenceCoordinates"]) for node in nodes)

@@ -46,7 +46,7 @@ def _do_nothing(mbs: exu.MainSystem, t: float) -> bool:
 
 @dataclass(frozen=True)
 class SystemParts:
-    """Objects that compute what the items of a system have at a time."""
+    """Objects that compute matrices, positions and loads of a system at a time, for the system's items in an mbs."""
 
     equations: Equations
     inputs: Inputs
@@ -302,7 +302,10 @@ def with_quasi_static(mbs: exu.MainSystem, items: SystemItems, equations: Equati
         return items
 
     def diagonal(values: Array | float) -> exu.MatrixContainer:
-        """Diagonal matrix (n, n) with `values` (q,), or one number, at the q coordinates without inertia, else zero."""
+        """Diagonal matrix (n, n) with `values` at coordinates without inertia, and zeros at all other coordinates.
+
+        `values` has one number for each coordinate without inertia, or is one number for all of them.
+        """
         entries = np.zeros(equations.size)
         entries[still] = values
         return equations.matrix(sp.diags(entries, format="csr"))
@@ -319,7 +322,10 @@ def with_quasi_static(mbs: exu.MainSystem, items: SystemItems, equations: Equati
     )
 
     def follow(mbs: exu.MainSystem, t: float) -> bool:
-        """Pre-step function: set the stiffness D / h and the force D eta_n / h of the step of h that ends at t."""
+        """Pre-step function: set the stiffness D / h and the force D eta / h of the step of length h that ends at t.
+
+        D is the damping of the coordinates without inertia, and eta are these coordinates at the step's beginning.
+        """
         nonlocal reached, begun
         if t <= 0.0:  # when a simulation is repeated
             reached, begun = 0.0, False

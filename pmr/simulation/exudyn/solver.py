@@ -215,7 +215,10 @@ class SystemObserver:
         self._rest = np.array([k not in items.contacts for k in range(len(self._contacts.gives))])
 
     def forces(self, t: float, configuration: exu.ConfigurationType) -> Array:
-        """Contact forces (m,) in N with friction at t s; rigid contacts have those of the current configuration."""
+        """Contact forces (m,) in N with friction at t s in a `configuration`.
+
+        Rigid contacts always have their forces in the current configuration, whichever is asked for.
+        """
         at = self._contact_state(t, self._items.coordinates(self._mbs, configuration))
         if at.friction is None:
             return at.multipliers

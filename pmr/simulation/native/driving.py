@@ -49,7 +49,7 @@ class Drivers:
 
     `names` are the names of paths, of loads with their numbers, and of motions of the frame (None without a frame).
     `ranges` are the smallest and largest coordinate of each path in m.  `in_parts` says whether steps are divided.
-    Motions that are `free` are computed: what is given for them counts at the start alone.
+    Motions that are `free` are computed: values given for them have an effect at the start only.
 
     Raises InputError for a number out of its range or not finite, for an unknown name, and for a path that is missing
     at the start.
@@ -109,8 +109,8 @@ class Drivers:
     def take_all(self, motions: Array, names: Sequence[str]) -> None:
         """Take the `motions` (3, n) of a frame: values, rates and second rates of all n `names`, in their order.
 
-        The step has to take all three numbers of each.  Columns of motions that are free have no effect.  Errors and
-        warnings are those of motions that are taken by their names.
+        Columns of motions that are free have no effect.  Errors and warnings are the same as those of `take_paths`,
+        `take_loads` and `take_frame`.
         """
         if self._all is None:
             limits = np.full((5, len(names)), np.nan)
@@ -169,9 +169,9 @@ class Drivers:
     def _take_at_once(self, values: dict[Any, Any], limits: Limits) -> bool:
         """Take all values at once if each is a float within its `limits`, and return True; or take none, return False.
 
-        In a frame a value may have rates (`_take_motions_at_once`).  This takes a third of the time of reading one
-        value after the other, which the caller does if False is returned, with a message for each error.  At the start,
-        and if steps are divided, no values are taken.
+        In a frame a value may have rates (`_take_motions_at_once`).  If False is returned, the caller reads one value
+        after the other, which takes three times as long but gives a message for each error.  At the start, and if steps
+        are divided into parts, the result is always False.
         """
         if self._in_parts or not self._started:
             return False
@@ -275,15 +275,15 @@ class Drivers:
     def _lacks_inertia(self, k: int, change: float) -> bool:
         """Whether to warn of motion k, which changes by `change` in a step and has no second rate at its end.
 
-        That is so if inertia depends on it, no warning was given yet, and the change is another one than its rate at
-        the beginning of the step makes.
+        The result is True if three conditions hold: inertia depends on the motion, no warning of it was given yet, and
+        the change differs from the change by a constant rate (the rate at the beginning of the step).
         """
         return k in self._unwarned and abs(change - self._step * self._rates[k]) > LEFT_OUT
 
     def _warn_of_rates(self) -> None:
-        """Log a warning for each motion that `pmr_compare_rates` marked in the book, and clear the mark.
+        """Log a warning for each motion whose rates do not lead from one of its values to the next.
 
-        Rates of such a motion do not lead from one of its values to the next.  The motion is compared no more.
+        `pmr_compare_rates` marks these motions.  The marks are cleared, and the motions are not compared again.
         """
         _, _, changes, integrals, compared = self._book
         for k in np.flatnonzero(compared < 0.0).tolist():
@@ -319,9 +319,10 @@ class Drivers:
         """Read motions `values`, a mapping from names or a sequence of all values in order without rates.
 
         Each result has the motion's number, its value, rate and second rate, and how many of these three were given;
-        missing rates are 0.  `numbers` has the motions' numbers by their names and by their indices.  Raises InputError
-        about `key` for other names, for a sequence of another length, where `what` says what is allowed, and for
-        numbers that are not finite.
+        missing rates are 0.  `numbers` has the motions' numbers by their names and by their indices.
+
+        Raises InputError about `key` for a name that is not in `numbers`, for a sequence of a wrong length, and for
+        numbers that are not finite.  `what` is the text about what is allowed, for the message about a wrong length.
         """
         if not _is_mapping(values):
             in_order = _read_in_order(values, numbers, key, what).tolist()
@@ -373,8 +374,8 @@ def _motion_names(numbers: Mapping[str | int, int]) -> list[str]:
 def _read_in_order(values: Values, numbers: Mapping[str | int, int], key: str, what: str) -> Array:
     """Values of all m motions in `numbers` as a float array (m,), from a number or a sequence.
 
-    Raises InputError about `key` for another number of values, where `what` says what is allowed, and for values that
-    are not finite.
+    Raises InputError about `key` unless there are m values, all of them finite.  `what` is the text about what is
+    allowed, for the message about their number.
     """
     count = len(numbers) // 2
     array = np.asarray(values, dtype=float)

@@ -136,7 +136,10 @@ class SystemForm:
 
     @cached_property
     def _rigid(self) -> dict[bytes, Mask]:
-        """Masks (m,) of the rigid contacts of the `modal` system, by the bytes of their places; empty at first."""
+        """Store of masks (m,) of the rigid contacts of the `modal` system, empty at first.
+
+        The keys are the positions of the contacts' sides, as the bytes of an array.
+        """
         return {}
 
     @cached_property
@@ -213,11 +216,11 @@ def begin(
 ) -> Callable[[], None]:
     """Start a kernel of `form` by its function `start`; return a function that starts it in the same way again.
 
-    `start` is `State.start` or `State.start_in_frame`, with all arguments but the kind of the start and the modes.  The
-    kernel begins in the states `initial` of bodies by name, at rest if it has none.  If `initial` is None, the kernel
-    begins at rest or in equilibrium, as the excitation says.  In addition to the errors of `start`, a StepError is
-    raised if no equilibrium with a hoist is found.  For a start in equilibrium, an InputError is raised if nothing
-    holds the bodies, or if a system with a hoist has more than `DENSE_WITH_HOIST` modes.
+    `start` is `State.start` or `State.start_in_frame`, with all arguments bound but the kind of the start and the
+    modes.  The kernel begins in the states `initial` of bodies by name, at rest if it has none.  If `initial` is None,
+    the kernel begins at rest or in equilibrium, as the excitation says.  In addition to the errors of `start`, a
+    StepError is raised if no equilibrium with a hoist is found.  For a start in equilibrium, an InputError is raised if
+    nothing holds the bodies, or if a system with a hoist has more than `DENSE_WITH_HOIST` modes.
     """
     system, modes, failed = form.system, form.modes, None
     if initial is None and excitation.start == "equilibrium":

@@ -76,7 +76,7 @@ def cylinder_columns(oil: Oil | None) -> dict[str, str]:
 def kernel_cylinder(cylinder: LuffingCylinder | FreeExtension, t: Array) -> dict[str, Any]:
     """Return the fields ``cylinder`` and ``drive`` of the kernel's machine, with the drive at times t (T,) in s.
 
-    A cylinder without a stroke has an infinite one; an extension without a drive has the drive of a force.
+    If the scene states no stroke, the stroke is infinite.  An extension without a drive is driven by a force of 0.
     """
     kind, oil = (cylinder.drives or ("force",))[0], cylinder.oil
     fields: dict[str, Any] = {
@@ -140,7 +140,10 @@ def with_extension_data(frame: MovingFrame, scene: Scene, system: System, form: 
 
 
 def column_name(section: str, of: str) -> str:
-    """Name of a column of the free extension of a `section`: `of` in `CYLINDER_UNITS`, `ACCELERATION` or `STOP`."""
+    """Name of a column of the free extension of a `section`.
+
+    `of` says what the column holds: a key of `CYLINDER_UNITS`, `ACCELERATION` or `STOP`.
+    """
     motion = {"length": "extension", "speed": "rate of extension", ACCELERATION: "second rate of extension"}
     return f"{motion[of]} of {section}" if of in motion else f"extension cylinder of {section} {of}"
 
@@ -242,7 +245,7 @@ def with_free_motion(scene: Scene, system: System) -> tuple[Scene, System]:
     Raises
     ------
     InputError
-        If rows of the system are not on carriers, or supports of the base are not known.
+        If rows of the system are not on carriers, if a section is planar, or if points of a section are clamped.
     SimulationError
         If a step fails, if a machine pitches until it stands upright, or if the luffing cylinder comes to a dead point
         or has no equilibrium at the start.
@@ -303,7 +306,11 @@ class LuffingRun(MachineRun):
         return self._scene.with_keys(frame={"luffing": luffing, "slewing": frame.slewing or Constant(amount=0.0)})
 
     def _motions_at(self, place: Array) -> Array:
-        """Motions (3, n) of the frame at t = 0 with the boom at rest at the angles of a machine at `place` (6,)."""
+        """Motions (3, n) of the frame at t = 0 with the boom at rest.
+
+        The luffing and the slewing angle follow from pitch and yaw in `place` (6,), the displacements of the machine
+        that stands for the boom.
+        """
         motions = self._first.copy()
         angles = [self.frame.drivers.index(angle) for angle in OF_FRAME]
         motions[0, angles] = self.level - place[PITCH], place[PITCH + 1]
@@ -349,8 +356,8 @@ def _stepped_frame(system: System, stored: StoredScene | None, source: str) -> M
 def luffing_arrays(machine: Fields, frame: MovingFrame) -> dict[str, Array]:
     """Arrays of a free luffing angle for the kernel, by the names that `read_luffing` in src/system.c reads.
 
-    `machine` has the fields of the kernel's machine that pitches in place of the boom, in the `frame`.  The keys begin
-    with ``luffing_``.
+    The names begin with ``luffing_``.  The boom in the `frame` luffs as a machine that pitches, and `machine` has the
+    fields of this machine for the kernel.
     """
     cylinder = machine.get("cylinder", {})
     drive = next((k for k, name in enumerate(frame.loads) if name.startswith(DRIVE)), None)
@@ -388,7 +395,7 @@ def machine_motion(scene: Scene, system: System) -> MachineMotion:
     Raises
     ------
     InputError
-        If rows of the system are not on carriers, or supports of the base are not known.
+        If rows of the system are not on carriers, if a section is planar, or if points of a section are clamped.
     SimulationError
         If a step fails, or the machine pitches until it stands upright.
     """

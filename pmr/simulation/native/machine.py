@@ -71,8 +71,7 @@ Fields = Mapping[str, Any]
 class MachineSimulation:
     """Simulation of a machine with its boom over T steps, with arrays of the recorded results, a row for each step.
 
-    An InputError is raised unless the boom is on a frame with a moving base, its contacts hold both ways, and its
-    settings have one substep and no energy.
+    The kernel takes only a boom whose base moves and whose contacts hold both ways; others raise an InputError.
     """
 
     def __init__(self, state: State, machine: Fields, reasons: Mapping[int, str] = REASONS) -> None:
@@ -80,6 +79,9 @@ class MachineSimulation:
 
         `machine` has the values of the kernel's ``pmr_machine`` by field name.  `reasons` are messages by the kernel's
         error codes, with ``{k}`` and ``{t}`` in place of number and time of the step.
+
+        Raises InputError if the kernel does not take the machine.  The boom has to stand on a base that moves.  Its
+        contacts have to hold both ways.  Steps must neither be divided into parts nor record the energy.
         """
         self.state, self._reasons = state, reasons
         steps, inertial = len(machine["motions"]), len(machine["inertial"])
@@ -228,7 +230,7 @@ def _path_rates(scene: Scene, frame: MovingFrame, t: Array) -> Array:
     """Rates (T, n) of the frame's n drivers at times t (T,) in s, in m/s or rad/s.
 
     The columns are in the order of `frame.drivers`.  The rate of a path at a kink is the mean of the rates before and
-    after.  Of the other drivers only a luffing angle has a rate, if a luffing cylinder holds the boom; theirs are 0.
+    after.  The luffing angle has its rate if a luffing cylinder holds the boom.  The rates of all other drivers are 0.
     """
     rates = np.zeros((len(t), len(frame.drivers)))
     before = np.maximum(np.nextafter(t, -np.inf), 0.0)

@@ -209,13 +209,17 @@ class Stepper:
         ------
         InputError
             If a path leaves its range or would cross all of the range in a step, an angle other than slewing is more
-            than a turn, a number is not finite, the system has no such name, or there is not one load for each input;
-            also if a luffing angle or an extension is given that is free.  A motion that jumps, or that has no second
-            rate in a frame, is reported once by a warning of `logging`.  So is each limit that is exceeded, of those of
-            pads, ropes, cylinders, oil, outriggers and displacements (`pmr.simulation.native.watched`).
+            than a turn, a number is not finite, the system has no such name, or there is not one load for each input.
+            Also if a free luffing angle or a free extension is given.
         SimulationError
             If contacts depend on each other, a search within the step does not end, or a force on the ground is not
             finite: the message names the step, its time and what failed.
+
+        Notes
+        -----
+        Warnings go to `logging`, each of them once.  One is given for a motion that jumps, or that has no second rate
+        in a frame.  Another is given for each limit that is exceeded: of pads, ropes, cylinders, oil, outriggers and
+        displacements (`pmr.simulation.native.watched`).
         """
         drivers = self._drivers
         if type(s) is np.ndarray and s.ndim == 2:
@@ -414,7 +418,10 @@ class Stepper:
                 raise InputError("stepper", f"s.{path}", s[path], allowed)
 
     def _check_followers(self) -> None:
-        """Raise InputError unless sections that follow a free extension begin at their ratio of it plus an offset."""
+        """Raise InputError if a section that follows a free extension does not begin where it has to.
+
+        Its extension has to be its ratio times the free extension, plus an offset.
+        """
         at = dict(zip(self._drivers.paths, self._bound.motions[0].tolist(), strict=False))
         first = next(iter(self._moved), "")
         for path, (ratio, offset) in self._moved.items():

@@ -55,9 +55,10 @@ RECORDED = 2**22
 
 
 class Steps(NamedTuple):
-    """Records of T steps; the first one is also the last one of the `Steps` before, or the start.
+    """Records of T steps, one block of a simulation.
 
-    The arrays are valid until the next steps are taken: copy what you keep.
+    The first record repeats the last one of the block before; in the first block it is the start.  The arrays are valid
+    until the next steps are taken: copy what you keep.
     """
 
     z: Array  # (T, modes): modal coordinates
@@ -165,11 +166,11 @@ class March:
     def observe(self, every: int, take: Callable[[int, Steps], None], progress: Progress | None = None) -> float:
         """Take steps, and return the solver's time in s; records of each `every`-th step are passed to `take`.
 
-        `every` is at most the number of steps, and the last step that is recorded is the last one that is taken.
-        `take` is called with the number of the first of some consecutive records, and with these records; their first
-        one is also the last one of the call before, or the start.  The energy is not checked.  `progress`, if it is not
-        None, is called with the share of steps that are done.  Raises SimulationError if a step fails or a state is not
-        finite, and the errors of `take` and `progress`.
+        `every` is at most the number of steps.  Steps after the last one that is recorded are not taken.  The energy is
+        not checked.  ``take(first, steps)`` is called for blocks of consecutive records: `first` is the number of the
+        first record, `steps` are the records.  The first record of a block repeats the last one of the block before; in
+        the first block it is the start.  `progress`, if it is not None, is called with the share of steps that are
+        done.  Raises SimulationError if a step fails or a state is not finite, and the errors of `take` and `progress`.
         """
         count = (len(self.t) - 1) // every
         most = max(1, min(BLOCK // every, RECORDED // (2 * self.form.kernel.modes), count))
@@ -327,11 +328,12 @@ def follow(
 ) -> SimulationEnd:
     """Take all steps of `march`, some thousand at a time; nothing is stored.
 
-    `take` is called with the trajectory of some consecutive steps, and before it with the number of the first of them:
-    the last step of the call before, or the start.  The arrays are valid until the next call.  If contacts only push, a
-    step may be divided (`pmr.simulation.contact_step`); the trajectory has the states at the ends of whole steps.
-    `progress`, if not None, is called with the share of the run that is done.  Errors as
-    `pmr.simulation.SystemSimulator`; the error of a growing motion is raised at the end.
+    ``take(first, part)`` is called for blocks of consecutive steps: `first` is the number of the first step, and `part`
+    is the trajectory of the block.  The first step of a block repeats the last one of the block before; in the first
+    block it is the start.  The arrays are valid until the next call.  If contacts only push, a step may be divided
+    (`pmr.simulation.contact_step`); the trajectory has the states at the ends of whole steps.  `progress`, if not None,
+    is called with the share of the run that is done.  Errors as `pmr.simulation.SystemSimulator`; the error of a
+    growing motion is raised at the end.
     """
     return march.run(lambda first, steps: take(first, _trajectory(march, first, steps)), progress)
 

@@ -71,10 +71,10 @@ def run_limits(scene: Scene, contacts: Sequence[Contact], no_force: float = NO_F
 
 
 def watched_limits(system: System, names: Collection[str]) -> list[Limit]:
-    """Limits that steppers and FMUs watch, of the outputs and motions that are among `names`.
+    """Limits that steppers and FMUs watch, as far as all their outputs and motions are among `names`.
 
-    They are those of a run, and stops, ropes that are slack, the pressure of a supply, outriggers, and displacements.
-    The list is empty if the system has no scene of this version.
+    They are the limits of a run (`run_limits`), and limits of stops, slack hoist ropes, pressures of supplies,
+    outriggers and displacements.  The list is empty if the system has no scene of this version.
     """
     try:
         scene = stored_scene(system.provenance["scene"], "system", RECORDED)
@@ -164,7 +164,8 @@ def _luffs_by_itself(scene: Scene) -> bool:
 def _computed_motion(scene: Scene) -> str | None:
     """Key of a computed motion of the frame, for a message: pads that only push are refused beside it.
 
-    A free luffing angle has its value behind the key.  None is returned if all of the frame's motion is prescribed.
+    For a free luffing angle the text is the key and its value.  None is returned if all of the frame's motion is
+    prescribed.
     """
     if scene.frame is None or scene.frame.machine is not None:
         return None if scene.frame is None else "frame.machine"

@@ -83,9 +83,9 @@ class Prediction:
     def from_shares(cls, factors: SchemeFactors, share: Array, force: Array) -> Prediction:
         """Contributions to the prediction of the next state by the last acceleration or by past contact forces.
 
-        `force` is this acceleration, or these forces, or the acceleration by these forces, and `share` is its part in
-        the variable a of the scheme; both are (n_local,) or (m,), and so is the result.  They enter the predicted
-        coordinates, velocities and a with the scheme's `factors`.
+        `force` is the last acceleration, or the past contact forces, or their part of the acceleration.  `share` is the
+        part of `force` in the scheme's variable a.  Both are (n_local,) or (m,), and so are the arrays of the result.
+        The scheme's `factors` say how much of both enters the predicted coordinates, velocities and a.
         """
         return cls(
             q=factors.z_from_share * share + factors.z_from_force * force,
@@ -146,9 +146,9 @@ class ContactState:
         return Prediction.from_shares(factors, share, force)
 
     def end_step(self, multipliers: Array, factors: SchemeFactors) -> None:
-        """Store the contributions of a step's contact forces `multipliers` (m,) to the next step.
+        """Store what a step's contact forces `multipliers` (m,) contribute to the next step.
 
-        They are stored for contacts that only push.
+        The contributions of contacts that hold both ways are not stored.
         """
         share = factors.gain * multipliers + Prediction.from_shares(factors, self.share, self._force).a
         self.share = np.where(self.pushes, share, 0.0)

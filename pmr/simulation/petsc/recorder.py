@@ -55,9 +55,10 @@ class SolutionErrors:
 
 @dataclass(frozen=True)
 class WallTimes:
-    """Wall times in s of the steps, those before an interruption included, and of what is computed before them.
+    """Wall times in s of the steps, and of the preparation before the first step.
 
-    The preparation is the factorisation and the compliance of the path.
+    Steps before an interruption are included.  The preparation consists of the factorisation and the compliance of the
+    path.
     """
 
     steps: float
@@ -133,8 +134,8 @@ class Recorder:
     def follow(self, state: State, rows: PathRows, x: Array, f: Array, c: Array) -> None:
         """Update peaks and work by the `state` after a step, or after a part of a step.
 
-        `rows` are the contact rows at the end of this step.  There the q sides are at x (q,) in m, with loads f (i,)
-        and amplitudes c (K,) of K terms.
+        `rows` are the contact rows at the end of this step.  There the sides of contacts are at x (sides,) in m, the
+        loads are f (i,), and the K terms have the amplitudes c (K,).
         """
         if self._pushes:
             self._peak = np.maximum(self._peak, state.multipliers)
@@ -239,10 +240,11 @@ class Recorder:
 
 @dataclass(frozen=True)
 class _StepWork:
-    """Loads and contacts at a step, from which work follows: of i loads, and of the q sides of contacts.
+    """Loads and contacts at a step, from which work follows.
 
-    `f` and `motion` (i,) are loads and displacements of their points; `force` (q,) in N, `slope` (q,) and x (q,) in m
-    are forces on the sides, slopes of their rows times q, and side positions.
+    `f` (i,) are the loads, and `motion` (i,) the displacements of their points.  Each side of a contact has a `force`
+    (sides,) in N, a position x (sides,) in m, and a `slope` (sides,): the derivative of its row by x, times the
+    coordinates.
     """
 
     f: Array

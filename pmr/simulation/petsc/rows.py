@@ -68,28 +68,28 @@ class BlockFactor:
 
 
 class Course:
-    """Positions x (T, q) in m of the q sides of a system's contacts along its paths, at T steps.
+    """Positions x (T, sides) in m of the sides of a system's contacts along its paths, at T steps.
 
     Attributes
     ----------
     rows : tuple of Row
         Row of each side, on its body's carriers.
-    contact, body : (q,) integer arrays
+    contact, body : (sides,) integer arrays
         Numbers of the contact and of the body of each side.
-    sign : (q,) array
+    sign : (sides,) array
         Sign of each side in its contact's row.
     contacts : int
         Number of contacts.
     on : list of lists of int
         Indices of the sides on each body.
-    interval : (T, q) integer array
+    interval : (T, sides) integer array
         Number of the interval of its row in which each side is at each step.
-    distance : (T, q) array, m
+    distance : (T, sides) array, m
         Distance of each side from the lower break of that interval.
     """
 
     def __init__(self, system: FullSystem, x: Array) -> None:
-        """Find the interval of each side's row at each of T steps, with the sides of `system` at x (T, q) in m."""
+        """Find the interval of each side's row at each of T steps, with the sides of `system` at x (T, sides) in m."""
         names, sides = list(system.bodies), system.sides
         self.x, self.rows, self.contacts = x, system.side_rows, len(system.contacts)
         self.contact = np.array([side.contact for side in sides], np.int64)
@@ -165,7 +165,7 @@ class PathRows:
         Coefficients with the sides' signs: one line for each power of each side, one column for each entry of a side.
     columns : (D,) integer array
         Number of each entry's carrier among its body's visited ones.
-    interval : (q,) integer array
+    interval : (sides,) integer array
         Number of the interval of its row in which each side is.
     """
 
@@ -199,9 +199,10 @@ class PathRows:
         return np.asarray(np.bincount(self.layout.contact_of_entry, values, self.course.contacts), float)
 
     def slopes(self, q: Array) -> Array:
-        """This rank's contribution (q,) to the slope (dc/dx) q of each of the q sides, with the side's sign.
+        """This rank's contribution (sides,) to the slopes of the coordinates along the bodies, one for each side.
 
-        The argument `q` (n_local,) is this rank's part of the coordinates.
+        The slope of a side is its sign times (dc/dx) q.  Here c is the side's row, x its position on the body, and `q`
+        (n_local,) is this rank's part of the coordinates.  The positions are those of the step that `move` set last.
         """
         values = (self._power_derivatives @ self.Gamma) * (self._E @ q)
         return np.asarray(np.bincount(self.layout.side_of_entry, values, len(self.course.rows)), float)
@@ -217,11 +218,11 @@ class PathRows:
         return np.asarray(self._E.T @ ((self.X @ self.Gamma) * multipliers[self.layout.contact_of_entry]))
 
     def transposed_slopes(self, moments: Array) -> Array:
-        """This rank's rows (n_local,) of (dC/dx)^T `moments`, for moments (m,) on the sides of contacts."""
+        """This rank's rows (n_local,) of (dC/dx)^T `moments`, for `moments` (m,), one for each contact."""
         return np.asarray(self._E.T @ ((self._power_derivatives @ self.Gamma) * moments[self.layout.contact_of_entry]))
 
     def of_contacts(self, values: Array) -> Array:
-        """Sums (m,) over the sides of each contact, of values (q,)."""
+        """For each contact, the sum of the `values` (sides,) of its sides; the sums are (m,)."""
         return np.asarray(np.bincount(self.course.contact, values, self.course.contacts), float)
 
 
@@ -290,9 +291,9 @@ class StoredAnswers:
 
 
 def contact_rows(system: FullSystem, x: Array, rates: Array | None = None) -> sp.csr_matrix:
-    """Contact rows C (m, n) on all n coordinates, with the q sides at x (q,) in m.
+    """Contact rows C (m, n) on all n coordinates, with the sides of contacts at x (sides,) in m.
 
-    If `rates` (q,) in m/s are not None, the result is dC/dt.
+    If `rates` are given, the result is dC/dt instead, for sides that move with the `rates` (sides,) in m/s.
     """
     bodies, rows = list(system.bodies), sp.csr_matrix((len(system.contacts), system.size))
     weight = [1.0] * len(x) if rates is None else rates.tolist()
@@ -329,7 +330,7 @@ def solve_for_carriers(factor: MatrixFactor, E: sp.csr_matrix, comm: MPI.Comm, s
 
 
 def rows_on_paths(system: FullSystem, x: Array, step: int = 0) -> PathRows:
-    """The system's rows with its q sides at x (T, q) in m, set to number `step` of the T steps."""
+    """The system's rows with its sides at x (T, sides) in m, set to number `step` of the T steps."""
     course = Course(system, x)
     return PathRows(course, VisitedCarriers(system, course), step)
 
@@ -373,10 +374,10 @@ class BodyStep:
 
 
 def contact_frequency(system: FullSystem, x: Array, mass: BlockFactor) -> float:
-    """Largest omega in rad/s of contacts that only push, with the q sides at x (T, q) in m; collective.
+    """Largest omega in rad/s of contacts that only push, with the sides at x (T, sides) in m; collective.
 
-    It is computed at about `pmr.simulation.contact_step.PLACES` of the T times, and is 0 if all these contacts are
-    rigid.  `mass` is the factor of M.
+    It is computed at about `pmr.simulation.contact_step.PLACES` of the T times.  It is 0 if all contacts that only push
+    are rigid.  `mass` is the factor of M.
     """
     pushing, largest = np.flatnonzero(~np.isnan(system.clearance)), 0.0
     steps = np.unique(np.linspace(0, len(x) - 1, contact_step.PLACES).astype(int))

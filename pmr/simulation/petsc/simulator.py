@@ -170,7 +170,8 @@ class _Run:
     def _step(self, steps: DividedSteps, step: int, state: State, due: bool) -> Stepped:
         """Take step number `step` in all parts that `steps` makes; return the state, and whether a checkpoint is due.
 
-        A checkpoint is due if it is on any rank.  A SimulationError is raised with step, time and path coordinates.
+        A checkpoint is due on every rank if `due` is true on any rank.  If a step fails, a SimulationError is raised
+        with step, time and path coordinates.
         """
         try:
             return steps.step(step, state, due, self._recorder)

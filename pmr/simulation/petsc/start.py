@@ -111,7 +111,8 @@ class Terms:
     def pad_friction(self, rows: PathRows, multipliers: Array, grip: Grip) -> PadFriction:
         """Friction at the rows' current positions, by contact forces `multipliers` (m,) in N and friction `grip`.
 
-        The friction is zero if no pad rubs.  The largest compression at the limits so far is stored.
+        The friction is zero if no pad rubs.  The call also stores the largest compression of a cylinder so far with
+        pads at their limits of friction, to which `have_converged` compares changes.
         """
         if self._friction is None:
             return PadFriction(0.0, np.zeros(0), np.zeros(len(multipliers)))
@@ -220,9 +221,10 @@ class State:
 
 @dataclass(frozen=True)
 class SampledExcitation:
-    """An excitation at T times: paths s (T, P) in m, side positions x (T, q) in m, their rates in m/s, loads f (T, i).
+    """An excitation at T times, with a row for each time: paths s (T, P) in m and loads f (T, i).
 
-    c (T, K) are amplitudes of terms, followed by the path coordinates of joints with friction.
+    The sides of contacts have positions x (T, sides) in m and rates in m/s.  The columns of c are the amplitudes of the
+    K terms, followed by the path coordinates of joints with friction.
     """
 
     t: Array

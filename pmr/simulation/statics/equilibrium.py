@@ -104,7 +104,10 @@ def equilibrium(assembly: Assembly, x: Array, f: Array, c: Array | None = None) 
     with_terms = bool(assembly.terms) and c is not None and bool(np.any(c))
 
     def stand(almost: Equilibrium) -> Equilibrium | None:
-        """Equilibrium by K alone with the closed contacts of `almost`, or all that touch; None if there is none."""
+        """Equilibrium by the stiffness K alone, near the state `almost`; None if there is none.
+
+        The closed contacts are those of `almost`; if that gives no equilibrium, contacts that touch are closed, too.
+        """
         may_tip = with_terms and contacts.push
         for closed in (almost.closed, almost.closed | contacts.touching(almost)):
             if not may_tip or contacts.is_stable(K + neutral, closed):
@@ -342,8 +345,8 @@ class HeldSystem:
         """Lowest positive buckling factors Lambda (count,), ascending; infinite where there are fewer than `count`.
 
         `coefficients` are the amplitudes c_k of the geometric stiffness G_k by the names of the terms, zero for others.
-        Raises InputError for a name that no term has, or if the contacts do not hold the bodies, which is not checked
-        where the sum of c_k G_k has no entries.
+        Raises InputError for a name that no term has, or if the contacts do not hold the bodies.  Whether they do is
+        not checked if the sum of c_k G_k has no entries.
         """
         G = geometric_stiffness(self._assembly, coefficients)
         values = np.full(count, np.inf)

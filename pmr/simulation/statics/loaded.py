@@ -221,10 +221,10 @@ class Form:
         self._on_modes = [U.T @ (e.growing.G @ response[:n]) for response in z]
 
     def responses(self, loads: Array) -> Array:
-        """Responses (p, o + m + d) under `loads` (p,) in kg: outputs, contact forces, overlaps of d contacts that push.
+        """Responses to `loads` (p,) in kg, a row for each: o outputs, m contact forces, then overlaps.
 
-        An overlap is C q - F lambda - g: how far a contact's sides move towards each other beyond its gap.  NaN where
-        no equilibrium exists.
+        Each contact that only pushes has an overlap C q - F lambda - g: how far its sides move towards each other
+        beyond its gap.  A row is NaN if no equilibrium exists under the load.
         """
         if not self.held:
             e = self.equations
@@ -248,8 +248,9 @@ class Form:
     def _unstressed(self) -> UnstressedFlexibility:
         """Flexibility L L^T (n, n) without geometric stiffness: displacements by unit forces on coordinates.
 
-        The closed contacts hold the structure.  With L, the result has L^T G L of the fixed loads and of the load that
-        grows, and the contact forces by unit forces on coordinates.
+        The closed contacts hold the structure.  Besides L, the result contains L^T G L for the geometric stiffness G of
+        the fixed loads, and for that of a unit of the load that grows.  It also contains the contact forces by unit
+        forces on coordinates.
         """
         e, n = self.equations, len(self.equations.K)
         Z = BorderedMatrix(e.K, self._rows.C, self._rows.F).inverse()
@@ -448,9 +449,9 @@ class LoadedStructure:
     def _nearest_loose(self, closed: Mask, load: float, refuse: bool = False) -> int | None:
         """Return the number of the contact to close next, if the contacts in the mask `closed` (m,) leave a body free.
 
-        Among the open contacts of this body without play it is the nearest.  None if no body is free, or if the `load`
-        in kg moves it far beyond the clearance of one of its contacts.  If all open contacts of the body have play, an
-        InputError is raised if `refuse` is true, and None is returned otherwise.
+        Of the free body's open contacts without play, it is the nearest one.  If all its open contacts have play, an
+        InputError is raised if `refuse` is true, and None is returned otherwise.  None is also returned if no body is
+        free, or if the `load` in kg moves the free body far beyond the clearance of one of its contacts.
         """
         e, o = self._first_order.equations, len(self.equations.outputs) + len(closed)
         if Form(self.equations.unstressed, closed).held:

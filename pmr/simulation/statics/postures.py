@@ -106,10 +106,10 @@ def with_hook(scene: Scene, point: tuple[float, float, float] | None = None) -> 
 def with_winds(scene: Scene, winds: Mapping[str, tuple[float, float]]) -> Scene:
     """Scene with winds of zero pressure that turn with the boom: loads on sections, with the names of `winds`.
 
-    A value of `winds` is a pair of the angle from the boom to the direction in which the wind blows, in the unit of the
-    scene's frame, and the shape factor.  A section that already has wind keeps the shape factor, depth and
-    height profile of the first one.  A box that varies along its section meets a wind with its largest dimension.  A
-    section without a box or with given matrices, and without wind of its own, gets no wind.
+    A value of `winds` is a pair: the angle from the boom to the direction in which the wind blows, in the unit of the
+    scene's frame, and the shape factor.  If a section already has a wind, the added winds take shape factor, depth and
+    height profile from its first wind.  Other sections need a box and no given matrices; otherwise they get no wind.  A
+    box that varies along its section meets the wind with its largest dimension.
     """
     parts = list[Any]()
     for member in members(scene):
@@ -373,7 +373,10 @@ def side_positions(system: System, postures: PostureSet) -> Array:
 
 
 def load_names(scene: Scene) -> list[str]:
-    """Names of all loads of the scene's sections, each once; with the chart's own in a scene made by `with_hook`."""
+    """Names of all loads of the scene's sections, each name once.
+
+    In a scene made by `with_hook`, they include the loads that it added, such as `HOOK`.
+    """
     return list(dict.fromkeys(load.name for part in scene.sections for load in part.loads))
 
 

@@ -52,10 +52,10 @@ class Rope:
 
 
 class _ForcedMotion:
-    """Solution of M x'' + K x = f_0 + t f_1 in modes, from the time `since` in s on, with `start` = (x, x') then.
+    """Solution of M x'' + K x = f_0 + t f_1 in modes, from the time `since` in s on.
 
-    `f` is (f_0, f_1).  Modes are scaled to a unit stiffness, so that modes without inertia are included, which follow
-    the loads at once.
+    `start` are x and x' at that time, and `f` is (f_0, f_1).  Modes are scaled to a unit stiffness.  This allows modes
+    without inertia, which follow the loads at once.
     """
 
     def __init__(self, M: Array, K: Array, f: tuple[Array, Array], start: tuple[Array, Array], since: float) -> None:
@@ -88,7 +88,7 @@ class _ForcedMotion:
 
 
 def lift_off(form: Form, load: float, rope: Rope, gravity: float) -> float:
-    """Largest force of the rope over the weight of a `load` in kg that is hoisted off the ground.
+    """Largest force of the rope while it hoists a `load` in kg off the ground, divided by the weight of the load.
 
     `gravity` is in m/s^2.  The result is NaN if no equilibrium exists under the load, if the load is 0, or if the rope
     does not lift the load.  `form` is the structure with its closed contacts.
@@ -153,11 +153,12 @@ class Swing:
 
 
 def stopping_swing(form: Form, load: float, acting: LoadEffects, duration: float) -> Swing | None:
-    """Outputs and contact forces of a structure under a `load` in kg while it is decelerated for `duration` s.
+    """Swing of a structure under a `load` in kg that is decelerated for `duration` s.
 
-    They are histories, also for the time after that, for a unit of the deceleration and without the response to loads
-    at rest (`Swing`).  `form` is the structure with its closed contacts, and `acting` are the effects of a unit of the
-    deceleration.  The result is None if no equilibrium exists under the load.
+    The result holds histories of outputs and contact forces, during the deceleration and after it.  They are for a unit
+    of the deceleration, and do not include the response to the loads at rest.  `form` is the structure with its closed
+    contacts, and `acting` are the effects of a unit of the deceleration.  The result is None if no equilibrium exists
+    under the load.
     """
     if not form.held or not 0.0 <= load < form.critical:
         return None
