@@ -190,6 +190,8 @@ MOST_RECTANGLES = 100_000
 THINNEST = 1e-4
 #: Largest cosine of an angle that counts as a right one.
 SQUARE = 1e-6
+#: Length of a layer of cells over that of the layer before, on the way out of `BoxBoom.fine`.
+GROWTH = 1.5
 
 
 @dataclass(frozen=True)
@@ -209,6 +211,8 @@ class BoxBoom:
     frames: tuple[float, ...] = ()  # coordinates x at which a transverse plate stiffens a shell all around
     frame_depth: float = 0.0  # depth of these plates inwards from the walls; infinite: they close the section
     parts: tuple[Stretch, ...] = ()  # stretches along x; by default a single one with these sides
+    # stretch in m whose layers have the ordinary length; away from it each is `GROWTH` times as long as the one before
+    fine: tuple[float, float] = (0.0, np.inf)
 
     def __post_init__(self) -> None:
         thinnest, around = THINNEST * self.layer, sum(side.length for side in self.sides)
@@ -244,19 +248,33 @@ class BoxBoom:
     def layers(self, start: float, end: float) -> list[float]:
         """Ends of the layers of cells between the stations `start` and `end` (m), as shares of their distance.
 
-        Layers have about the length `layer`, and all the same.  If the boom has a short first layer at its tail
-        (`tail_layer`) and `start` is 0, each of the next layers is twice as long as the one before, until a layer would
-        have the ordinary length or half of the distance would be filled.
+        Layers have about the length `layer`, and all the same, but for those beyond `fine`, which are longer.  If the
+        boom has a short first layer at its tail (`tail_layer`) and `start` is 0, each of the next layers is twice as
+        long as the one before, until a layer would have the ordinary length or half of the distance would be filled.
         """
-        fine: list[float] = []
+        thin: list[float] = []
         if start == 0.0 and self.tail_layer:
             thickness = self.tail_layer
-            while thickness < 0.999 * self.layer and sum(fine) + thickness < (end - start) / 2.0:
-                fine.append(thickness)
+            while thickness < 0.999 * self.layer and sum(thin) + thickness < (end - start) / 2.0:
+                thin.append(thickness)
                 thickness *= 2.0
-        count = max(1, round((end - start - sum(fine)) / self.layer))
-        ends = np.concatenate([np.cumsum([0.0, *fine])[:-1], np.linspace(start + sum(fine), end, count + 1) - start])
+        before, after = (self._growing_layers(x) for x in (self.fine[0] - start, end - self.fine[1]))
+        before = [*thin, *before[::-1]]
+        count = max(1, round((end - start - sum(before) - sum(after)) / self.layer))
+        even = np.linspace(start + sum(before), end - sum(after), count + 1) - start
+        ends = np.concatenate([np.cumsum([0.0, *before])[:-1], even, even[-1] + np.cumsum(after)])
         return [float(x) for x in ends[1:] / (end - start)]
+
+    def _growing_layers(self, length: float) -> list[float]:
+        """Lengths (m) of the layers that fill a `length` (m) beside `fine`, the one next to it first.
+
+        The list is empty if the length is less than half a layer.
+        """
+        if length < self.layer / 2.0:
+            return []
+        count = round(np.log1p(length / self.layer * (1.0 - 1.0 / GROWTH)) / np.log(GROWTH))
+        sizes = GROWTH ** np.arange(max(1, count))
+        return [float(size) for size in sizes * length / sizes.sum()]
 
     @property
     def stations(self) -> list[float]:
