@@ -36,10 +36,11 @@ def first_load(
 
     The result is 0 if the share is 1 or more without a load, and NaN if the share is below 1 at all loads tried.
 
-    If `guess` is a load in kg close to the expected result, loads around `guess` are tried first; if the share is below
-    1 at the least of these and not at the largest, the result is searched between them.  NaN means no guess.  Which
-    loads are tried after that depends on `grows`, which says that the share never falls while the load grows.  If it is
-    true, they are 0 and `top`.  If not, they are `NODES` evenly spaced loads, all together if `at_once` is true and one
+    `guess` is a load in kg close to the expected result, or NaN. Loads around the guess are tried first.  If the share
+    is below 1 at the least of these loads and not at the largest, the result is searched between them.
+
+    If this fails, other loads are tried.  `grows` says that the share never falls while the load grows; then 0 and
+    `top` are enough.  Otherwise, `NODES` evenly spaced loads are tried: all together if `at_once` is true, and one
     after the other if it is false.
     """
     if 0.0 < guess < top:
@@ -68,13 +69,13 @@ def _find_root(used: UsedShares, points: list[Point], tolerance: float) -> float
     Each of the `points` is a load in kg and its share minus 1.  They ascend by load.  The share of the first one is
     below 1, that of a later one 1 or more; it may be infinite.  The function `used` gives shares at further loads.
 
-    The search ends when the two loads around the root differ by at most 2 (`tolerance` + `LOAD_TOLERANCE` times the
-    upper load), or when one of them has a share within `SHARE_TOLERANCE` of 1.  The one whose share is nearer to 1 is
-    returned, so its share may be slightly above 1.
+    Two loads enclose the root.  The search ends when they differ by at most 2 (`tolerance` + `LOAD_TOLERANCE` times the
+    upper load), or when the share at one of them is within `SHARE_TOLERANCE` of 1.  The load whose share is nearer to 1
+    is returned, so that its share may be slightly above 1.
 
-    The method is inverse interpolation: the load is a polynomial in share - 1; the polynomial of one degree less gives
-    an estimate of its error.  The interval around the root should be halved by each step.  If it is not, its quarters
-    are tried as well.
+    The method is inverse interpolation: the load is a polynomial in share - 1, and the polynomial of one degree less
+    gives an estimate of its error.  If a step does not at least halve the interval around the root, the quarters of the
+    interval are tried as well.
     """
     before = np.inf
     while True:
@@ -259,7 +260,7 @@ def _stability_load(loaded: LoadedStructure, up_to: float) -> float:
 
 
 def _buckling_share(states: LoadedStates) -> Array:
-    """Return the share (p,) of a buckling load that the load of each of p states is.
+    """Return the shares (p,): the load of each of p states divided by the buckling load of this state.
 
     The buckling load of a state is that of the boom with the contacts that are closed in this state.
     """

@@ -236,7 +236,7 @@ class Project:
 
     @property
     def runs(self) -> tuple[str, ...]:
-        """Names of all runs: the keys of their tasks, in a collection ``<part>/<key>``."""
+        """Names of all runs: the keys of their tasks, or ``<part>/<key>`` in a collection."""
         return tuple(_run_name(part, run) for part in self.parts for run in part.plan.runs)
 
     def select_runs(self, names: Sequence[str]) -> Project:

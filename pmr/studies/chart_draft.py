@@ -67,10 +67,11 @@ def words_of_usual_load(scene: Scene) -> str:
 
 
 def _is_symmetric(scene: Scene, axis: int) -> bool:
-    """Return whether the machine is alike at both sides of the pivot along an axis, and the boom on left and right.
+    """Return whether front and rear (`axis` 0) or left and right (`axis` 1) of the machine are alike about the pivot.
 
-    The axis is 0 for front and rear, 1 for left and right of what does not slew: outriggers and masses.  Machines on
-    inclined ground or with `frame.base` count as not symmetric, scenes without a ground as symmetric.
+    Only outriggers and masses that do not slew are compared.  In either case the boom, and what slews with it, must be
+    alike on left and right (`_is_lateral`).  Machines on inclined ground or with `frame.base` count as not symmetric,
+    scenes without a ground as symmetric.
     """
     frame = scene.frame
     if frame is None or (ground := frame.ground) is None:
@@ -103,9 +104,9 @@ def _is_lateral(scene: Scene) -> bool:
 def _slewing_angles(scene: Scene, frame: Frame) -> list[float]:
     """Return slewing angles in the frame's unit, at most an eighth of a turn apart; only 0 for a frame without slewing.
 
-    If the scene slews on a ground, the angles cover a whole turn, or the half or quarter of it that suffices by
-    symmetry.  Otherwise they cover the scene's range, at most a turn; a constant angle is the only one.  Both ends are
-    included, except that a whole turn has each angle once.
+    If the scene has a ground and slews, the angles cover a whole turn; a half or a quarter of it if symmetry allows
+    (`_is_symmetric`).  Otherwise they cover the range of the scene's slewing angle, at most a turn.  A constant angle
+    is the only one.  Both ends of a range are included, except that a whole turn has each angle once.
     """
     if frame.slewing is None:
         return [0.0]
@@ -123,8 +124,9 @@ def _slewing_angles(scene: Scene, frame: Frame) -> list[float]:
 def _winds(scene: Scene, frame: Frame) -> dict[str, float | None]:
     """Return the azimuths of wind in service by the names of load cases: from behind, and from the sides in space.
 
-    They are angles from the boom in the frame's unit.  If left and right of the boom are alike, only wind from the
-    right is there.  If no section has a box or wind of its own, there is one case without wind, whose azimuth is None.
+    An azimuth is an angle from the boom in the frame's unit.  If left and right of the boom are alike, there is wind
+    from the right but not from the left.  If no section has a box or wind of its own, the only case has no wind, and
+    its azimuth is None.
     """
     if with_winds(scene, {"wind": (0.0, 1.0)}) == scene:
         return {"hoisting": None}
@@ -151,8 +153,8 @@ class WallLimit(NamedTuple):
 def _wall_limits(scene: Scene) -> Iterator[WallLimit]:
     """Yield a limit of a chart for each end of a joint at which the stress of walls under pads can be computed.
 
-    Nothing is yielded for a single section, and unless some section is a beam with walls.  If FEniCSx is not installed
-    or walls can't be computed, a warning is logged and nothing is yielded.
+    Nothing is yielded for a single section, or if no section is a beam with walls.  If FEniCSx is not installed, or if
+    walls can't be computed, a warning is logged and nothing is yielded.
     """
     if len(scene.sections) == 1 or not stress_remark(scene):  # shells have a limit of their own, on the stress field
         return
@@ -308,9 +310,9 @@ class Range(SceneTable):
         return tuple(np.linspace(self.least, self.most, self.count).tolist())
 
     def section_rows(self, names: Sequence[str]) -> list[dict[str, float]]:
-        """Return a mapping of extensions in m by section's name, for each of the `count` rows.
+        """Return extensions in m by section's name, for each of the `count` rows.
 
-        As `order` says, all sections telescope together, or one after the other in the order of `names`.
+        By the key `order`, all sections telescope together, or one after the other in the order of `names`.
         """
         rows = list[dict[str, float]]()
         for share in np.linspace(0.0, 1.0, self.count):
@@ -324,10 +326,13 @@ class Range(SceneTable):
 def extension_rows(scene: Scene, extensions: Range | Sequence[float | dict[str, float]]) -> list[dict[str, float]]:
     """Return extensions in m by section, in the order of the sections, for each row that a study asks for.
 
-    The sections are all but the first.  Sections that follow another one are where they follow it, and need not be
-    given.  Without `extensions` there is one row, which is allowed only for a body alone.  Raises InputError if an
-    extension is missing, not where its section follows, or not allowed by the checks of a scene, and if it takes pads
-    to where the model has none.
+    A row has all sections but the first.  A section that follows another one need not be given, as its extension
+    results.  Without `extensions` there is one empty row, which is allowed only for a body alone.  Raises InputError in
+    these cases:
+
+    - An extension is missing, or is not that which follows from another section.
+    - The checks of a scene do not allow it.
+    - It takes pads to where the model has none.
     """
     names = scene.names[1:]
     driven = [name for number, name in enumerate(names, 1) if scene.joint(number).follows is None]
@@ -397,10 +402,10 @@ def _check_pads(scene: Scene, still: Scene, key: str) -> None:
 
 
 def check_slewing(scene: Scene, slewing: Sequence[float]) -> None:
-    """Raise InputError if an angle of `slewing` is not 0, but the scene has no `frame.slewing` and would need it.
+    """Raise InputError if a scene without `frame.slewing` needs it for an angle of `slewing` other than 0.
 
-    The scene needs it if the ground has a slope, the frame has a base, a mass of the machine slews, or wind or a load
-    acts along axes of the ground, except along z.
+    The scene needs it if something is not the same at all angles: a slope of the ground, a base of the frame, a mass of
+    the machine that slews, or a wind or load along an axis of the ground other than z.
     """
     key = next(_keys_of_slewing(scene), "")
     if scene.present_frame.slewing is None and key and any(slewing):

@@ -65,10 +65,11 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
     The following arrays are there only if ``error`` is true:
 
     - ``richer.``: the postures of `richer_system`; ``mass.``: those of `postures_with_tip_mass`.
-    - ``mesh.``: for beams the postures of the model on another mesh, as in a run; ``mesh_share``: the error of the
-      scene's mesh over the difference to this model.  Both are missing for meshes that are read from files.
-    - ``play`` (m,): if pads only push, the clearance in m of each of m contacts with another play of pads, as in a run,
-      0 for contacts without one; ``gap``: this play in m from face to face.
+    - ``mesh.``: for beams, the postures of the model on another mesh, as in a run.  ``mesh_share``: the factor that
+      turns a difference to this model into an error of the scene's mesh.  Both are missing for meshes that are read
+      from files.
+    - ``play`` (m,): the clearance in m of each of m contacts if pads have another play, as in a run; 0 for contacts
+      without a clearance.  ``gap``: this play in m from face to face.  Both are missing unless pads only push.
     - ``too_stiff``: the share that `stiffness_excess` returns.
 
     The task's warnings are those warnings of a run that hold for the scene in all postures.
@@ -117,10 +118,10 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
 def richer_system(scene: Scene, system: System, positions: PostureSet, up_to: float) -> System:
     """Return the `system` with attachment modes for the contact forces of a few of its equilibria.
 
-    The equilibria are those without a load, and under half of `up_to`, the largest load in kg, or half the load at
-    which the boom buckles if this is less.  Further modes are for the contact forces of the shape in which the boom
-    buckles, if it has geometric stiffness.  `positions` are all postures of the chart; up to three luffing angles at
-    each extension are used.
+    The equilibria are those without a load and under one load.  This load is half of `up_to`, the largest load in kg,
+    or half the load at which the boom buckles if this is less.  If the boom has geometric stiffness, further modes are
+    for the contact forces of the shape in which it buckles.  `positions` are all postures of the chart; up to three
+    luffing angles at each extension are used.
     """
     from pmr.compare.motion import system_with_attachment_modes
 
@@ -163,9 +164,11 @@ def stiffness_excess(scene: Scene, better: System, full: System, positions: Post
     """Return the largest share by which the richer system's buckling factor exceeds that of full order; 0 if none does.
 
     `better` is the richer system and `full` the system of full order.  The two are compared in at most
-    `FULL_ORDER_POSTURES` of the postures `positions`, under half of `up_to` in kg; postures in which either has no
-    finite factor are ignored.  A model with few coordinates buckles at a higher load than the full model (Rayleigh's
-    quotient), so the errors of the reduced and the richer model may cancel in their difference.
+    `FULL_ORDER_POSTURES` of the postures `positions`, under half of `up_to` in kg.  Postures in which either has no
+    finite factor are ignored.
+
+    The share is needed because a model with few coordinates buckles at a higher load than the full model (Rayleigh's
+    quotient).  The reduced and the richer model both have such an error, so that it may cancel in their difference.
     """
     every = _sample_postures(positions)
     few = positions.select(every[np.linspace(0, len(every) - 1, min(FULL_ORDER_POSTURES, len(every))).astype(int)])
@@ -222,7 +225,10 @@ def _missing_model(reason: str) -> TaskResult:
 
 @dataclass(frozen=True)
 class ComparedModel:
-    """Postures with another model, its name `label`, and `share`, the factor from a difference to it to an error."""
+    """Postures with another model, whose name is `label`.
+
+    A difference of the reduced model to this model times `share` is an error of the reduced model.
+    """
 
     postures: PostureMatrices
     label: str

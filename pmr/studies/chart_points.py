@@ -66,12 +66,15 @@ def warnings_of_row(
     cases: Array,
     first: int,
 ) -> tuple[str, ...]:
-    """Return the warnings of a run for a row of a chart: at each point, without a load and just below the load allowed.
+    """Return the warnings that a run would have for a row of a chart; empty if no point has a warning.
 
-    `loads` (p, l) in kg are the loads that l limits allow at p points, and `cases` (p, l) the numbers of the load cases
-    in which these loads are smallest.  `first` is the number of the row's first point.  ``places(postures, number)``
-    returns, for the postures of a model and the number of a point, a `Place` for each load case.  `contacts` are those
-    of the system.  Unstable equilibria are ignored.  The result is empty if no point has a warning.
+    Each point is looked at without a load, and under slightly less than the load that is allowed there.  `loads` (p, l)
+    in kg are the loads that l limits allow at p points, the largest load that was tried if a limit is not reached.
+    `cases` (p, l) are the numbers of the load cases in which these loads are smallest.  `first` is the number of the
+    row's first point.
+
+    ``places(postures, number)`` returns a `Place` for each load case, from the postures of a model and the number of a
+    point.  `contacts` are those of the system.  Unstable equilibria are ignored.
     """
     reach, equilibria = models.reach, list[Equilibrium]()
     for k, (of_limits, of_cases) in enumerate(zip(loads, cases, strict=True), first):
@@ -91,11 +94,11 @@ def warnings_of_row(
 
 
 def unnamed_loads(scene: Scene, cases: Sequence[Summary]) -> tuple[str, bool]:
-    """Return a line on loads of the scene's runs that are in ``loads`` of none of the chart's `cases`, and a flag.
+    """Return a line on the loads of the scene that no load case names, and whether a case has wind on the sections.
 
-    The line is empty if there are no such loads; the flag says whether a case has wind on the sections.  Forces that
-    pull the last section's tip down in space are left out, as the load that is looked for takes their place, and so is
-    wind if wind on the sections is among the loads of a case.
+    `cases` are the load cases of the chart.  The line is empty if there are no such loads.  Two kinds of loads do not
+    count.  Forces that pull the last section's tip down in space have the chart's load in their place.  Wind of the
+    scene does not count if a case has wind on the sections.
     """
     named = {HOOK, *(name for case in cases for name in case["loads"])}
     blown = any(load.acts == "wind" and load.name in named for part in scene.sections for load in part.loads)
@@ -116,12 +119,14 @@ def unnamed_loads(scene: Scene, cases: Sequence[Summary]) -> tuple[str, bool]:
 
 
 def replaced_mass_warnings(original: Scene, scene: Scene, point: tuple[float, float, float] | None = None) -> list[str]:
-    """Return a line for each mass in whose place the chart's load acts, or that is hoisted with it, but elsewhere.
+    """Return a line for each mass of the last section that acts with the chart's load, but at another place.
 
-    These are masses of `original` that `scene` lacks and that are neither at the tip nor at the load, and hoisted
-    masses of `scene` that are not at the load.  Only masses of the last section that have a place of their own are
-    looked at.  The load acts at `point` in m in the axes of the last section; None stands for the tip, the end of the
-    axis.
+    `original` is the scene of the study file, and `scene` the scene of the chart.  A line is returned for a mass that
+    `scene` lacks, as the load is in its place, and that is neither at the tip nor at the load.  A line is also returned
+    for a mass that is hoisted with the load, but is not at the load.  In both cases the chart lacks the moment of the
+    offset.
+
+    The load acts at `point` in m in the axes of the last section; None stands for the tip, the end of the axis.
     """
     last, remaining = original.sections[-1], {mass.name for mass in scene.sections[-1].masses}
     lines, end = list[str](), (last.length, 0.0, 0.0)
@@ -140,10 +145,10 @@ def replaced_mass_warnings(original: Scene, scene: Scene, point: tuple[float, fl
 
 
 def _response_at_equilibria(equilibria: Sequence[Equilibrium], at: PostureMatrices) -> Response:
-    """Return a response with tip displacements and contact forces of one equilibrium at each time; all else is zero.
+    """Return a response whose times are the numbers 0, 1, 2, ... of the `equilibria`.
 
-    The times are the numbers 0, 1, 2, ... of the `equilibria`.  `at` are the postures of the model, with the names of
-    its outputs and contacts.
+    At each time it has the tip displacements and the contact forces of this equilibrium; all else is zero.  `at` are
+    the postures of the model, with the names of its outputs and contacts.
     """
     states = [at_rest.state for at_rest in equilibria]
     t, nothing = np.arange(len(equilibria), dtype=float), np.zeros(len(equilibria))
@@ -193,12 +198,14 @@ class StopMotion:
     def stop_figures(self, place: Place, load: float, limit: Limit | None) -> Array:
         """Return five numbers (5,) about this stop of the boom, at a place and under a `load` in kg.
 
-        - The first number compares the tip's displacement during and after the stop with that under the same
-          deceleration if it lasted: the largest component along the latter, divided by its length.  The number is NaN
-          if the tip does not move.
-        - The next three are used shares of `limit`: at rest, under the same deceleration if it lasted, and the largest
-          share during and after the stop; of both directions of motion the worse one is taken.  These three are NaN if
-          `limit` is None.
+        The swing after the stop is compared with the steady state: the deflection that the same deceleration would
+        cause if it lasted.
+
+        - The first number is a factor for the tip.  It is the largest displacement during and after the stop, as its
+          component along the steady displacement, divided by the steady displacement.  It is NaN if the tip does not
+          move.
+        - The next three are used shares of `limit`: at rest, in the steady state, and the largest one during and after
+          the stop.  The worse of both directions of motion is taken.  The three are NaN if `limit` is None.
         - The last one is the speed in rad/s.
 
         If the boom is unstable under the load, the other four numbers are NaN.
@@ -230,7 +237,11 @@ class StopMotion:
         return np.array([factor, place.used_share(limit, state), steadily, swinging, self.speed])
 
     def _acting_loads(self, place: Place, load: float) -> LoadEffects:
-        """Return the loads at a place by 1 rad/s^2 of the angle, with the inertia of the `load` in kg."""
+        """Return the loads at a place by an acceleration of the angle of 1 rad/s^2.
+
+        They contain the inertia of the `load` in kg, as far as luffing lifts it: the load hangs, so that nothing
+        accelerates it sideways.
+        """
         at, k = place.postures, place.k
         f = self.acceleration_loads[k].copy()
         if self.angle == "luffing":  # the load hangs: only a lift of its rope accelerates it, nothing sideways
@@ -265,10 +276,11 @@ def governing_details(
     bent: DeflectionOutputs,
     stops: Sequence[StopMotion],
 ) -> dict[str, NDArray[Any]]:
-    """Return arrays that describe the boom at p places: the n-th limit governs at the n-th, stability at the last.
+    """Return arrays that describe the boom at p places, one for each limit and the last one for stability.
 
-    The boom is under slightly less than `loads` (p,) in kg.  If a limit governs nowhere, its place is None and its rows
-    are NaN; if all places are None, the result is empty.  Arrays by name:
+    The n-th limit governs at the n-th place.  The boom is under slightly less than `loads` (p,) in kg.  If a limit
+    governs nowhere, its place is None and its rows are NaN; if all places are None, the result is empty.  Arrays by
+    name:
 
     - ``forces`` (p, m) N of m contacts, and their ``kinds`` (m,).
     - ``bent`` (p, b) m: b displacements across the boom, at the distances ``bent.x`` (b,) m from the tails of the
@@ -314,9 +326,9 @@ def _place_arrays(
 ) -> dict[str, Array]:
     """Return the row of a place in each array of `governing_details`, by the array's name.
 
-    `limit` is that of `limits` which governs at the place; None stands for stability.  The load is slightly less than
-    `load` in kg, as there is no equilibrium at the load at which stability is lost.  `bent` are the outputs that show
-    the bent boom, and `stops` the stopping motions whose swings are computed.
+    `limit` is the limit that governs at the place, one of `limits`; None stands for stability.  The arrays are those
+    under slightly less than `load` in kg, as there is no equilibrium at the load at which stability is lost.  `bent`
+    are the outputs that show the bent boom, and `stops` the stopping motions whose swings are computed.
     """
     at, load = place.postures, load * (1.0 - JUST_BELOW)
     state = place.equilibria.state(load)

@@ -107,15 +107,16 @@ class Chart:
         return np.asarray(np.nan_to_num(np.fmin.reduce(loads), nan=self.up_to))
 
     def reduction_errors(self, models: ChartModels, k: int, loads: Array) -> Array:
-        """Return for each limit the error (l,) in kg by reduction of its smallest load of all cases.
+        """Return for each limit the error (l,) in kg by reduction of the smallest load of all cases.
 
-        `loads` (c, l) in kg are the loads that the reduced model allows at the k-th posture.  The error is a margin
-        times the difference d between the smallest loads that the reduced model and the richer model
-        `ChartModels.enriched` allow.  The margin is `MARGIN_OF_BUCKLING` for eigenvalues (buckling, frequency and
-        stability) and `MARGIN` for others.  For these others, the margin times the error of a run is added; this error
-        is the difference to the smallest load of `ChartModels.with_tip_mass`, but at least d.  For buckling and
-        stability the difference is also computed with a richer model that buckles at a load lower by the share
-        `ChartModels.stiffness_excess`, and the larger difference is taken.
+        `loads` (c, l) in kg are the loads that the reduced model allows at the k-th posture.  Let d be the difference
+        between the smallest loads that the reduced model and the richer model `ChartModels.enriched` allow.
+
+        - For eigenvalues (buckling, frequency and stability) the error is `MARGIN_OF_BUCKLING` times d.
+        - For other limits it is `MARGIN` times the sum of d and the error of a run.  The error of a run is the
+          difference to the smallest load of `ChartModels.with_tip_mass`, but at least d.
+        - For buckling and stability, d is also computed with a richer model whose buckling load is lower by the share
+          `ChartModels.stiffness_excess`.  The larger d counts.
         """
         assert models.enriched is not None and models.with_tip_mass is not None
         enriched, above = self.places(models.enriched, k), models.stiffness_excess
@@ -136,12 +137,14 @@ class Chart:
     def comparison_errors(self, models: ChartModels, part: str, k: int, loads: Array) -> Array:
         """Return by how many kg (l,) mesh, structural model or play change the smallest load of each limit.
 
-        `part` says which of them: ``"mesh"``, ``"model"`` or ``"play"``.  `loads` (c, l) in kg are those that the
-        reduced model allows at the k-th posture, for c cases and l columns: the limits, then stability.  For each
-        column, the smallest load of all cases is compared with that of the model ``models.comparisons[part]``.  The
-        error is the magnitude of the difference, times ``share`` of that model.  The result is NaN for limits that this
-        model can't evaluate, and for all columns if there is no such model, or if its pads have play that no load takes
-        up.  An InputError of a limit's function is raised with the name of this model in its message.
+        `part` is ``"mesh"``, ``"model"`` or ``"play"``.  `loads` (c, l) in kg are the loads that the reduced model
+        allows at the k-th posture, for c cases and l columns: the limits, then stability.  The smallest load of all
+        cases is compared with that of the model ``models.comparisons[part]``.  The error is the magnitude of the
+        difference, times the ``share`` of that model.
+
+        The result is NaN for limits that this model can't evaluate.  It is NaN for all limits if there is no such
+        model, or if its pads have play that no load takes up.  An InputError of a limit's function is raised with the
+        name of this model in its message.
         """
         errors = np.full(loads.shape[1], np.nan)
         if (other := models.comparisons.get(part)) is not None:
@@ -159,9 +162,9 @@ class Chart:
     def _load_differences(self, places: Sequence[Place], which: Sequence[int], loads: Array) -> Array:
         """Return by how many kg the smallest load that another model allows differs from that of the reduced model.
 
-        The result (w + 1,) holds magnitudes, for each of w limits with the numbers `which` and last for stability.  The
-        smallest load is that over c cases, of which the other model has the `places`.  The reduced model allows `loads`
-        (c, l) in kg; their columns are all limits and last stability.
+        The result (w + 1,) has magnitudes for the w limits with the numbers `which` and, last, for stability.  The
+        smallest load is that of c cases.  `places` are the places of the other model, one for each case.  `loads` (c,
+        l) in kg are those that the reduced model allows, with a column for each limit and a last one for stability.
         """
         compared, columns = replace(self, limits=[self.limits[n] for n in which]), [*which, -1]
         other = self.least_loads(compared.loads(places, loads[:, columns]))
@@ -259,10 +262,11 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def _remark(scene: Scene, limit: Limit) -> str:
-    """Return the remark that the report prints after a limit: its note, empty if it has none.
+    """Return the remark that the report prints after a limit; empty if there is nothing to say.
 
-    For a limit on the stress at probes, the names of the probes and the remark on stresses in the walls of boxes come
-    before the note, and for a limit on the allowed pressures of the scene these pressures.
+    The remark ends with the limit's note.  For a limit on the stress at probes, the names of the probes and a remark on
+    stresses in the walls of boxes stand before it.  For a limit on pressures of pads that the scene states, these
+    pressures stand before it.
     """
     if limit.by_scene:
         pads = [pad.ring.allowed_pressure for name, pad in pads_on_faces(scene).items() if limit.concerns(name)]
@@ -278,11 +282,11 @@ def _remark(scene: Scene, limit: Limit) -> str:
 def error_warnings(
     scene: Scene, models: ChartModels, names: Sequence[str], arrays: Mapping[str, NDArray[Any]]
 ) -> Iterator[str]:
-    """Yield a warning for mesh and for model if one changes a load that governs by more than the scene tolerates.
+    """Yield a warning for the mesh, and one for the model, if its error in a load that governs is more than allowed.
 
-    `names` are those of the limits without stability; `arrays` has ``load``, ``error.mesh`` and ``error.model``, each
-    (p, l) in kg at p points and of l limits.  Only positive loads that are the smallest of their point are looked at.
-    The tolerance, a share of the load, is ``compare.model_tolerance``.
+    The allowed error, a share of the load, is ``compare.model_tolerance`` of the scene.  `names` are those of the
+    limits without stability.  `arrays` has ``load``, ``error.mesh`` and ``error.model``, each (p, l) in kg at p points
+    and of l limits.  Only positive loads that are the smallest of their point are looked at.
     """
     load, allowed = arrays["load"], scene.compare.model_tolerance
     which = governing_limit(load)
@@ -423,8 +427,8 @@ def _least_case(loads: Array) -> NDArray[np.int64]:
 def case_amount(case: Summary, part: str) -> float:
     """Return the amount of the component `part` in a load case; 0 for a component that the case does not name.
 
-    A component is a weight or the load that is searched for, whose amount is a factor; `HOISTED`, whose amount is in
-    kg; or a load of the scene, whose amount is in the load's own unit, such as N.
+    The amount is a factor for a weight and for the load that is searched for.  It is in kg for `HOISTED`.  A load of
+    the scene has an amount in its own unit, such as N.
     """
     key = {WEIGHT: "weight", MACHINE_WEIGHT: "machine", HOISTED: "hoisted", HOOK: "load"}.get(part)
     return float(case["loads"].get(part, 0.0) if key is None else case[key])

@@ -67,10 +67,11 @@ class ChartLoads:
 
     @cached_property
     def may_govern(self) -> NDArray[np.bool_]:
-        """Whether each limit may govern within the errors (..., l); false at points where only one may.
+        """Whether each limit may govern within the errors (..., l); false at points where only one limit may.
 
-        A limit may govern if its load minus its error is at most the smallest sum of load and error of any limit at the
-        point.  A limit that is not reached may govern only if `up_to` minus its error is below `up_to`.
+        Every limit that is reached has a largest possible load at a point: its load plus its error.  A limit may govern
+        if its load minus its error is at most the smallest of these.  A limit that is not reached counts with the load
+        `up_to`; it may govern only if it has an error.
         """
         not_reached = np.isnan(self.load)
         low = np.where(not_reached & (self.lower >= self.up_to), np.inf, self.lower)
@@ -108,12 +109,17 @@ class LeastLoads(NamedTuple):
     def at_radii(self, radii: Array, lower: Array, e: int, up_to: float) -> Array:
         """Return loads, lower bounds and differences (3, R, l) in kg of l limits at R `radii`, for one boom length.
 
-        The boom length has the number `e`, and the `radii` (R,) in m are those of the tip.  All three are NaN at radii
-        that the tip does not reach.  Loads are interpolated between luffing angles with curves.  The differences are
-        those between interpolation with curves and with straight lines.  Lower bounds are interpolated from `lower`
-        (E, A, l) in kg, the bounds with E boom lengths at A luffing angles; the differences are subtracted from them.
-        A limit that is not reached counts as reached at `up_to` in kg.  If the tip has a radius at two angles, above
-        and below the horizontal, the smaller load and bound count, and the larger difference.
+        `e` is the number of the boom length, and the `radii` (R,) in m are those of the tip.  All three results are NaN
+        at radii that the tip does not reach.
+
+        - Loads are interpolated between luffing angles with curves.  A limit that is not reached counts as reached at
+          `up_to` in kg.
+        - A difference is the magnitude of the difference between interpolation with curves and with straight lines.
+        - Lower bounds are interpolated from `lower` (E, A, l) in kg, the bounds for E boom lengths at A luffing angles.
+          The difference is subtracted from them; they are at least 0.
+
+        The tip may have a radius at two angles, above and below the horizontal.  Then the smaller load and bound count,
+        and the larger difference.
         """
         luffing, order = np.unique(self.luffing, return_index=True)
         place, load = self.place[e, order, 0], np.nan_to_num(self.load[e, order], nan=up_to)
@@ -150,7 +156,10 @@ class DutyTable:
 
     @property
     def differences(self) -> list[str]:
-        """Extensions of each column in brackets, such as `` (fly 3)``; empty for a length that no other column has."""
+        """Text behind each boom length that tells equal lengths apart: extensions in brackets, such as `` (fly 3)``.
+
+        The text is empty for a length that no other column has.
+        """
         lengths = [f"{length:.4g}" for length in self.lengths]
         return [
             f" ({extensions_text(self.extensions[e])})" if self.extensions and lengths.count(length) > 1 else ""
@@ -247,8 +256,9 @@ def extensions_text(parameters: Mapping[str, Any]) -> str:
 def _angles_at_radii(radii: Array, place: Array, luffing: Array) -> Array:
     """Return the two luffing angles (2, R) in rad at which the tip has each of the `radii` (R,) in m.
 
-    `place` (A,) are the tip's radii in m at A increasing angles `luffing`.  An angle is NaN if it is outside their
-    range, or if the tip has the radius at no angle, or at no second one.
+    `place` (A,) are the tip's radii in m at A increasing angles `luffing`.  An angle outside the range of `luffing` is
+    NaN.  If the tip has a radius at one angle only, the other angle is NaN, too; both are NaN if it never has the
+    radius.
     """
     angles = np.full((2, len(radii)), np.nan)
     if len(luffing) == 1:
@@ -266,12 +276,14 @@ def _angles_at_radii(radii: Array, place: Array, luffing: Array) -> Array:
 def interpolate_loads(angles: Array, luffing: Array, load: Array, up_to: float, smooth: bool = True) -> Array:
     """Loads (..., l) in kg that l limits allow at luffing angles `angles` (...) in rad; NaN where an angle is NaN.
 
-    They are interpolated between the loads `load` (A, l) in kg at A increasing angles `luffing` (A,) in rad; a single
-    angle gives its load everywhere.  The inverse of the load is interpolated, because a moment that a limit allows is
-    the load times a radius.  The interpolation is by monotone cubic curves, or by straight lines if not `smooth`.
-    `up_to` in kg, the largest load that was tried, sets the small offset that keeps the inverse of a load of 0 finite;
-    it is no upper limit.  Between two angles of which one allows no load, no load is allowed, because the angle at
-    which the boom is permitted again is not known.
+    They are interpolated between the loads `load` (A, l) in kg at A increasing angles `luffing` (A,) in rad.  A single
+    angle gives its load everywhere.  What is interpolated is the inverse of the load, because a moment that a limit
+    allows is the load times a radius.  The interpolation is by monotone cubic curves, or by straight lines if not
+    `smooth`.
+
+    If one of two neighbouring angles allows no load, no load is allowed between them, because the angle at which the
+    boom is permitted again is not known.  `up_to` in kg is the largest load that was tried.  It only sets a small
+    offset that keeps the inverse of a load of 0 finite; it is no upper limit.
     """
     if len(luffing) == 1:
         return np.where(np.isnan(angles)[..., None], np.nan, load[0])
@@ -327,12 +339,14 @@ def least_allowed(
 ) -> LeastAllowed | None:
     """Return the posture of a scene's run in which its chart allows least; None if the chart has none of its postures.
 
-    `least` are the loads of the chart, the smallest of all slewing angles, and `rows` the extensions in m of its rows
-    by parameter, such as ``extension.fly``.  Postures are those at `TIMES` even times from 0 to the end of the run.
-    The chart has a posture if its luffing angle is among those of the chart, and its extensions are between those of
-    two rows.  Loads less their errors are interpolated between luffing angles as in the duty table, and between two
-    boom lengths in their inverse.  Where one of these two allows nothing, nothing is allowed.  `up_to` in kg is the
-    largest load that was tried; the load is at most that.
+    `least` are the loads of the chart, the smallest of all slewing angles.  `rows` are the extensions in m of the
+    chart's rows, by parameter such as ``extension.fly``.  Postures of the run are taken at `TIMES` even times from 0 to
+    its end.  The chart has a posture if the luffing angle is in the range of the chart, and the extensions are between
+    those of two rows.
+
+    The allowed load is the load less its error.  Between luffing angles it is interpolated as in the duty table, and
+    between two boom lengths in its inverse.  If one of the two lengths allows nothing, nothing is allowed.  `up_to` in
+    kg is the largest load that was tried; the allowed load is at most this.
     """
     assert scene.frame is not None and scene.frame.luffing is not None
     t, ordered = np.linspace(0.0, scene.time.end, TIMES), [rows[row] for row in least.order]

@@ -306,10 +306,10 @@ class TippingMoments:
         return np.asarray(np.where(held > 0.0, factor * load / np.where(held > 0.0, held, 1.0), np.inf).max(axis=1))
 
     def overturning_load(self, states: LoadedStates, factor: float) -> float:
-        """Return the acting load P in kg plus abs(m_b) / (`factor` abs(m_l)), the load that stands for the boom.
+        """Return the load in kg that stands for boom and load: P + abs(m_b) / (`factor` abs(m_l)).
 
-        m_l is the moment of 1 kg of the load about the worst edge, and m_b the boom's moment about it without the load.
-        `states` hold one state.
+        P is the acting load, m_l the moment of 1 kg of the load about the worst edge, and m_b the moment of the boom
+        about this edge without the load.  `states` hold one state.
         """
         load = states.load[0] * (self.tip_moment + states.outputs[0] @ self.tip_derivative.T)
         boom = states.outputs[0] @ self.boom.T - load

@@ -332,11 +332,11 @@ class Limit(SceneTable):
 
     @property
     def allowed_amount(self) -> float:
-        """Allowed amount: the largest allowed value or, for a limit with `least`, `factor` times `least`.
+        """Amount that is compared with the quantity, in the unit of the quantity.
 
-        The largest allowed value is `most`; for a pad with an `area` it is `most`, a pressure, times the area.  The
-        amount is 1, a share, for pads whose allowed pressure the scene states, and 0, without a meaning, for
-        overturning.
+        It is `most`.  For a pad with an `area` it is the force `most` (a pressure) times the area, and for a limit with
+        `least` it is `factor` times `least`.  It is 1, a share, for pads whose allowed pressure the scene states.  For
+        overturning it is 0 and has no meaning.
         """
         if self.by_scene:
             return 1.0
@@ -364,7 +364,7 @@ class Limit(SceneTable):
         return measure
 
     def _measure_of(self, columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
-        """Return the `Measure` of those parts for whose name `looks_at` is true; None if they have no columns."""
+        """Return the `Measure` of the parts for whose names `looks_at` is true; None if these parts have no columns."""
         return pad_pressure_measure(columns, looks_at) if self.by_scene else LIMITS[self.of].measure(columns, looks_at)
 
     def governing_member(self, scene: Scene, columns: Columns, values: Array) -> str:
@@ -474,9 +474,8 @@ def with_fields(scene: Scene, patterns: Sequence[str], places: int) -> Scene:
     """Return the scene with probes at all stress points of those bodies and regions that fit one of the `patterns`.
 
     Without patterns the scene is returned as it is.  A region is named by its body and its own name, ``fly: flange``.
-    `places` is the number of points of the chart.
-    Raises InputError if no body or region fits, or if the stresses at all these points and places would fill the
-    memory.
+    `places` is the number of points of the chart.  Raises InputError if no body or region fits, or if the stresses at
+    all these points and places would fill the memory.
     """
     if not patterns:
         return scene

@@ -65,7 +65,11 @@ class Wind(SceneTable):
 
     @property
     def forces(self) -> dict[str, float]:
-        """Forces of the wind in N, by the name of that load of the scene along which a force acts."""
+        """Forces of the wind in N, by name of a load of the scene.
+
+        Each area names a load: the force acts at the place of this load and along its axis.  Forces of areas with the
+        same load are summed.  The result is empty if the wind has no areas.
+        """
         by_load = dict[str, float]()
         for exposed in self.on:
             by_load[exposed.load] = by_load.get(exposed.load, 0.0) + self.pressure * exposed.area * exposed.shape
@@ -73,7 +77,10 @@ class Wind(SceneTable):
 
     @property
     def acting(self) -> dict[str, float]:
-        """Forces in N by the name of a load or, without areas, the pressure in Pa by the name of the sections' load."""
+        """Amounts by which the wind acts: `forces` in N or, without areas, the pressure in Pa on all sections.
+
+        The pressure has the name `section_load`.
+        """
         return self.forces or {self.section_load: self.pressure}
 
 
@@ -134,10 +141,10 @@ class LoadCase(SceneTable):
         return self.load > 0.0
 
     def check_loads(self, key: str, forces: Mapping[str, bool]) -> None:
-        """Raise InputError if the case names a load that the scene lacks, or wind on an area one that is no force.
+        """Raise InputError if the case names a load that the scene lacks, or if wind on an area names no force.
 
         `key` is the key of the case in the study file, for the message.  `forces` says of each load of the scene, by
-        name, whether it is a force.
+        name, whether it is a force.  Wind on an area acts along a force; loads of other kinds are refused there.
         """
         kinds = {"loads": sorted(forces), "forces": sorted(load for load, is_force in forces.items() if is_force)}
         named: list[tuple[str, str, str, Any]] = [
@@ -162,12 +169,15 @@ class LoadCase(SceneTable):
     def acting_amounts(self, classes: Mapping[str, tuple[float, float]], hoisted: float = 0.0) -> dict[str, Any]:
         """Return the case as plain values: ``name``, ``weight``, ``machine``, ``load``, ``hoisted`` and ``loads``.
 
-        ``weight`` and ``machine`` are the factors on the weights of the boom and of the machine.  ``load`` is the
-        factor on the load that is searched for, times the hoisting factor with the hoisting `classes`.  It multiplies
-        the masses of the scene that are `hoisted` with the load, in kg, too: ``hoisted`` is the mass in kg whose weight
-        has to be added for this, as the boom's weight has theirs with the factor ``weight``.  Without a load at the
-        tip it is 0.  ``loads`` maps the names of loads to their values in their own units, such as N.  The wind's
-        forces, or its pressure under the name `Wind.section_load`, are among them.
+        - ``weight`` and ``machine`` are the factors on the weights of the boom and of the machine.
+        - ``load`` is the factor on the load that is searched for: the case's own factor times the hoisting factor with
+          the hoisting `classes`.
+        - ``hoisted`` is a mass in kg whose weight is added, 0 without a load at the tip.  It is needed for masses of
+          the scene that are hoisted with the load; the argument `hoisted` is their sum in kg.  As parts of the boom
+          they have the factor ``weight``, but they should have the factor ``load``.  So the added mass is their sum
+          times the difference of the two factors.
+        - ``loads`` maps the names of loads to their values in their own units, such as N.  The wind's forces, or its
+          pressure under the name `Wind.section_load`, are among them.
         """
         load, loads = self.load * self.hoisting_factor(classes), self.loads | (self.wind.acting if self.wind else {})
         factors = {"weight": self.weight, "machine": self.machine, "load": load}

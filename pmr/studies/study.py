@@ -275,9 +275,11 @@ class StudyResults:
     def collect(
         cls, folder: Path, plan: Plan, code: str, store: Store, failures: Mapping[str, Failure]
     ) -> StudyResults:
-        """Return the records of a plan's runs: of failed runs from `failures`, by digest, of all others from the store.
+        """Return the records of a plan's runs, in the order of the plan.
 
-        `code` is the digest of the code that computed the results; `folder` is the study's own folder.
+        The record of a failed run is made from `failures`, which has the failures by the digest of the task.  All other
+        records are read from the store.  `code` is the digest of the code that computed the results, and `folder` is
+        the study's own folder.  Raises DamagedError if a result is missing.
         """
         digest = digests(plan, code)
         runs = []
@@ -325,7 +327,8 @@ class StudyResults:
     def arrays(self, key: str) -> Mapping[str, NDArray[Any]]:
         """Read the arrays of the run with this key from the store, by name; the study's kind says their shapes.
 
-        Raises DamagedError if the file is missing or damaged, as for a run that is not done.
+        Raises DamagedError if the file is missing or damaged, and also for a run that is not done.  A key that no run
+        has raises StopIteration.
         """
         file = next(run.file for run in self.runs if run.key == key)
         path = self.folder / file

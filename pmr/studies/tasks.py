@@ -90,7 +90,8 @@ class Failure:
     def of_skipped(self, words: str) -> Failure:
         """Return the failure of a task that is skipped because it needs a task with this failure.
 
-        `words` name the needed task.  If that was skipped itself, the reason is the same as its own.
+        `words` name the needed task.  If the needed task was skipped itself, its reason is repeated, so that the reason
+        always names the task that failed.
         """
         reason = self.reason if self.status == "skipped" else f"needs {words}, which failed: {self.reason}"
         return Failure(reason, status="skipped")
@@ -187,10 +188,12 @@ def digests(plan: Plan, code: str) -> dict[str, str]:
 def open_tasks(plans: Sequence[Plan], code: str, is_done: Callable[[str], bool]) -> dict[str, Task]:
     """Return the tasks of `plans` that have to be computed, by digest.
 
-    These tasks are the runs that are not done, and the tasks with missing results on which these runs depend.  Equal
-    tasks of several plans are one.  The needs of a returned task are digests in place of keys; each task comes after
-    the tasks that it needs.  `is_done` returns for a digest whether its result is stored; `code` is the digest of the
-    code with which tasks compute.
+    These are the runs without a stored result, and the tasks without one that such runs need.  Each task comes after
+    the tasks that it needs.  Equal tasks of several plans become one.
+
+    In a plan, `Task.needs` has keys of tasks.  In the returned tasks it has the digests of these tasks, by which
+    results are stored.  `is_done` tells for a digest whether its result is stored.  `code` is the digest of the code
+    with which tasks compute.
     """
     tasks = dict[str, Task]()
     for plan in plans:
@@ -262,7 +265,7 @@ def bodies_of(scene: Scene) -> Mapping[str, AssembledBody]:
 def _build_bodies(scene: Scene) -> Mapping[str, AssembledBody]:
     """Build the full models of a scene's bodies, and log their warnings; return the bodies by name.
 
-    Those of the last few scenes are stored.
+    The bodies of the last few scenes are stored, and returned if the scene is one of these.
     """
     from pmr.fullmodel.build import build_bodies, log_warnings
 
@@ -317,9 +320,9 @@ def compute_frequencies(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def _without_loads(scene: Scene) -> Scene:
-    """Return the scene without loads, damping and comparison, and with defaults for simulation and reduction.
+    """Return the scene without loads, damping and comparison, and with defaults for simulation, time and reduction.
 
-    Of the reduction, the solver stays; of the time, the end.  Free motions are allowed.
+    Only the end of the time and the solver of the reduction are those of the scene.  Free motions are allowed.
     """
     end = scene.time.end  # positions of the path are visited up to this time
     unloaded = scene.without_loads().model_copy(

@@ -79,7 +79,7 @@ class Worker:
     def run(self, order: Order) -> Failure | None:
         """Have the child run a task and wait for the end; return None if the result is stored, else the failure.
 
-        If the child dies meanwhile, that is the failure.
+        If the child dies meanwhile, the failure says so, with the child's last output.
         """
         child = self._child if self._child is not None and self._child.poll() is None else self._start()
         self._log.seek(0)  # parent and child share the file position: the child writes from here on
@@ -167,9 +167,9 @@ def local_pool(jobs: int) -> Iterator[Pool]:
 
 @contextmanager
 def rank_pool() -> Iterator[Pool | None]:
-    """Yield, on rank 0, a pool whose workers are all other ranks, and None on the other ranks; collective.
+    """Yield a pool on rank 0, whose workers are all other ranks; yield None on the other ranks.  Collective.
 
-    The other ranks run orders until the context of rank 0 ends; None is yielded on them only then.
+    The other ranks run orders until the context of rank 0 ends.  Only then is None yielded on them.
     """
     from mpi4py import MPI
     from mpi4py.futures import MPICommExecutor

@@ -213,8 +213,8 @@ class Study(StudyBase):
         """Return the payload of the scene's run, and the posture of this run in which the chart allows least.
 
         The keys are those in the docstring of `Study`.  If no posture of the run is in the chart, ``payload`` is the
-        only key.  There are no keys if the scene with `change` has no payload, is not valid, or does not prescribe
-        luffing angle and extensions.
+        only key.  The result is empty if the scene with `change` has no payload or is not valid.  It is also empty if
+        the scene does not prescribe luffing angle and extensions.
         """
         with suppress(InputError):
             scene = scenes.vary(self.scene, [Change(self.change, "change")])
@@ -432,9 +432,9 @@ class Study(StudyBase):
 
     @property
     def _replaced_masses(self) -> list[str]:
-        """Lines of `replaced_mass_warnings` on what `change` removes.
+        """Lines of `replaced_mass_warnings` on the scene of the study file and the scene of the chart.
 
-        The list is empty if the scene is not valid without `change`.
+        The list is empty if the scene of the study file is not valid without `change`.
         """
         with suppress(InputError):
             return replaced_mass_warnings(scenes.load_any(self.scene), self._scene, self.point)

@@ -49,10 +49,12 @@ class ScenePoint:
 def grid_points(grid: Mapping[str, object]) -> Iterator[ScenePoint]:
     """Yield a point for each combination of values from a grid's lists, the last list varying fastest.
 
-    An empty grid has one point, without changes.  ``{"reduction": {"modes": [4, 6], "coordinates": [10, 20]}}`` has
-    four, the first with the words ``modes=4`` and ``coordinates=10``.  A word begins with the last part of the dotted
-    key, or the whole key if two keys end alike.  Parameters have the whole keys; values that do not fit into a cell are
-    JSON texts there.  Raises InputError with source ``"study"`` if the value of a key is not a list with values.
+    For example, ``{"reduction": {"modes": [4, 6], "coordinates": [10, 20]}}`` has four points, the first with the words
+    ``modes=4`` and ``coordinates=10``.  An empty grid has one point, without changes.  A word begins with the last part
+    of the dotted key; if two keys end alike, it begins with the whole key.
+
+    The parameters of a point always have whole keys.  A value that does not fit into a cell is a JSON text there.
+    Raises InputError with source ``"study"`` if the value of a key is not a list with values.
     """
     lists = dict(_lists(grid, ""))
     last = Counter(key.rpartition(".")[2] for key in lists)
@@ -92,9 +94,10 @@ def _is_plain(value: object) -> bool:
 
 
 def _word(value: object, number: int) -> str:
-    """Return a value as text for a task's key; if keys can't hold its characters, ``no1`` for the first in its list.
+    """Return a value as text for a task's key.
 
-    `number` is that of the value in its list, from 0.
+    If keys can't hold the characters of the text, it is ``no1`` for the first value of a list, ``no2`` for the second.
+    `number` is the place of the value in its list, from 0.
     """
     text = str(value).lower() if isinstance(value, bool) else str(value)
     return text if _is_plain(value) and KEY.fullmatch(f"0{text}") else f"no{number + 1}"
@@ -122,9 +125,9 @@ class Study(StudyBase):
     def plan(self) -> Plan:
         """Return a task for each run, and tasks for full models' frequencies and references, which runs may share.
 
-        There are no such further tasks for a run if its scene has several sections, second order, an accuracy or
-        budget, or a model that measurements choose: this run computes them itself.  Raises InputError for a key that
-        the scenes do not allow.
+        Some runs compute frequencies and references themselves, and add no shared tasks.  Their scenes have several
+        sections, effects of second order, an accuracy or budget, or a model that measurements choose.  Raises
+        InputError for a key that the scenes do not allow.
         """
         runs, common = [], dict[str, Task]()
         for file, point in self._run_points():
@@ -156,8 +159,8 @@ class Study(StudyBase):
 def _varied_scene(file: Path, point: ScenePoint, key: str) -> Scene:
     """Return the scene of the file with the changes of the point.
 
-    Every InputError ends with the name of the run, `key`.  One for a value that the study sets names the key of the
-    study.
+    The message of every InputError ends with the name of the run, `key`.  If the study set the refused value, the error
+    names the key of the study in place of that of the scene.
     """
     try:
         return scenes.vary(file, point.changes)
