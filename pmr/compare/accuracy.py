@@ -109,7 +109,7 @@ class Search:
         """Begin the search with `models`, the reductions of the bodies by name, and find the trial that is run.
 
         Without a budget, this trial meets the scene's tolerance, or comes closest to it if no trial does.  With a
-        budget, it has the smallest error that the budget allows.  The errors are those that the class states.
+        budget, it has the smallest error that the budget allows.  Raises InputError as the class says.
         """
         begin, self.scene = time.perf_counter(), scene
         if why := reason_without_estimate(models):
@@ -149,9 +149,10 @@ class Search:
         return {kind: tolerance - taken.get(kind, 0.0) for kind in self.trials.wanted}
 
     def compare_meshes(self, other: other_runs.OtherMesh, on_other: Mapping[str, ReducedModel]) -> Search:
-        """Compute the error of the mesh, and return this search, which subtracts it from the tolerance from then on.
+        """Compute the error of the mesh, and return this search.
 
-        `other` is the result of `scene_on_other_mesh`, and `on_other` are the reductions of its scene's bodies by name.
+        From then on, the search subtracts this error from the tolerance.  `other` is the result of
+        `scene_on_other_mesh`.  `on_other` are the reductions of the bodies of the scene on the other mesh, by name.
         Raises InputError or SimulationError as for `pmr.simulation.SystemSimulator`.
         """
         trial = self.trial
@@ -160,9 +161,10 @@ class Search:
         return self
 
     def choose(self, mesh_reason: str | None) -> Choice:
-        """Return the best trial as the choice; with a tolerance, without coordinates and steps that it does not need.
+        """Return the best trial as the choice, with the reasons for it.
 
-        `mesh_reason` says why the error of the mesh is unknown; None if it is known.  Raises InputError or
+        With a tolerance, the search goes on first: it ends without coordinates and steps that the tolerance does not
+        need.  `mesh_reason` says why the error of the mesh is unknown; None if it is known.  Raises InputError or
         SimulationError as for `pmr.simulation.SystemSimulator`.
         """
         begin, trials = time.perf_counter(), self.trials
@@ -189,8 +191,9 @@ class Search:
 def scene_on_other_mesh(scene: Scene, trial: Trial) -> other_runs.OtherMesh:
     """Scene with a trial's step on another mesh, for an estimate of the error of the scene's own mesh.
 
-    A single body has `COORDINATES` coordinates, doubled until it has no fewer than the trial, so that most choices
-    share one scene.  Raises an `InputError` with the reason if there is no other mesh.
+    A single body gets `COORDINATES` coordinates, so that most trials share one scene.  If the trial has more
+    coordinates, this number is doubled until it is large enough.  Raises an `InputError` with the reason if there is no
+    other mesh.
     """
     other = other_runs.other_mesh(_with_step(scene, trial.steps))
     if len(scene.bodies) > 1:

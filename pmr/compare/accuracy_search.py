@@ -93,9 +93,10 @@ def reduce_cost(trials: Trials, trial: Trial, allowed: Allowed, coarsest: int) -
 def find_best_affordable(trials: Trials, budget: Budget, coarsest: int) -> Trial:
     """Trial with the smallest error within a budget: of coordinates, of the time of a step, or of real time.
 
-    For coordinates or the time of a step, it has the most coordinates possible, and the longest step whose error does
-    not exceed that of the reduction.  For real time, trials are made with `coarsest` steps and more; each has the most
-    coordinates for which there is time.  Raises InputError if the smallest model exceeds the budget.
+    If the budget limits coordinates or the time of a step, the trial has the most coordinates possible.  Its step is
+    the longest one whose error does not exceed that of the reduction.  If the budget is real time, trials with
+    `coarsest` steps and more are compared; each has the most coordinates for which there is time.  Raises InputError if
+    the smallest model exceeds the budget.
     """
     key = "microseconds_per_step" if budget.real_time is None else "real_time"
     if budget.coordinates is not None:
@@ -146,9 +147,9 @@ def explain_trial(trials: Trials, trial: Trial, coarsest: int, allowed: Allowed)
 def _fewest_modes(trials: Trials, trial: Trial, allowed: Allowed) -> Sizes:
     """Smallest sizes whose models are still within the `allowed` errors at the step of the trial.
 
-    The error of smaller models is their difference to the trial.  This error may use what the error of the trial's step
-    leaves of `allowed`.  Modes are left out of all bodies first, then of each body.  The differences are those of runs
-    with the fewest steps that resolve the motion.
+    The error of smaller models is `Trials.difference_to_trial`.  The sum of this error and the error of the trial's
+    step has to be allowed.  Modes are left out of all bodies first, then of each body by itself.  The differences are
+    those of runs with the fewest steps that resolve the motion.
     """
     margin = {kind: size - trial.step[kind] for kind, size in allowed.items()}
     steps = trials.fewest_resolving_steps(trial.steps)
@@ -156,7 +157,7 @@ def _fewest_modes(trials: Trials, trial: Trial, allowed: Allowed) -> Sizes:
     def enough(sizes: Sizes) -> bool:
         """Whether models of these `sizes` differ little enough from those of the trial.
 
-        The difference must not exceed what the error of the trial's step leaves of the `allowed` errors.
+        The sum of the difference and the error of the trial's step must not exceed the `allowed` errors.
         """
         return worst_ratio(trials.difference_to_trial(trial, sizes, steps), margin) <= 1.0
 
@@ -208,7 +209,7 @@ def _balance_errors(trials: Trials, sizes: Sizes, coarsest: int) -> Trial:
 
 
 def _real_time_trials(trials: Trials, ratio: float, coarsest: int) -> Iterator[Trial]:
-    """Yield, for `coarsest` steps, twice as many and so on, the trial with the largest model that is fast enough.
+    """Yield trials with `coarsest` steps, twice as many, and so on; each has the largest model that is fast enough.
 
     A model is fast enough if it is simulated `ratio` times as fast as real time.
     """
@@ -222,10 +223,10 @@ def _real_time_trials(trials: Trials, ratio: float, coarsest: int) -> Iterator[T
 
 
 def _largest_sizes(trials: Trials, seconds: float) -> Sizes | None:
-    """Sizes with the most elastic modes with which a step takes at most `seconds`.
+    """Largest sizes of models with which a step takes at most `seconds`.
 
-    All bodies have the same number of elastic modes, or all elastic modes that they have.  The result is None if a step
-    takes longer with the fewest modes.
+    All bodies have the same number of elastic modes; a body with fewer has all of them.  The result is None if a step
+    takes longer even with the fewest modes.
     """
     low, high = trials.least - 1, trials.most_elastic_modes(trials.most) + 1
     middle = high - 1

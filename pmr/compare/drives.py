@@ -46,10 +46,11 @@ def luffing_part(scene: Scene, response: Response) -> SummaryPart:
     the boom presses on its machine (`pmr.simulation.reactions`).  The pivot turns freely, and the cylinder alone keeps
     the angle, whatever holds the base in the scene.
 
-    If a cylinder's force drives the angle, all columns are taken from the response, pressures, flows and volumes of oil
-    among them, and there are ``stops`` and warnings as in `extension_part`.  If the scene limits the force of the
-    cylinder, ``use`` is the share of the allowed force that is used.  Warnings are those of `turning_warnings`, too.
-    The part is empty if the scene has no such cylinder, or if its force is not known.
+    If the response has the columns of a cylinder that drives the angle, the entry has the extremes of all these
+    columns, such as pressures, flows and volumes of oil.  It then has ``stops`` and warnings, too, as `extension_part`
+    describes them.  If the scene limits the force of the cylinder, ``use`` is the share of the allowed force that is
+    used.  The part has the warnings of `turning_warnings`, too.  The part is empty if the scene has no such cylinder,
+    or if its force is not known.
     """
     if scene.frame is None or scene.frame.cylinder is None or CYLINDER not in response.other_names:
         return SummaryPart()
@@ -206,12 +207,14 @@ def _cylinder_part(
 def turning_warnings(scene: Scene, angles: Array) -> list[str]:
     """Warnings about supports of the base that stand in for a luffing cylinder but differ from it.
 
-    Named are supports across the boom that are not at the cylinder's lug (`misplaced_supports`), a pin that is not at
-    the pivot or is lacking, and how a support at the lug differs as the boom luffs.  A support with a stiffness does
-    not turn as a cylinder does; that is named if the cylinder's stiffness about the pivot varies by more than a factor
-    of `TURNED` over the luffing `angles` (T,) in rad.  A support across the boom has no force along it; that is named
-    if the cylinder's force along the boom exceeds `LEANING` times its force across.  The list is empty if the scene has
-    no luffing cylinder, or if nothing differs.
+    The list is empty if the scene has no luffing cylinder, or if nothing differs.  There are warnings about:
+
+    - supports across the boom that are not at the cylinder's lug (`misplaced_supports`),
+    - a pin that is lacking or is not at the pivot,
+    - a support at the lug that has a stiffness and so does not turn as a cylinder does, if the cylinder's stiffness
+      about the pivot varies by more than a factor of `TURNED` over the luffing `angles` (T,) in rad,
+    - a support at the lug, as it has no force along the boom, if the cylinder's force along the boom exceeds `LEANING`
+      times its force across.
     """
     if scene.frame is None or scene.frame.cylinder is None:
         return []
@@ -292,10 +295,10 @@ def hoist_part(scene: Scene, response: Response) -> SummaryPart:
     r"""Entry ``hoist`` of summary.json: extremes of `KEYS`, ``weight_force`` and ``factor`` of the rope, and ``slack``.
 
     ``weight_force`` is the rope's force if the payload is at rest, :math:`m g / n` with the mass m, gravity g and n
-    falls.  ``factor`` is the largest force over this one, a hoist or stop factor of the motion.  ``slack`` lists the
-    spans in which the rope is slack (`slack_spans`).  A grave warning names the worst of these spans, another warning a
-    rope that moves at t = 0 with another speed than its payload.  The part is empty if the scene has no hoist or no
-    gravity, or the response no hook.
+    falls.  ``factor`` is the largest force divided by the weight force: the hoist factor or stop factor of the motion.
+    ``slack`` lists the spans in which the rope is slack (`slack_spans`).  A grave warning names the worst of these
+    spans.  Another warning says if the rope moves at t = 0 with another speed than its payload (`_jerk_warnings`).  The
+    part is empty if the scene has no hoist or no gravity, or if the response has no hook.
     """
     hoist = scene.hoist
     if hoist is None or scene.gravity is None or not response.of(KINDS[HEIGHT]).shape[1]:
@@ -357,9 +360,10 @@ def supply_warnings(
     pressure drop or a small share, whichever is larger (`highest_pressure`).
 
     `histories` (T,) are by ``pressure bore`` and ``pressure rod``.  `stop` (T,) is how far a stop gives way: above 0 at
-    the greatest length, below 0 at the smallest.  Times on a stop are ignored.  For the first warning, so are the times
-    after a stop until the valve closes next, because the cylinder may rebound.  Without a valve there is no supply, and
-    the list is empty.
+    the greatest length, below 0 at the smallest.  Times on a stop are ignored in both warnings.  The first warning also
+    ignores the time after a stop, until the valve closes the next time, because the cylinder may rebound.  For this, a
+    stop counts only for the chamber that drives the cylinder to it: the greatest length for the bore, the smallest for
+    the rod side.  Without a valve there is no supply, and the list is empty.
     """
     if oil.valve is None:
         return []

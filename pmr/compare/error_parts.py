@@ -161,7 +161,7 @@ def estimate_warnings(
     """Warnings about too few coordinates and, for a body alone with a moving slider, about too long a step.
 
     The step is too long if it does not resolve the highest mode although rho_inf is 1, so that nothing damps it.
-    `models` are by name of the body; `estimated` is None if there is no estimate.
+    `models` are the reduced bodies by name; `estimated` is None if there is no estimate.
     """
     beam, chi = (0.0, 0.0) if estimated is None else (estimated.error_of("beam"), estimated.chi or 0.0)
     messages = []

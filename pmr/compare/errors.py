@@ -332,7 +332,7 @@ def band_limit(y: Array, step: float) -> float:
 def band_of_response(response: Response) -> float:
     """Band in Hz of the motion of a response: `band_limit` of the last displacement, which is the tip's.
 
-    If the tip moves by round-off only, as on a support, it is the `band_limit` of all displacements.
+    If the tip moves by round-off only, as on a support, the band is the `band_limit` of all displacements.
     """
     tip, step = response.displacement[:, -1:], float(response.t[1] - response.t[0])
     return band_limit(tip if np.ptp(tip) > response.round_off else response.displacement, step)

@@ -69,7 +69,7 @@ MORE_LEFT_OUT = 1e-5
 class Estimate:
     """Estimated errors of the outputs of reduced bodies, with margin.
 
-    Fractions are relative to the second run's motion (`pmr.compare.errors.relative_error`).  `by` is the method:
+    Fractions are relative to the motion of the richer model (`pmr.compare.errors.relative_error`).  `by` is the method:
     ``attachment`` modes, or an ``other model``.
     """
 
@@ -323,16 +323,17 @@ SETTLED = 0.5
 def are_settled(error: float, difference: float) -> bool:
     """Whether two richer models differ little enough for an estimate of the error.
 
-    Both `error` and `difference` are fractions.  The models do so if the difference is at most `SETTLED` times the
-    error, or if the error is round-off.
+    `error` is the error to be estimated, and `difference` that between the two richer models; both are fractions.  The
+    result is true if the difference is at most `SETTLED` times the error, or if the error is round-off.
     """
     return difference <= SETTLED * error or error <= ROUND_OFF
 
 
 def describe_scatter(peaks: Sequence[float]) -> str:
-    """Sentence on the largest forces of pads that land and lift off; `peaks` has one in N for each of several models.
+    """Sentence on the largest forces of pads that land and lift off, by several models that are nearly equal.
 
-    The models are nearly equal.  The sentence is empty if the smallest and the largest peak agree to three digits.
+    `peaks` has the largest force in N of each model.  The sentence is empty if the smallest and the largest peak agree
+    to three digits.
     """
     least, most = (with_unit(find(peaks), "N") for find in (min, max))
     if least == most:

@@ -188,8 +188,8 @@ def reaction_rows(scene: Scene, response: Response, path: Array) -> dict[str, ob
 def missing_reaction_warnings(scene: Scene) -> list[str]:
     """List a warning for each of two kinds of reactions that the models do not compute, if the scene has any.
 
-    The first are reactions along x of beams without axial coordinates, where a weight or a sliding section acts along
-    them.  The second are forces of supports with ``points = "all"``.
+    The first are reactions along x of beams without axial coordinates, if a weight or a sliding section acts along
+    these beams.  The second are forces of supports with ``points = "all"``.
     """
     weight_along = scene.gravity is not None and scene.gravity.direction[0] != 0.0
     # sections that slide in others are accelerated along them, and have cylinders; a mass on a wheel has none
@@ -212,10 +212,11 @@ def missing_reaction_warnings(scene: Scene) -> list[str]:
 
 
 def unknown_force_warnings(scene: Scene, response: Response) -> list[str]:
-    """List a warning that names those rigid pads at rest on a single body whose forces the model does not contain.
+    """List a warning that names those rigid pads at rest on a single body whose forces are unknown.
 
-    The choice of coordinates holds such a pad.  The list is empty if all forces of pads are known, if there are several
-    sections, or if the response has no contact forces at all.
+    The model does not contain such a force: the pad holds the body by the choice of coordinates alone.  The list is
+    empty if all forces of pads are known, if there are several sections, or if the response has no contact forces at
+    all.
     """
     staying = [ring for ring in _pad_rings(scene) if ring.stiffness == "rigid" and not ring.moving]
     history = history_by_name(scene, response)
@@ -227,7 +228,7 @@ def unknown_force_warnings(scene: Scene, response: Response) -> list[str]:
 
 
 def cylinder_impulses(boom: Scene, system: System) -> dict[str, list[dict[str, float]]]:
-    r"""Impulses of each cylinder at each kink of any extension, by cylinder, in order of time: ``t`` and ``impulse``.
+    r"""Impulses of each cylinder at the kinks of all extensions, by cylinder, in order of time: ``t`` and ``impulse``.
 
     .. math:: I_i = \sum_{k \ge i} m_k\, \Delta \dot X_k, \qquad \Delta \dot X_k = \sum_{j \le k} \Delta \dot s_j
 

@@ -170,11 +170,13 @@ def result_paths(scene: Scene, excitation: Excitation) -> Paths:
 def way_points(scene: Scene, system: System, excitation: Excitation, size: int) -> WayPoints:
     """Positions at which frequencies are compared, from one end of the scene's way to the other.
 
-    `size` is the number of coordinates of the full model, 0 if there is none; large models have fewer positions.  If
-    nothing moves along its path, but the stiffness changes with time because of second order or a luffing cylinder, the
-    positions are all the same, at evenly spaced times; if the stiffness does not change either, there is one.  If a run
-    is at a position more than once, with other extensions or axial forces or at another luffing angle, the time is that
-    of the lowest frequency of the reduced `system`.
+    `size` is the number of coordinates of the full model, 0 if there is none; large models have fewer positions.  A run
+    may be at a position several times, with other extensions, axial forces or luffing angles.  The time at which the
+    reduced `system` has its lowest frequency then counts.
+
+    If nothing moves along its path, second order or a luffing cylinder may still change the stiffness.  Then the
+    positions are all the same, at evenly spaced times.  If the stiffness does not change either, there is a single
+    position.
     """
     alone = ALONE in scene.bodies
     count = PLACES_OF_BOOM if size <= LARGE_SYSTEM else FEWER_PLACES_OF_BOOM
@@ -198,9 +200,9 @@ def _at_slider_positions(system: System, excitation: Excitation, s: Array) -> Wa
 
 
 def _at_reaches(scene: Scene, system: System, excitation: Excitation, count: int) -> WayPoints:
-    """Positions at the steps whose reach is nearest to `count` evenly spaced ones, each at that of `_softest_step`.
+    """Positions of a boom whose reach is nearest to `count` evenly spaced values, each at the time of `_softest_step`.
 
-    A step that is nearest to several of these reaches counts once, and a boom that keeps its reach has one position.
+    If a step is nearest to several of these values, it counts once.  A boom that keeps its reach has one position.
     """
     reach = scene.reach(excitation.times)
     goals = np.linspace(reach.min(), reach.max(), count if np.ptp(reach) > 1e-9 * reach.max() else 1)
@@ -211,9 +213,10 @@ def _at_reaches(scene: Scene, system: System, excitation: Excitation, count: int
 def _softest_step(system: System, excitation: Excitation, along: Array, goal: float) -> int:
     """Number of the step at which a run is at the position `goal` and the reduced system has its lowest frequency.
 
-    `along` (T,) are the positions of all T steps, in m as the goal.  Compared are up to `POSTURES` of the steps at
-    which the run passes the goal, or comes nearest to it.  The first one is taken unless its frequency is higher than
-    the lowest by more than the share `ALIKE`.
+    `along` (T,) in m are the positions of all T steps; the `goal` is in m, too.  The run may pass the goal, or come
+    nearest to it, several times; up to `POSTURES` of these steps are compared.  If the frequency at the first of them
+    exceeds the lowest by at most the share `ALIKE`, the first step is returned.  Otherwise it is the step with the
+    lowest frequency.
     """
     d = np.round(np.abs(along - goal), 9)
     near = d <= max(0.5 * np.abs(np.diff(along)).max(initial=0.0), d.min())

@@ -95,10 +95,13 @@ class Motion:
     def lowest_frequencies(self, directions: Array) -> Array:
         """Lowest frequencies (P, `FREQUENCIES`) in Hz at P positions, of modes that move mainly in some of x, y, z.
 
-        `directions` (3,) is the mask of these directions.  A mode counts if these directions have the share `KNOWN` of
-        its motion or more, and more than the share `NO_MOTION` of the largest motion in them of any mode at the
-        position.  If fewer than `FREQUENCIES` modes count, the remaining entries are NaN.  If the model moves in no
-        other direction, all modes count, torsion too.
+        `directions` (3,) is the mask of these directions.  A mode counts if two conditions hold:
+
+        - these directions have at least the share `KNOWN` of the mode's motion,
+        - the mode moves in them by more than the share `NO_MOTION` of the largest such motion of a mode there.
+
+        If fewer than `FREQUENCIES` modes count, the remaining entries are NaN.  If the model moves in no other
+        direction, all modes count, torsion too.
         """
         every, share = self.mode_motions.sum(axis=1), self.mode_motions[:, directions].sum(axis=1)
         mine = (share >= KNOWN * every) & (share > NO_MOTION * share.max(axis=1, keepdims=True))
@@ -123,11 +126,11 @@ class Motion:
         return force_histories(replace(response, slider_force=peaks))
 
     def displacements_at(self, other: Motion) -> dict[str, Array]:
-        """Displacements (T,) of this motion where another motion has outputs along a body, by the names of the latter.
+        """Displacements (T,) of this motion at the places of another motion's outputs, by the names of these outputs.
 
-        Outputs of the tip are not among them.  The displacements are interpolated by cubic splines, or linearly between
-        fewer than four positions, between this motion's own positions on the same body, in the same direction.  Outputs
-        beyond these positions are left out.
+        Only outputs along a body count, not those of its tip.  The displacements are interpolated between this motion's
+        own positions on the same body, in the same direction: by cubic splines, or linearly between fewer than four
+        positions.  Outputs beyond these positions are left out.
         """
         places, displacements = dict[tuple[str, str], dict[float, Array]](), dict[str, Array]()
         for k, output in enumerate(self.response.outputs):
@@ -152,8 +155,8 @@ class Motion:
 def evenly_spaced_steps(excitation: Excitation) -> list[int]:
     """Numbers of the steps at which the sum of all path coordinates is closest to evenly spaced values, each once.
 
-    There are `PLACES` values, from the smallest sum to the largest; the numbers are in their order, not in that of
-    time.  If nothing moves, it is the first step alone.
+    There are `PLACES` values, from the smallest sum to the largest.  The steps are in the order of the values, which
+    may differ from the order of time.  If nothing moves, the list has the first step alone.
     """
     reach = excitation.s.reshape(len(excitation.times), -1).sum(axis=1)
     at = np.linspace(reach.min(), reach.max(), PLACES)

@@ -44,8 +44,8 @@ def frame_part(scene: Scene, system: System, excitation: Excitation, frequencies
 
     ``share`` is the largest share by which axial forces and the frame's speed change the stiffness
     (`second_order_effect`); if it is above ``limit``, second order matters.  ``factor`` is the least factor on axial
-    forces at which the boom buckles, at the time ``t`` in s; ``over`` has it at some times of the run, None if nothing
-    presses.  Without second order, ``buckling`` is left out if contacts do not hold the bodies.
+    forces at which the boom buckles, at the time ``t`` in s; ``over`` has this factor at some times of the run, None
+    where nothing presses.  Without second order, ``buckling`` is left out if contacts do not hold the bodies.
 
     Warnings name second order that is left out although it matters, models that can't show buckling across the plane,
     and times past the buckling load.  Raises an InputError if contacts do not hold the bodies in a run with second
@@ -157,9 +157,11 @@ def ground_part(scene: Scene, response: Response) -> SummaryPart:
 
     An outrigger that lifts off has ``lifted``: ``t``, the time in s at which it first does, and ``duration``, the time
     in s for which it is off the ground in all.  ``tips`` is the time in s at which the machine begins to tip, None if
-    it stands.  Times before the weight acts in full do not count.  Warnings say when outriggers lift off, when the
-    machine tips, and if forces are not known or the run ends before the weight acts in full.  Then the part has no
-    entry, nor does it for a scene without a ground.
+    it stands.  Times before the weight acts in full do not count.  Warnings say when outriggers lift off or the machine
+    tips.
+
+    If forces are not known, or if the run ends before the weight acts in full, the part has a grave warning and no
+    entry.  For a scene without a ground the part is empty.
     """
     if scene.frame is None or scene.frame.ground is None:
         return SummaryPart()
@@ -256,7 +258,7 @@ def energy_part(scene: Scene, system: System, excitation: Excitation, run: Syste
     """Entry ``energy`` of summary.json in J, changes from the start to the end; empty if the scene has no frame.
 
     ``change`` is the change of the energy, ``drives`` and ``others`` are the work of drives and of all other loads, and
-    ``lost`` is what these add in excess of the change.  If `run` is None, because its states were not kept, the motion
+    ``lost`` is the sum of both works less the change.  If `run` is None, because its states were not kept, the motion
     is simulated again, which takes microseconds a step.
     """
     if scene.frame is None:

@@ -92,8 +92,8 @@ def finer_beams(scene: Scene) -> Scene:
     def halve_elements(part: BoomSection) -> dict[str, object]:
         """Change of a section's keys that halves its elements: the key ``mesh`` with its new values.
 
-        As lengths grow from element to element by the root of the former factor, all nodes stay, and each element gets
-        one more.
+        If elements are graded, their lengths grow by a factor from element to element.  The new factor is the root of
+        the old one.  So all nodes stay, and each element gets one more node.
         """
         count = int(FINER * part.mesh.elements)
         grading = part.mesh.grading ** ((count - 1) / (FINER * max(1, part.mesh.elements - 1)))
@@ -103,10 +103,13 @@ def finer_beams(scene: Scene) -> Scene:
 
 
 def coarser_walls(scene: Scene) -> Scene:
-    """The scene with cells of twice the length; beams have half the number of elements."""
+    """The scene with cells of twice the length, and with half the number of elements in all beams.
+
+    Half of an odd number is rounded down.  A beam has at least two elements, so a beam of two elements stays as it is.
+    """
 
     def double_cells(part: BoomSection) -> dict[str, object]:
-        """Change of a section's keys that doubles the length of its cells: the key ``mesh`` with its new values."""
+        """Change of a section's keys that doubles its cells and halves its elements: new values of ``mesh``."""
         sizes = {"size": COARSER * part.mesh.size, "tail_layer": COARSER * part.mesh.tail_layer}
         along = None if part.mesh.along is None else COARSER * part.mesh.along
         return {"mesh": sizes | {"along": along, "elements": max(2, part.mesh.elements // 2)}}
@@ -201,11 +204,15 @@ class VariedPlay:
     def summary(self, scene: Scene, response: Response, walls: Summary, varied_walls: Summary) -> dict[str, Any]:
         """Return ``budget.play`` of summary.json for the run of a scene that has this response.
 
-        ``gap`` in m is the play of the other run.  Each of ``rows`` has as ``quantity`` a key of
-        `pmr.results.quantities.QUANTITIES`, the ``name`` of a part or a direction, the largest ``value`` in the scene's
-        run, and as ``varied`` that in the other run.  Values have the unit of their quantity; those that are round-off
-        in one of both runs have no row.  `walls` of the scene's run, and `varied_walls` of the other one, may have
-        ``wall_stress``, the largest stress in walls at pads.
+        ``gap`` in m is the play of the other run.  ``rows`` compare the largest values of both runs.  A row has the
+        keys:
+
+        - ``quantity``: a key of `pmr.results.quantities.QUANTITIES`,
+        - ``name``: that of a part or a direction,
+        - ``value`` and ``varied``: the largest value in the scene's run and in the other run, in the quantity's unit.
+
+        A value that is round-off in one of both runs has no row.  `walls` of the scene's run, and `varied_walls` of the
+        other run, may have ``wall_stress``, the largest stress in walls at pads.
         """
         value, varied = largest_sizes(scene, response), largest_sizes(scene, self.simulation.response)
         for sizes, entries in ((value, walls), (varied, varied_walls)):
@@ -227,12 +234,14 @@ class OtherPlay:
 
 
 def vary_play(scene: Scene, contacts: tuple[Contact, ...]) -> OtherPlay | None:
-    """Take the play away from the pads among a scene's contacts or, if they have none, give them `compare.play`.
+    """Change the play of the pads among a scene's contacts; return all contacts with the other play.
 
-    All of this play is at the faces on top and left: at a start at rest each section lies on those at bottom and right.
-    That is enough, as how far sections turn in each other depends on the sum of the play on both sides.  The result is
-    None if this changes no pad: if no pad on a face only pushes, if pads that do are at bottom and right alone, or if
-    `compare.play` is 0 and the scene states no play.
+    If a pad has play, all pads lose it.  If no pad has play, pads get `compare.play`, all of it at the faces on top and
+    left.  In a start at rest each section lies on the pads at bottom and right.  Play on one side is enough, as how far
+    sections turn in each other depends on the sum of the play on both sides.
+
+    None is returned if no pad changes.  This is so if no pad on a face only pushes.  It is also so if no pad has play,
+    and either `compare.play` is 0 or all such pads are at bottom and right.
     """
     pushing = {contact.name: contact for contact in contacts if contact.clearance is not None}
     pads = {name: of for name, of in pads_on_faces(scene).items() if name in pushing}
@@ -259,8 +268,9 @@ def simulate_varied_play(scene: Scene, system: System, excitation: Excitation) -
 def states_under_load(scene: Scene, system: System, simulation: Simulation) -> Mapping[str, BodyStates]:
     """Return states of the bodies of a simulated system, by name, at the times at which stress in walls is computed.
 
-    These are the times of the scene's recovery and, where the motion is kept, those at which the size of a contact's
-    force is largest: sections beat on their pads, and such a peak is short.  Empty without a recovery.
+    These are the times of the scene's recovery.  If the motion at all steps is kept, the time of the largest absolute
+    force of each contact is added: sections beat on their pads, and such a peak is short.  There are no states without
+    a recovery.
     """
     steps, run = scene.recovered_steps, simulation.run
     if run is None or not len(steps):

@@ -196,7 +196,7 @@ BESIDE_KINK = 2.0
 
 
 def boom_quantities(excitation: Excitation, response: Response) -> Mapping[str, ResponseFunction]:
-    """Functions of a boom's response by key of the quantity, in which models are compared; each returns columns (T, k).
+    """Functions of a response, by key, that return the quantities (T, k) in which models of a boom are compared.
 
     The key ``tip`` has the displacements in m of the last section's tip, ``beam`` those of all sections, and each kind
     of forces in `response`, such as ``pad_force``, its forces in N.  If an extension has a kink before the end, a

@@ -121,7 +121,7 @@ def simulate_by(
 
     Short simulations are repeated as the scene says, and the shortest solver time is reported.  The response has the
     forces on the scene's machine, but not its motion (`pmr.compare.evaluation.append_machine`).  The compiled simulator
-    keeps the motion of reduced bodies at all steps, that of a single body without terms if it fits in memory
+    keeps the motion of reduced bodies at all steps; that of a single body without terms, only if it fits in memory
     (`fits_in_memory`).  `done`, if not None, is called with the share of the run that is done.
     """
     numbers, repeats = np.asarray(steps, np.int64), scene.simulation.repeats

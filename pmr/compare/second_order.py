@@ -194,11 +194,11 @@ class AxialForce(NamedTuple):
 def axial_part(scene: Scene, system: System, excitation: Excitation, masses: Mapping[str, float]) -> SummaryPart:
     """Part with a warning if axial forces matter that second order leaves out; a grave one beyond the buckling load.
 
-    Without a frame these are all axial forces.  With a frame they are those of loads that do not act at a tip.  Of a
-    boom of several sections, only the section that a load acts on is looked at, not those whose cylinders hold it.
-    `masses` are those of the bodies in kg by name, without what is attached to them; a body that is missing among them
-    has no weight here.  The part is empty if a motion of the scene is computed, if nothing acts along a body, or if
-    contacts do not hold the bodies.
+    Without a frame, second order leaves out all axial forces.  With a frame, it leaves out those of loads that do not
+    act at a tip.  In a boom of several sections, a load counts only for the section on which it acts, although
+    cylinders pass its force on to other sections.  `masses` are those of the bodies in kg by name, without what is
+    attached to them; a body that is missing among them has no weight here.  The part is empty if a motion of the scene
+    is computed, if nothing acts along a body, or if contacts do not hold the bodies.
     """
     if scene.computed_key is not None:
         return SummaryPart()
@@ -251,7 +251,8 @@ def axial_forces(member: Member, body: SlidingBody, mass: float) -> Iterator[Axi
     def between(at: float, x: Array) -> Array:
         """Axial force (k,), tension positive, at places x (k,) in m under a unit force along x at `at` in m.
 
-        It is 1 between the force and the support, -1 if the support is farther from the tail, and 0 elsewhere.
+        The axial force is 1 between the unit force and the support, or -1 there if the support is farther from the
+        tail.  It is 0 elsewhere.
         """
         return np.where((x > min(at, holds)) & (x < max(at, holds)), np.sign(at - holds), 0.0)
 

@@ -109,8 +109,8 @@ class ConvergenceSeries(Generic[Compared]):
     def is_settled(self) -> bool:
         """Whether the `remainder` is small: at most `SETTLED` times the given run's difference to the last run.
 
-        The result is true too if all differences are negligible: the sum of that difference and the last two is at most
-        `NEGLIGIBLE`.
+        The result is true too if all differences are negligible.  This means: that difference, plus the last two
+        differences of the series, is at most `NEGLIGIBLE`.
         """
         difference = self.difference_to_last
         small = len(self.differences) > 1 and difference + sum(self.differences[-2:]) <= NEGLIGIBLE

@@ -229,8 +229,9 @@ class Runs:
     def sample_initial_run(self, first: Sample) -> Sample:
         """Sample of the run whose error is to be estimated, that on the grid `SteppedSystem.given`.
 
-        `first` is the sample of the only run so far.  It is returned itself if that run had the same rho_inf and the
-        same number of parts of a step, and if `SteppedSystem.run` is None; else the run is sampled.
+        `first` is the sample of the only run so far.  If `SteppedSystem.run` is None, and if the only run had the
+        rho_inf and the number of parts of the grid, `first` is returned.  Otherwise the run on the grid is sampled, and
+        simulated before if `SteppedSystem.run` is None.
         """
         grid, stepping = self._stepped.given, self.last_grid
         if self._stepped.run is None and (stepping.rho_inf, stepping.parts) == (grid.rho_inf, grid.parts):

@@ -135,7 +135,8 @@ def missed_stress_part(scene: Scene, response: Response) -> SummaryPart:
 
     The warning names the history that exceeds its largest value at these times the most, by a share of `MISSED` or
     more.  Histories that are round-off, or small compared with others of the same kind and unit, are left out.  The
-    part is empty if no history does, if stresses are not recovered, or if the response does not have all steps.
+    part is empty if no history exceeds it by that much, if stresses are not recovered, or if the response does not have
+    all steps.
     """
     steps, recovery = scene.recovered_steps, scene.recovery
     if recovery is None or not recovery.stress or len(response.t) != scene.time.steps + 1:
@@ -193,9 +194,9 @@ def fatigue_part(scene: Scene, response: Response) -> SummaryPart:
 def _endured_spectra(damages: Sequence[tuple[float, Damage]]) -> float | None:
     """Return the number of times that a spectrum may occur until its damage is 1; None if a spectrum does no damage.
 
-    `damages` has for each line of the spectrum the number of times that it occurs, and the damage by its history.  Each
-    time but the first, a history does the damage `further`.  If a line does not occur once until then, the result is
-    the reciprocal of the damage of one spectrum.
+    `damages` has for each line of the spectrum the number of times that it occurs, and the damage by its history.  The
+    first time a history does the damage `Damage.once`, each further time `Damage.further`.  If failure comes before
+    each line has occurred once, the result is the reciprocal of the damage of one spectrum.
     """
     growth = sum(times * damage.further for times, damage in damages)
     first = sum(damage.once - damage.further for times, damage in damages if times > 0.0)

@@ -243,7 +243,7 @@ class Trials:
     def fewest_resolving_steps(self, steps: int) -> int:
         """Smallest number of steps, at most `steps`, with which one of the runs so far has resolved the motion.
 
-        It is `steps` itself if none with fewer steps has.
+        If no run with fewer steps has resolved it, the result is `steps`.
         """
         return min(
             (count for sizes, count in self._step_errors if count < steps and self.is_resolved(sizes, count)),
@@ -307,10 +307,11 @@ class Trials:
         return {kind: np.inf if run_error is None else run_error.error_of(kind) for kind in self.wanted}
 
     def is_settled(self, sizes: Sizes, steps: int) -> bool:
-        """Return whether finer time steps than these `steps` bring the runs of these `sizes` closer to each other.
+        """Whether shorter and shorter steps bring runs with models of these `sizes` closer to each other.
 
-        This is asked of all wanted kinds of outputs.  It is False if the error of the step could not be computed.  Only
-        to be called after `step_errors` for the same sizes and steps.
+        The first of these runs has `steps` steps.  The result is true if this holds in all wanted kinds of
+        outputs, and False if the error of the step could not be computed.  Only to be called after `step_errors` for
+        the same sizes and steps.
         """
         run_error = self._step_errors[sizes, steps]
         return run_error is not None and run_error.settled and not set(run_error.unsettled) & set(self.wanted)
