@@ -49,8 +49,8 @@ def system_data(
     """Arrays of a system for the kernel, from the modal forms of its bodies by name.
 
     `frame` is the system's moving frame, None for a system without one.  `reduced` is the system in modes in which
-    contacts of a ring are combined; if it is None, `system` is converted here, and the reactions of rigid supports are
-    further outputs.  Raises InputError if the frame has no motion for one of the system's paths.
+    contacts of a ring are combined.  If `reduced` is None, it is made here from `system`, and the reactions of rigid
+    supports become further outputs.  Raises InputError if the frame has no motion for one of the system's paths.
     """
     supports = [
         SupportForces.from_body(body, system.on_one_path, reduced is None and isinstance(body, ReducedModel))
@@ -114,7 +114,7 @@ class Outputs:
     def split(self, array: Array) -> list[Array]:
         """Split an `array` (k, all outputs) into two: the columns of outputs proper, and the columns of reactions.
 
-        Columns of zeros behind fill each up to whole registers, and one register more.
+        Both get columns of zeros at the end: up to whole registers, and then one more register.
         """
         parts = (array[:, numbers] for numbers in (self.outputs, self.reactions))
         return [np.pad(_fill_rows(columns, columns.shape[1]), ((0, 0), (0, LANES))) for columns in parts]

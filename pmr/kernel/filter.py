@@ -51,8 +51,9 @@ class Transitions(NamedTuple):
 class StepMatrices:
     """Factors and matrices of T steps of r modes, from which the transition matrices of 3 r states follow.
 
-    A step's acceleration is R (z*, v*) + G f.  Each mode's next prediction (z*, v*, a*) is a sum of its prediction and
-    its acceleration, and so are z and its rate at the end of the step: `courses` has the factors.
+    A step's acceleration is R (z*, v*) + G f.  Five numbers of each mode are weighted sums of its prediction (z*, v*,
+    a*) and its acceleration: the next prediction, and z and its rate at the end of the step.  `courses` has the
+    weights.
     """
 
     # (5, 4, r): z*, v*, a* of the next prediction, z and its rate by z*, v*, a* and the acceleration of the same mode
@@ -126,9 +127,9 @@ class KalmanFilter:
 
         Measurements that are not finite are missing.  `use` (p,) has a constant of the kernel for each sensor.
         ``PMR_IF_POSSIBLE`` uses a measurement unless it is far beyond what the model can explain.  ``PMR_IF_NEAR`` does
-        so too, but as long as the sensor is doubted the measurement has to be near the estimate.  With
-        ``PMR_AS_EXPECTED``, a missing measurement counts as if the estimate had been measured.  ``PMR_NOT_USED`` only
-        returns the innovation.  The innovation of a missing measurement is NaN, or 0 with ``PMR_AS_EXPECTED``.  A
+        the same, but while the sensor's `level` is above the alarm, a measurement also has to be near the estimate.
+        With ``PMR_AS_EXPECTED``, a missing measurement counts as if the estimate had been measured.  ``PMR_NOT_USED``
+        only returns the innovation.  The innovation of a missing measurement is NaN, or 0 with ``PMR_AS_EXPECTED``.  A
         measurement that is finite changes the sensor's `level`, whether it is used or not.  Raises a SimulationError if
         the covariance of the measurements is not positive definite.
         """
@@ -247,9 +248,9 @@ def find_stuck(values: Array, step: float) -> NDArray[np.bool_]:
 def find_silent(values: Array, step: float) -> NDArray[np.bool_]:
     """Mask (T, p) of the steps at which a sensor has had no measurement for too long.
 
-    `values` (T, p) are the measurements of p sensors at T steps of `step` s, not finite where nothing was measured.
-    Too long is longer than both `SILENT` s and `INTERVALS` times the median interval between the sensor's measurements.
-    The start counts as a measurement.
+    `values` (T, p) are the measurements of p sensors at T steps of `step` s, not finite where nothing was measured.  A
+    step is marked if the last measurement is more than `SILENT` s ago, and also more than `INTERVALS` times the median
+    interval between the sensor's measurements.  The start counts as a measurement.
     """
     silent = np.zeros(values.shape, bool)
     steps = np.arange(len(values))
@@ -335,11 +336,13 @@ def isolate(
     """Number of the sensor without which all others agree with the model, or None if there is no such sensor.
 
     The last t steps of `step` s, up to step k, are filtered again from the `earlier` state of the filter, with their
-    measurements `values` (t, p): one trial without each sensor that is not in the mask `excluded` (p,).  The figure of
-    a trial is the largest mean square of innovations, in its last `JUDGED` s, among the sensors that it uses.  A sensor
-    is at fault if the figure is at most `AGREED` in the trial without it, and `APART` times as large or more in every
-    other trial.  The filter `kalman` then gets the state of the trial without this sensor, except for its `level`.  If
-    no sensor is at fault, it stays as it is.
+    measurements `values` (t, p).  This is tried without each sensor that is not in the mask `excluded` (p,), one trial
+    for each.  The figure of a trial is the largest mean square of innovations, in its last `JUDGED` s, among the
+    sensors that it uses.
+
+    A sensor is at fault if the trial without it has a figure of at most `AGREED`, and every other trial has a figure at
+    least `APART` times as large.  The filter `kalman` then gets the state of the trial without this sensor, except for
+    the `level` of the sensors.  If no sensor is at fault, the filter stays as it is.
     """
     trials, present = list[tuple[float, int, Array]](), kalman.memory.copy()
     judged, levels = max(1, round(JUDGED / step)), kalman.level.copy()

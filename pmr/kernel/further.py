@@ -127,14 +127,18 @@ def pressing_forces(scene: Scene, paths: Sequence[str], numbers: Mapping[str, in
 def frame_output_arrays(frame: Frame | None, system: System, paths: Sequence[str], reactions: Sequence[str]) -> Arrays:
     """Arrays of tip, luffing cylinder and outriggers by their names in the kernel's block, and the counts ``further``.
 
-    ``further`` (3,) has the number of `reactions` of rigid supports, then 1 if there is a tip and 1 if the force of the
-    luffing cylinder is computed, else 0.  ``tip_numbers`` (4,) has the numbers of the tip's displacements along x, y
-    and z (-1 if there are none) and the number of paths that lead to the tip, ``tip_place`` (3,) its place in m from
-    the pivot with all paths at 0.  ``pressing_numbers`` (K,) and ``pressing_wrenches`` (K, 6, 1 + P), flattened,
-    are those of `PressingForces`; the force of a cylinder follows from their moments if it is none of these forces
-    itself.  ``cylinder_hinges`` (4,) are the coordinates x, z in m of the cylinder's foot and of its lug, zeros without
-    a cylinder.  ``cylinder_pin`` (3,) has the numbers of the pin's reactions along x and z (-1 if there are none) and
-    of the force at the lug.
+    The arrays are:
+
+    - ``further`` (3,): the number of `reactions` of rigid supports, then 1 if there is a tip, else 0, then 1 if the
+      force of the luffing cylinder is computed, else 0;
+    - ``tip_numbers`` (4,): the numbers of the tip's displacements along x, y and z, -1 for a displacement that is no
+      output, then the number of paths that lead to the tip;
+    - ``tip_place`` (3,): the tip's place in m from the pivot with all paths at 0;
+    - ``pressing_numbers`` (K,) and ``pressing_wrenches`` (K, 6, 1 + P), flattened: those of `PressingForces`;
+    - ``cylinder_hinges`` (4,): coordinates x, z in m of the cylinder's foot, then of its lug; zeros without a cylinder;
+    - ``cylinder_pin`` (3,): the numbers of the pin's reactions along x and z, -1 if there are none, then the number of
+      the force at the lug.  The array is missing if the force of the cylinder is not computed from moments;
+    - the arrays of outriggers (`ground_arrays`).
 
     `paths` are the names of the P paths of the `system`, and `reactions` those of the reactions.  Without a `frame`,
     ``further`` is the only array.  If a force between boom and ground has no number, the arrays of the pressing forces,
@@ -277,8 +281,8 @@ def _quantity(quantity: Quantity, numbers: dict[str, int]) -> list[int]:
 
     An argument that the kind does not need is 0.  `numbers` has the numbers of the motions that drive the frame, by
     name.  Gravity, a load and a motion of the base have the kind ``motion``, with the driver's number as the first
-    argument.  If the scene has no gravity or no such motion of the base, its value is 0: it is the kind ``reach`` of
-    section 0.
+    argument.  Gravity or a motion of the base that the scene lacks is 0; it is written as the kind ``reach`` of section
+    0, which is always 0.
     """
     kind, *of = quantity
     if kind in ("gravity", "load", "shaken"):

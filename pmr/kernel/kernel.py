@@ -217,10 +217,11 @@ class BankRecord(NamedTuple):
 
 @dataclass(frozen=True)
 class Bank:
-    """A filter with n states for each of S places on a path where something may be, and D speeds at which it may move.
+    """Kalman filters with n states: one for each place where a slider may be, and each speed at which it may move.
 
-    `up` and `down` are the probabilities with which each speed leads to the next place, or to the place before, in a
-    step.  `rest` and `active` are transition matrices between the speeds: while nothing moves, and in full motion.
+    There are S places along the slider's path, and D speeds.  `up` and `down` are the probabilities that a step at each
+    speed leads to the next place, or to the place before.  `rest` and `active` are transition matrices between the
+    speeds: while nothing moves, and in full motion.
     """
 
     F: Array  # (S, n, n)

@@ -40,7 +40,7 @@ class Watch:
 class Limit:
     """Smallest and largest value of a sum of outputs without a warning, and the words of the warning.
 
-    The `low` of a limit of a family is the negative force in N down to which a force may be round-off.
+    If the limit belongs to a family of forces, `low` is negative: a force down to `low` in N may be round-off.
     """
 
     cause: str  # a run has one warning for all limits of a cause, about the worst
@@ -92,24 +92,29 @@ class LimitCheck:
         self.structure = structure("pmr_limits", self.arrays | sizes | room)
 
     def watch(self, state: State) -> int:
-        """Return the number of a further limit that does not hold in `state`; -1 if there is none.
+        """Return the number of a limit that does not hold in `state`, and was not returned before; -1 if there is none.
 
-        Each limit is returned once, and of limits with one warning together the first one alone.
+        Of limits that have one warning together (`Watch.once`), only the first that does not hold is returned.
         """
         return int(lib.pmr_watch(state.pointer, self.structure))
 
     def first_times(self, values: Array) -> dict[int, int]:
         """Number of the first of T times at which a limit does not hold, by the number of the limit.
 
-        `values` (T, o) are the o outputs in `names`.  Limits that hold at all times are left out.  A negative force of
-        a family is judged by the largest forces of all times.  If it is too large beside them, the time is the first at
-        which it is also too large beside the forces up to then, as a stepper judges it.
+        `values` (T, o) are the o outputs in `names`.  Limits that hold at all times are left out.
+
+        A negative force of a family may be round-off, so its size is compared with the largest forces of all times.  If
+        it is too large beside them, the time is the first at which it is also too large beside the forces up to then.
+        A stepper, which knows no later forces, warns at this time.
         """
         so_far, in_all = (self._first_times(values) for _ in range(2))  # the second round knows what is largest
         return {number: so_far[number] for number in in_all}
 
     def _first_times(self, values: Array) -> dict[int, int]:
-        """First times as `first_times`, but a negative force is judged by the largest forces since the first call."""
+        """First times as `first_times`, but negative forces are only compared with the largest forces so far.
+
+        Forces of earlier calls count, too.
+        """
         self._warned[:], first = 0, dict[int, int]()
         for k, row in enumerate(values):
             self._values[:] = row

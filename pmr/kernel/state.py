@@ -61,7 +61,8 @@ class Record:
     def __init__(self, kernel: Kernel, steps: int, names: Sequence[str] = (*FIELDS, "parts"), parts: int = 0) -> None:
         """Make arrays of zeros for the quantities `names` in `steps` steps of a kernel.
 
-        `parts` is the largest number of substeps of the last step for which `ends` has rows, 0 to record none.
+        `parts` is the number of rows of `ends`: the largest number of substeps that the last step may have.  With 0,
+        no ends of substeps are recorded.
         """
         sizes = (kernel.modes, kernel.modes, kernel.contacts, kernel.contacts, kernel.contacts, 2, kernel.pads)
         columns = dict(zip(self.FIELDS, (*sizes, kernel.outputs, kernel.drivers, kernel.hoist), strict=True))
@@ -241,9 +242,9 @@ class State:
     ) -> SampledAdvance:
         """Take steps whose drivers are given by samples at equal distances, `per` of them in each step.
 
-        The first row of the samples u (steps * per + 1, N) is at the end of the previous step.  The state stops before
-        a step that needs another number of substeps than one that divides `per`.  `record`, `first`, `every`, `parts`
-        and errors are those of `advance`; an InputError is raised for samples of another shape.
+        The first row of the samples u (steps * per + 1, N) is at the end of the previous step.  If the number of
+        substeps that a step needs does not divide `per`, the state stops before this step.  `record`, `first`, `every`,
+        `parts` and errors are those of `advance`; an InputError is raised for samples of another shape.
         """
         u = np.ascontiguousarray(u, float)
         steps = (len(u) - 1) // per
