@@ -31,7 +31,10 @@ class ClosedModes(NamedTuple):
 
 
 class SideWeights(NamedTuple):
-    """Weights of the rows of m contacts on the carriers that the sides on one body touch, d of them for all sides."""
+    """Weights of the rows of m contacts on the d carriers that the sides on one body touch.
+
+    A carrier that several sides touch counts once for each of them.
+    """
 
     touched: Indices  # (d,): numbers of the carriers; a carrier that several sides touch is there several times
     owners: Indices  # (d,): number of the side that touches each of them
@@ -74,7 +77,10 @@ class Assembly:
         return sum(map(len, self.free_coordinates.values()))
 
     def body_coordinates(self, name: str, q: Array) -> Array:
-        """All coordinates (T, n') of the body `name`, from the free coordinates q (T, n) of all; zero where held."""
+        """All coordinates (T, n') of the body `name`, from the free coordinates q (T, n) of all bodies.
+
+        Coordinates that supports hold are zero.
+        """
         coordinates = np.zeros((len(q), self.system.bodies[name].size))
         coordinates[:, self.free_coordinates[name]] = q[:, self.coordinate_slices[name]]
         return coordinates
@@ -101,7 +107,7 @@ class Assembly:
 
     @cached_property
     def outputs(self) -> sp.csr_matrix:
-        """Matrix O (o, n) from the free coordinates of all bodies to the outputs."""
+        """Matrix O (o, n): the outputs by the free coordinates q (n,) of all bodies are O q."""
         return self._blocks(lambda body, free: body.outputs[:, free])
 
     def _blocks(self, block_of: Callable[[SlidingBody, Indices], sp.csr_matrix | Array]) -> sp.csr_matrix:
@@ -212,9 +218,9 @@ class Assembly:
         return ContactRows(C, F, H, X)
 
     def contact_motions_by_moments(self, x: Array) -> Array:
-        """Motions (m, m) in 1/N of all contacts (first axis), each by a unit moment at one contact (second axis).
+        """Motions (m, m) in 1/N of all contacts under unit moments: entry (j, k) is that of contact j by one at k.
 
-        The moment acts on the sides of the contact.  The places are at x (sides,) in m.  Only the residual flexibility
+        A moment acts on both sides of its contact.  The places are at x (sides,) in m.  Only the residual flexibility
         of the bodies gives way to the moments.
         """
         moved_by_moments = np.zeros((len(self.system.contacts),) * 2)
@@ -295,7 +301,7 @@ class Assembly:
     def frequency_responses(
         self, rows: ContactRows, omega: Array, c: Sequence[float] | Array = ()
     ) -> NDArray[np.complex128]:
-        r"""Frequency responses (W, o + m, i) of outputs, then contact forces, to unit inputs at omega (W,) in rad/s.
+        r"""Frequency responses (W, o + m, i) to unit inputs at omega (W,) in rad/s: of outputs, then of contact forces.
 
         .. math::
             (-\omega^2 M + i \omega D + K)\, q + C^T \lambda = B f, \qquad C q + H f - F \lambda = 0, \qquad
@@ -319,8 +325,8 @@ class Assembly:
     def row_rates(self, x: Array, x_rate: Array) -> Array:
         """Rates dC/dt (m, n) of the contacts' rows: places at x (sides,) in m move with x_rate (sides,) in m/s.
 
-        With all rates 1 they are the derivatives by a dx that is the same at all places.  Raises ValueError if a place
-        that moves is outside its path.
+        If all rates are 1, the result is the derivative of the rows by a displacement that all places have in common.
+        Raises ValueError if a place that moves is outside its path.
         """
         rates = np.zeros((len(self.system.contacts), self.size))
         for side, at, rate in zip(self.system.sides, x, x_rate, strict=True):

@@ -86,9 +86,10 @@ def with_cylinder_modes(model: ReducedModel) -> ReducedModel:
 
 
 def has_frame_matrices(model: ReducedModel) -> bool:
-    """Whether the model's matrices of a moving frame and of second order are known on attachment modes to be added.
+    """Whether matrices of a moving frame and of second order can be extended to attachment modes that are added.
 
-    The result is also true for a model that has no such matrices.
+    The model then has these matrices on vectors that span the attachment modes.  The result is also true for a model
+    without such matrices.
     """
     carriers = model.carriers
     if carriers is None or not carriers.matrices:
@@ -101,11 +102,13 @@ def _extend_frame_matrices(
 ) -> ReducedModel:
     """Return `extended_model` with matrices of a moving frame, ports and reactions on all of its r + a coordinates.
 
-    `extended_model` is `model`, of r coordinates, with a more coordinates at the end.  D is among the matrices if
-    `model` has D on all vectors.  The new coordinates are the responses to `loads` (K + i, a) on K carriers and i
-    inputs, plus `combinations` (k, a) of the first k responses to the cylinder's force.  `loads` are ignored if the
-    carriers have no vectors that span responses to loads (`CarrierRows.spanned` is empty).  If the carriers have no
-    `matrices`, `extended_model` is returned unchanged.
+    `model` has r coordinates.  `extended_model` has the same coordinates, and `a` further ones after them.  Each
+    further coordinate is a response to `loads` (K + i, a) on K carriers and i inputs, plus `combinations` (k, a) of the
+    first k responses to the cylinder's force.
+
+    The damping matrix D is extended, too, if `model` has D on all vectors.  `loads` are ignored if the carriers have no
+    vectors that span responses to loads (`CarrierRows.spanned` is empty).  If the carriers have no `matrices`,
+    `extended_model` is returned unchanged.
     """
     carriers, modes, r, (count, a) = model.carriers, model.enrichment, model.size, combinations.shape
     assert carriers is not None
@@ -164,9 +167,10 @@ def _residual_inertia(model: ReducedModel, reactions: Reactions, of_largest: Arr
 
 
 def _extend_reactions(model: ReducedModel, inertia: Array) -> Reactions:
-    """Reactions of a model with a more coordinates, the last ones, that no support moves.
+    """Reactions of a model with `a` further coordinates at the end, which no support moves.
 
-    `model` is that without these coordinates, and `inertia` (h, a) the work of their inertia on the supports' motions.
+    `model` is the model without these coordinates.  `inertia` (h, a) is the work of their inertia on the motions of the
+    h supports.
     """
     reactions, r = model.reactions, model.size
     assert reactions is not None
@@ -186,9 +190,10 @@ def with_attachment_modes(
 
     The principal responses are those with the most inertia, at most `MOST`, that together have all but a share
     `left_out` of the inertia of all responses.  If the section has a cylinder, `RICHER` modes of the cylinder are
-    included, and the result has no enrichment modes.  If nothing moves the residual part, no modes are added: the model
-    is returned unchanged or, if it has a cylinder, without residual flexibility under the cylinder's force, as
-    `with_cylinder_modes` does.
+    included, and the result has no enrichment modes.
+
+    If nothing moves the residual part, no modes are added and the model is returned unchanged.  A model with a cylinder
+    then loses its residual flexibility under the cylinder's force, as in `with_cylinder_modes`.
 
     The result has no reactions of rigid supports if the model lacks ``carriers.support_inertia``, as models of earlier
     versions do.  A ValueError is raised if the model lacks flexibility or inertia of its residual part on carriers.
@@ -246,11 +251,11 @@ def _diagonalise(K: Array, M: Array) -> _DiagonalForm:
 
 
 def _append_vectors(model: ReducedModel, stiffness: Array, measures: Array, outputs: Array) -> ReducedModel:
-    """Return the model with a further M-orthonormal vectors as its last coordinates, out of its residual flexibility.
+    """Return the model with M-orthonormal vectors as further coordinates at the end, out of its residual flexibility.
 
-    Their stiffnesses omega^2 are `stiffness` (a,).  Their values on K carriers and at i inputs are `measures` (K + i,
-    a), and their outputs are `outputs` (o, a).  The result has no enrichment modes and no reactions, and its carriers
-    have neither `inertia` nor `answers`.
+    The vectors have the stiffnesses omega^2 `stiffness` (a,), and the outputs `outputs` (o, a).  Their values on K
+    carriers and at i inputs are `measures` (K + i, a).  The result has no enrichment modes and no reactions, and its
+    carriers have neither `inertia` nor `answers`.
     """
     carriers = model.carriers
     assert carriers is not None
@@ -297,8 +302,8 @@ def _principal_loads(S: Array, loads: sp.csr_matrix, left_out: float) -> Array:
     """Combinations G (K + i, k) of loads on K carriers and i inputs, whose responses have the most inertia.
 
     `loads` (T, K + i) are T loads.  S (K + i, K + i) is the inertia of the residual responses to unit loads, and G^T S
-    G = I.  At most `MOST` combinations are returned, those with the most inertia first; unless this limit cuts them
-    off, they leave out at most a share `left_out` of the inertia.  Loads whose responses are round-off are not used.
+    G = I.  Combinations with the most inertia come first.  Enough of them are returned to leave out at most a share
+    `left_out` of the inertia, but not more than `MOST`.  Loads whose responses are round-off are not used.
     """
     mass = np.trace(S)
     half = pivoted_cholesky(S)  # on a coarse mesh S has a low rank

@@ -90,11 +90,11 @@ STATES = AXIAL | BENDING
 
 
 def _linear_field_motions(j: int, k: int) -> Iterator[tuple[Array, str]]:
-    """Pairs of a matrix S (3, 3) and the name of a rigid motion u, such as ``rz``: S u is the field x_k e_j.
+    """Yield pairs of a matrix S (3, 3) and the name of a rotation u, such as ``rz``, so that S u is the field x_k e_j.
 
-    There is one pair for the rotation about each axis c other than k.  By this rotation, points are displaced along the
-    third axis b by x_k or -x_k, so S is e_j e_b^T with this sign.  A pair with b = j comes first, since other fields
-    have the same S.
+    There is one pair for the rotation about each axis c other than k.  This rotation displaces points along the third
+    axis b by x_k or -x_k, so S is e_j e_b^T or -e_j e_b^T.  A pair with b = j comes first, because other fields have
+    the same S.
     """
     for c in sorted({0, 1, 2} - {k}, key=lambda c: 3 - c - k != j):
         b = 3 - c - k
@@ -252,8 +252,8 @@ ROUND_OFF = 1e-9
 def cholesky_root(A: Array) -> Array | None:
     """Factor L (n, r) of a positive semidefinite A = L L^T (n, n), by Cholesky with pivots.
 
-    None is returned if A is not positive semidefinite.  For any L, the norm of A - L L^T is at least the absolute value
-    of the lowest eigenvalue of A, if that is negative.
+    None is returned if A is not positive semidefinite, which shows in the norm of A - L L^T.  If the lowest eigenvalue
+    of A is negative, this norm is at least its absolute value, whatever L is.
     """
     L = pivoted_cholesky(A)
     return L if np.linalg.norm(A - L @ L.T) <= ROUND_OFF * np.linalg.norm(A) else None

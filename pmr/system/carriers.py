@@ -366,11 +366,11 @@ def pack_model(model: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
 
 
 def unpack_model(data: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str, NDArray[Any]]:
-    """Arrays (any shape) of a model with triangles as matrices, from those of a file whose names begin with `prefix`.
+    """Arrays (any shape) of a model, in which stored triangles have become whole matrices again.
 
-    `data` are all arrays of the file; earlier versions stored them in full.  The names in the result begin with
-    `prefix`, too, as `pmr.files.npz.record_from_arrays` reads them.  Raises ValueError if a triangle has a wrong number
-    of entries.
+    `data` are all arrays of a file.  Those whose names begin with `prefix` are taken, and the names in the result begin
+    with it, too, as `pmr.files.npz.record_from_arrays` reads them.  Matrices that earlier versions stored in full stay
+    as they are.  Raises ValueError if a triangle has a wrong number of entries.
     """
     content = dict[str, NDArray[Any]]()
     for name, array in data.items():

@@ -64,9 +64,10 @@ class ChangingRows:
         return RowDerivatives(*(ContactRows(*(array[0] for array in vars(rows).values())) for rows in of_time))
 
     def _rows_and_rates(self, s: Array, rates: Array, highest: int) -> list[ContactRows]:
-        """Rows with the paths at s (P,) in m, then their derivatives by time at Q `rates` (Q, P) up to an order.
+        """List of the rows with the paths at s (P,) in m, and of their derivatives by time up to the order `highest`.
 
-        The `highest` order is 1 or 2.  The derivatives have an axis of Q in front.
+        `highest` is 1 or 2.  The derivatives are those for each of Q rates in `rates` (Q, P) in m/s, along an axis of Q
+        in front.
         """
         a, system = self._assembly, self._system
         x = system.side_coordinates(dict(zip(self._names, s, strict=True)))
@@ -147,8 +148,8 @@ class EliminatedContacts:
     def response(self, s: Array) -> InputResponse:
         """Response to inputs with the paths at s (P,) m: its matrices B and E, and their derivatives by s.
 
-        If no contact gives way, these are those of the assembly, and the derivatives are zero.  The last few responses
-        are stored, and returned again for the same s.
+        If no contact gives way, B and E are those of the assembly, and the derivatives are zero.  The last few
+        responses are stored, and returned again for the same s.
         """
         key = s.tobytes()
         if key not in self._stored:

@@ -69,7 +69,7 @@ KINDS = (*FORCES, STRAIGHT)
 
 @dataclass(frozen=True)
 class Place:
-    """Point of a body at which a row measures; its coordinate on the body is x(t) = at + rate s(t) in m."""
+    """Point of a body at which a row measures motion; its coordinate on the body is x(t) = at + rate s(t) in m."""
 
     # a body of the system, and one of its rows
     body: str
@@ -208,7 +208,7 @@ class Compliance:
     def from_contacts(cls, contacts: Sequence[Contact]) -> Compliance:
         """Compliance of a system's contacts.
 
-        An InputError is raised if a contact bears the force of another that is missing.
+        An InputError is raised if a contact bears the force of another contact, and there is no such contact.
         """
         names = [contact.name for contact in contacts]
         S = np.eye(len(contacts))

@@ -193,10 +193,10 @@ def _arm(part: BoomSection, face: str) -> float:
 def _ground_contacts(name: str, body: Body, joined_rows: set[tuple[str, str]], part: BoomSection) -> Iterator[Contact]:
     """Yield contacts of the body `name` with the ground: pads, supports on several coordinates, luffing cylinder.
 
-    Each contact belongs to a constraint row of the body, which measures its motion there.  A support on a single
-    coordinate is no contact, because the model fixes that coordinate.  Rows in `joined_rows`, pairs (body, row), have
-    contacts with other bodies, and rows of tails and of sliding points are no contacts with the ground either.  `part`
-    is the section of the scene that the body models; it says which rows are pads.
+    Each contact belongs to a constraint row of the body, which measures the body's motion there.  These rows have no
+    contact with the ground: a support on a single coordinate, because the model fixes this coordinate; rows in
+    `joined_rows`, pairs (body, row), which have contacts with other bodies; and rows of tails and of sliding points.
+    `part` is the section of the scene that the body models; it says which rows are pads.
     """
     pads = {pad for ring in part.pads for pad, _, _ in ring.named_pads}
     for number, row in enumerate(body.row_names):
@@ -253,8 +253,8 @@ def combine_rings(system: System) -> CombinedRings:
     """Combine the pads of each ring around a section of reduced bodies into the fewest contacts with the same effect.
 
     The result has the system with fewer contacts, and the shares from which the forces of the original contacts follow.
-    Of all else, the new system has the terms alone, neither provenance nor hoist nor `on_modes`.  For a system on one
-    path (`System.on_one_path`), or without rings that can be combined, it has the system unchanged and no shares.
+    The new system keeps the terms, but has no provenance, no hoist and no `on_modes`.  If the system is on one path
+    (`System.on_one_path`) or has no rings that can be combined, the result has the unchanged system and no shares.
     """
     if system.on_one_path:
         return CombinedRings(system)
@@ -314,11 +314,11 @@ def _relative_stiffness(pads: Sequence[Contact]) -> Array:
 
 
 def _ring_basis(bodies: Mapping[str, _BodyRows], pads: Sequence[Contact]) -> Array | None:
-    """Matrix S (pads, c) with orthonormal columns, by which the rows of the pads follow from c rows: S times these.
+    """Matrix S (pads, c) with orthonormal columns, by which the rows of a ring's pads are S times c combined rows.
 
-    The row of a pad is taken times the root of the pad's relative stiffness and times its direction.  `bodies` have the
-    rows of the bodies by name.  None is returned if c is the number of pads, so that nothing is saved, or if the rows
-    can't be combined.
+    The row of each pad is first multiplied by the root of the pad's relative stiffness and by its direction.  `bodies`
+    have the rows of the bodies by name.  None is returned if c is the number of pads, so that nothing is saved, or if
+    the rows can't be combined.
     """
     measured = []
     for same in zip(*map(_contact_places, pads), strict=True):

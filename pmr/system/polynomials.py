@@ -229,7 +229,7 @@ def shift_powers(c: Array, x: Array) -> Array:
 def interval_around(fine: Array, coarse: Array) -> Indices:
     """Number (k,) of the interval of `coarse` breaks (j + 1,) that contains each interval of `fine` breaks (k + 1,).
 
-    An interval outside of all coarse ones has the number of the first or the last of these.
+    A fine interval outside of all coarse ones has the number of the first or the last coarse interval.
     """
     middle = (fine[1:] + fine[:-1]) / 2.0
     return np.clip(np.searchsorted(coarse, middle, side="right") - 1, 0, len(coarse) - 2)

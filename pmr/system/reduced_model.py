@@ -247,7 +247,7 @@ class ReducedModel:
 
     @property
     def held(self) -> dict[int, int]:
-        """Numbers of coordinates by the number of the row that holds one; empty for a reduced model.
+        """Always empty: no row of a reduced model holds a single coordinate.
 
         A full model may have such rows (`pmr.system.body.FullOrderBody.held`).
         """
@@ -255,7 +255,7 @@ class ReducedModel:
 
     @property
     def lasting_rows(self) -> tuple[str, ...]:
-        """Names of the fixed rows that stay in a model; always empty, because the basis satisfies these rows.
+        """Always empty: the basis of a reduced model satisfies all fixed rows, so none of them stays in the model.
 
         For a full model, `pmr.system.body.FullOrderBody.lasting_rows` has the fixed rows of several coordinates.
         """
@@ -282,9 +282,8 @@ class ReducedModel:
     def with_rows(self, numbers: Sequence[int]) -> ReducedModel:
         """Return the model with only the rows `numbers`, in this order and numbered anew from 0.
 
-        All other rows are dropped and hold nothing any more.
-        If rows are left out or their order changes, the result has no enrichment modes, and its errors can't be
-        estimated.  Otherwise the model itself is returned.
+        All other rows are dropped and hold nothing any more.  If rows are left out or their order changes, the result
+        has no enrichment modes, so its errors can't be estimated.  Otherwise the model itself is returned.
         """
         chosen = list(numbers)
         if chosen == list(range(len(self.row_names))):
@@ -307,7 +306,8 @@ class ReducedModel:
         Raises
         ------
         ValueError
-            If the model has a residual flexibility, which is right only for all coordinates together, or fewer vectors.
+            If the model has a residual flexibility, which is right only for all coordinates together, or if it has
+            fewer than `coordinates` vectors.
         """
         if self.flexibility is not None:
             raise ValueError("a residual flexibility belongs to all coordinates of its model")
@@ -350,8 +350,9 @@ class ReducedModel:
         Raises
         ------
         InputError
-            If the file is missing or is no sound reduced model, if it has less content than its header says or a later
-            format, or if it has the residual inertia of some earlier versions.
+            If the file is missing or is no sound reduced model, if it has less content than its header says, or if its
+            format is later than this version of pmr.  Also if it stores the residual inertia in the form of some
+            earlier versions.
         """
         path = Path(path)
         if not isfile(path):
@@ -381,7 +382,7 @@ class ReducedModel:
 
     @classmethod
     def from_arrays(cls, data: Mapping[str, NDArray[Any]], prefix: str = "") -> ReducedModel:
-        """Return the model of which `data`, arrays by name, has the arrays of `pack_model`, with the same `prefix`.
+        """Return the model that `pack_model` packed into arrays with this `prefix`; `data` has them by name.
 
         Raises ValueError if tables are missing and there are no sound carriers from which they follow.  The errors of
         `pmr.files.npz.record_from_arrays` are raised, too.

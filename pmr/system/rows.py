@@ -110,8 +110,8 @@ class Row:
     def restrict_to(self, ranges: Sequence[Interval]) -> Row:
         """Row with zeros on those intervals between breaks that lie outside all `ranges` of s in m.
 
-        An interval that is partly in a range is not changed.  Where the row is zero, it touches the carriers of its
-        first interval in a range, so that it needs no others.
+        An interval that is partly in a range is not changed.  An interval with zeros touches the same carriers as the
+        first interval in a range, so that the row needs no carriers for its zeros.
         """
         slack = BEYOND_ENDS * (self.breaks[-1] - self.breaks[0])
         begin, end = self.breaks[:-1] - slack, self.breaks[1:] + slack
@@ -144,7 +144,7 @@ class Row:
     def derivatives(self, s: float) -> TouchedWeights:
         """Numbers (d,) of the carriers that the row touches at s in m, and their weights with two derivatives (3, d).
 
-        Beyond an end of the row, they are those at this end.
+        If s is beyond an end of the row, the result is that at this end.
         """
         at = min(max(s, self.breaks[0]), self.breaks[-1])
         j = int(self.breaks[1:-1].searchsorted(at, side="right"))
@@ -235,9 +235,10 @@ def row_on_coordinates(name: str, breaks: Array, dofs: ArrayLike, coefficients: 
 
 
 class IntervalColumns(NamedTuple):
-    """Columns out of n that each of k intervals touches: w columns at most, and c pairs of interval and column in all.
+    """Columns out of n that each of k intervals touches.
 
-    A pair is written as the code ``interval * n + column``.
+    An interval touches at most w columns.  All intervals together have c pairs of interval and column.  A pair is
+    written as the code ``interval * n + column``.
     """
 
     codes: Indices  # (c,): each once, ascending
@@ -286,7 +287,7 @@ def fixed_row(name: str, carrier: sp.csr_matrix, domain: tuple[float, float]) ->
 
 
 def sparse_row(dofs: ArrayLike, entries: ArrayLike, size: int) -> sp.csr_matrix:
-    """Sparse row (1, size) with the `entries` (k,) at the coordinates numbered `dofs` (k,), or with a single entry.
+    """Sparse row (1, size) with the `entries` (k,) at the coordinates numbered `dofs` (k,); both may be one number.
 
     Entries at the same coordinate are added.
     """

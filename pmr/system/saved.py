@@ -59,9 +59,9 @@ class _TermHeader:
 class _Header:
     """Header of version 6.
 
-    Version 5 stores all arrays of bodies.  Version 4 has no contacts that bear the forces of others and no lengthening
-    ropes.  Version 3 stores all arrays of the models in ``on_modes``.  Version 2 has no such models, and version 1 has
-    no terms either.
+    An earlier version also lacks what is missing in the versions after it.  Version 5 stores all arrays of bodies, even
+    arrays that are equal.  Version 4 has no contacts that bear the forces of others, and no ropes that lengthen.
+    Version 3 stores all arrays of the models in ``on_modes``.  Version 2 has no such models.  Version 1 has no terms.
     """
 
     __pydantic_config__ = ConfigDict(defer_build=True)

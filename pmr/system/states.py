@@ -154,10 +154,11 @@ class SystemTrajectory(ContactHistory, DriverHistory):
     ) -> SystemTrajectory:
         """Trajectory at times t (T,) in s from the `states` of the bodies: coordinates and rates (q, v), by name.
 
-        `x` (T, sides) in m are positions of the contacts' sides.  `friction` (T, n) in N is that of n pads.
-        `multipliers` (T, m) in N are the contact forces without it.  `energy` (2, T) in J has energy, then work, both
-        without what friction stores in cylinders.  `peaks` (T, m) in N count for contacts that only push; None if the
-        forces at t are the largest ones.  `more` are further fields.
+        `x` (T, sides) in m are positions of the contacts' sides.  `friction` (T, n) in N are the friction forces of n
+        pads, None without friction.  `multipliers` (T, m) in N are the contact forces without friction.  `energy` (2,
+        T) in J has the energy, then the work, both without the energy that friction stores in cylinders.  `peaks` (T,
+        m) in N are the largest forces around the times t, of which only those of contacts that only push are used; None
+        if the forces at t are the largest ones.  `more` are further fields.
         """
         forces, moments, pads = multipliers, None, Friction.from_contacts(system.contacts)
         if pads is not None and friction is not None:
@@ -342,10 +343,11 @@ def deformation(
 def outputs_by_carriers(
     system: System, name: str, x: Array, multipliers: Array, X: Array, moments: Array | None = None
 ) -> Array:
-    """Sum (T, o) of lambda b X over a body's contact sides, with forces lambda, weights b on K carriers, and X (K, o).
+    """Outputs (T, o) by forces on a body's contact sides: the sum of lambda b X over the sides.
 
-    X has the outputs by unit forces on the carriers.  The other arguments are those of `deformation`; `moments`
-    subtract b' X times the moments, with the derivative b' by the position.
+    lambda is the force on a side, b are the side's weights on K carriers, and X (K, o) are the outputs by unit forces
+    on the carriers.  If there are `moments`, each side's moment times b' X is subtracted, with the derivative b' of b
+    by the position.  The other arguments are those of `deformation`.
     """
     pressed = np.zeros((len(x), X.shape[1]))
     if not X.shape[1]:

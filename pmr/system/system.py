@@ -178,7 +178,10 @@ class BodySystem(Generic[AnyBody]):
 
     @property
     def load_names(self) -> tuple[str, ...]:
-        """Names of what a user loads if there is no frame: inputs that no rope pulls, then the drivers of a hoist."""
+        """Names of the loads that a user gives if there is no frame.
+
+        They are the inputs that no hoist rope pulls, then the drivers of a hoist.
+        """
         return (*(name for name in self.input_names if name not in self.hoist.inputs), *self.hoist.drivers)
 
     @property
@@ -317,9 +320,10 @@ class System(BodySystem[SlidingBody]):
         return largest
 
     def with_bodies(self, bodies: Mapping[str, SlidingBody]) -> System:
-        """Return the system with other models of the same bodies, and without the `on_modes` of its present ones.
+        """Return the system with other models of the same bodies.
 
-        `terms_of` makes the terms of these models.  Without this function the terms are taken over as they are.
+        If the system has a function `terms_of`, it makes the terms of these models; otherwise the terms are taken over
+        as they are.  The models in `on_modes` belong to the present bodies, so the result has none.
         """
         terms = self.terms if self.terms_of is None else self.terms_of(bodies)
         return replace(self, bodies=bodies, terms=terms, on_modes={})

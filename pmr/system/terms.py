@@ -347,10 +347,11 @@ def recorded_hoist(provenance: Mapping[str, object]) -> Hoist:
 
 
 def _ground_slots(scene: Scene, of_frame: tuple[str, ...]) -> list[Slot]:
-    """The 15 slots of gravity (1), acceleration of the pivot (3), rotation R by rows (9), machine's upward direction.
+    """The 15 slots of a hoist about gravity and the motion of the frame.
 
-    The last two are that direction's parts along x and z of the boom.  `of_frame` are the names in `frame_quantities`.
-    If it is empty, as without a frame, gravity is the weight of the first section, and all else is constant.
+    They are gravity (1), the acceleration of the pivot (3), the rotation R by rows (9), and the parts of the machine's
+    upward direction along x and z of the boom (2).  `of_frame` are the names in `frame_quantities`.  If it is empty, as
+    without a frame, gravity is the input of the first section's weight, and all else is constant.
     """
     if of_frame:
         shaken, turned = ([f"{HOIST}{kind} {k}" for k in of] for kind, of in (("shaken", "xyz"), ("turned", range(9))))

@@ -112,9 +112,10 @@ def _round_off(A: Array) -> float:
 
 
 def _extend_matrix(A: Array, on_all_modes: Array | None, count: int) -> Array:
-    """Matrix A (r, r) extended to `count` more modes, from `on_all_modes`, its values on these and further modes.
+    """Matrix A (r, r) extended to `count` more modes.
 
-    If `on_all_modes` is None, zeros are appended.
+    `on_all_modes` is the same matrix on at least r + `count` modes, from which the entries are taken.  If it is None,
+    zeros are appended.
     """
     r = len(A) + count
     return np.pad(A, (0, count)) if on_all_modes is None else np.ascontiguousarray(on_all_modes[:r, :r])
@@ -166,9 +167,10 @@ HELD = 1e-12
 
 
 def yielding_rows(model: ReducedModel) -> list[int]:
-    """Numbers of the rows at which the body can move or give way; its supports hold all other rows everywhere.
+    """Numbers of the rows at which the body can move or give way somewhere on the path.
 
-    A row that the supports hold may have no flexibility on this body, because the contact gives way on its other body.
+    All other rows are held everywhere by the body's supports.  At such a row the contact can give way only on its other
+    body.
     """
     s = checked_positions(model)
     G = np.einsum("tmm->tm", model.residual.rows(s)).max(axis=0, initial=0.0)
@@ -178,13 +180,14 @@ def yielding_rows(model: ReducedModel) -> list[int]:
 
 
 def with_floor(model: ReducedModel) -> ReducedModel:
-    """Return the model with more residual flexibility G at the rows C at which G + 1/k is nearly zero somewhere.
+    """Return the model with more residual flexibility G at rows C whose flexibility G + 1/k is nearly zero somewhere.
 
-    G + 1/k, with the stiffness k of the row, is nearly zero if it is less than `FLOOR` times the flexibility C K^+ C^T
-    of the model's coordinates anywhere on the path; `FLOOR` times this flexibility is then added to G on the whole
-    path.  If there is no such row, the model is returned unchanged.  Not to be called for free modes: these leave
-    something out everywhere, and on soft supports C K^+ C^T is the flexibility of the supports, far more than that of
-    bending.
+    Here k is the stiffness of the row's pad.  G + 1/k is nearly zero if, anywhere on the path, it is less than `FLOOR`
+    times the flexibility C K^+ C^T of the model's coordinates.  Then `FLOOR` times this flexibility is added to G on
+    the whole path.  If there is no such row, the model is returned unchanged.
+
+    Not to be called for free modes.  They leave out some flexibility everywhere.  On soft supports C K^+ C^T is the
+    flexibility of the supports, far more than that of bending.
 
     A basis of modes with the slider held responds by itself to a force at the held positions, and leaves nothing out
     there.  The stiffness C^T G^-1 C of such a row would drown the body's own stiffness in round-off.  With the floor,
