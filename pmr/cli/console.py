@@ -128,8 +128,8 @@ def prepare_folder(folder: Path, ours: Sequence[str] = (), key: str = "--out") -
 
     - the folder, or a file in it that matches one of the patterns `ours`, can't be written;
     - `ours` is not empty, and the folder is the root of the file system;
-    - `ours` includes scene.json, and results of a run would replace files of others: the folder has no scene.json, but
-      a file that matches a pattern of `ours` with an asterisk.
+    - results of a run would replace files of others.  This is so if `ours` includes scene.json, the folder has no
+      scene.json, and a file in it matches a pattern of `ours` that has an asterisk.
     """
     try:
         if ours and folder.resolve() == folder.resolve().parent:
@@ -255,9 +255,9 @@ def prepare_streams() -> None:
 
 
 def output_failure() -> OSError | None:
-    """Return the error by which standard output takes no more text, or None if standard output works.
+    """Return the error for which standard output takes no more text, or None if standard output works.
 
-    After an error the text that was not taken is dropped, as Python would try to write it again at its end.
+    After an error the text that was not taken is dropped, because Python would try to write it again at its end.
     """
     try:
         sys.stdout.flush()

@@ -253,8 +253,8 @@ CHOICES = ("anyOf", "oneOf", "allOf")
 def describe_key(schema: Schema, key: str) -> list[tuple[str, str]]:
     """Return lines (name, text) about a key such as ``frame.cylinder.stiffness``; empty if `schema` has no such key.
 
-    Numbers and names of the members of lists may stand in the key: ``sections.fly.masses.mass`` and
-    ``sections.masses.mass`` are the same.  A table has a line for each of its keys.
+    The number or name of a list's member may be left out of the key: ``sections.masses.mass`` and
+    ``sections.fly.masses.mass`` are the same.  A table has a line for each of its keys.
     """
     definitions, values = schema.get("$defs", {}), [schema]
     parts = key.split(".")

@@ -348,7 +348,10 @@ def helper_process() -> Iterator[Executor | None]:
 
 
 def _begin_to_help() -> None:
-    """Follow the parent, leave its MPI job, and log warnings in the form in which the command line logs them."""
+    """Prepare a helper process: let it end with its parent, leave the parent's MPI job, and log as the command line.
+
+    An interrupt from the keyboard is ignored, because the parent ends the process.
+    """
     for name in [name for name in os.environ if name.startswith(environment.MPI_VARIABLES)]:
         del os.environ[name]
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process

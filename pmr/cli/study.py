@@ -235,7 +235,8 @@ def chart(
 
     Writes chart.toml, a study over the extensions and luffing angles of the scene, into the folder DIR (--out), and
     computes it as `pmr study` does.  To change limits and factors, edit chart.toml and run the command again: a
-    chart.toml that exists is used as it is.  Another load or other changes of the scene than its own are refused.
+    chart.toml that exists is used as it is.  The options --up-to and --set are then refused unless they have the values
+    with which this chart.toml was written.
 
     Example:
 
