@@ -175,9 +175,9 @@ FORMER: Mapping[str, FormerName] = {}
 
 
 def declared_names(file: str) -> dict[str, str]:
-    """Return the objects that a package imports for type checkers alone, as ``module:name`` by their names there.
+    """Return the objects that a package imports under ``if TYPE_CHECKING``, as ``module:name`` by their names there.
 
-    `file` is the source of the package, in which they stand under ``if TYPE_CHECKING``.
+    `file` is the source file of the package.
     """
     blocks = (node for node in ast.parse(Path(file).read_text(encoding="utf-8")).body if isinstance(node, ast.If))
     imports = [node for block in blocks for node in block.body if isinstance(node, ast.ImportFrom)]

@@ -145,9 +145,9 @@ def _entry_points(group: str) -> list[metadata.EntryPoint]:
 
 @cache
 def _entry_points_on(path: tuple[str, ...]) -> list[metadata.EntryPoint]:
-    """Return the entry points of all groups in the distributions in the folders `path`, which is `sys.path`.
+    """Return the entry points of all groups in installed distributions.
 
-    They are read once for each such path.
+    `path` is `sys.path`; the entry points are read again only if it has changed.
     """
     points = metadata.entry_points()
     return [point for group in GROUPS for point in points.select(group=group)]
@@ -380,7 +380,7 @@ def today() -> str:
 def describe_origin(libraries: Mapping[str, str] | None = None) -> dict[str, object]:
     """Return what a run or study was computed with: ``versions``, ``commit``, ``date`` and ``machine``.
 
-    The versions are those of pmr, its packages and `libraries`, versions by name, unless this is None.
+    The versions are those of pmr and of its packages.  Versions in `libraries`, by name, are added unless it is None.
     """
     versions = package_versions() | dict(libraries or {})
     return {"versions": versions, "commit": checkout_commit(), "date": today(), "machine": describe_machine()}
