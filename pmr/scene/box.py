@@ -42,7 +42,10 @@ class Doubler(SceneTable):
     )
 
     def thickness_on(self, name: WallName) -> float:
-        """Return the thickness in m that the plates add to the wall `name`, a face or bottom or top for corners."""
+        """Return the thickness in m that the plates add to the wall `name`.
+
+        The name is that of a face; for rounded corners it is bottom or top.
+        """
         return self.thickness if self.faces is None or name in self.faces else 0.0
 
 
@@ -289,9 +292,10 @@ class Box(BoxProfile):
         return [edge.face for edge in self.edges]
 
     def _check_taper(self, key: str, taper: Taper) -> None:
-        """Refuse a taper that lacks dimensions, is too long, or whose profile at the end is larger or has other faces.
+        """Refuse a taper without dimensions, one that is too long, and a wrong profile at its end.
 
-        `key` is the taper's key.
+        The profile at the end must not be wider or higher than the box, and must have the same faces and rounded
+        corners.  `key` is the taper's key.
         """
         dimensions: dict[str, Any] = taper.model_dump(exclude={"length"}, exclude_none=True)
         if not dimensions:

@@ -344,7 +344,10 @@ class PadPlaces(SceneTable):
 
     @property
     def clearance_fault(self) -> str:
-        """What is allowed instead of a clearance of pads that hold both ways, or on a face without pads; else empty."""
+        """Text that says which clearance is allowed instead of a wrong one; empty if the clearance is right.
+
+        A clearance is wrong for pads that hold both ways, and on a face without pads.
+        """
         if self.clearance and not self.unilateral:
             return "0 is allowed, as only pads with unilateral = true have a clearance"
         faces, named = self.faces or {}, self.clearance if isinstance(self.clearance, dict) else {}
@@ -379,8 +382,9 @@ class PadRing(PadPlaces):
     def named_pads(self) -> list[tuple[str, Face, float]]:
         """For each pad its name, its face and its coordinate across the face in m.
 
-        The name is that of ring and face.  On a face with two pads on both sides of the coordinate 0, the word for the
-        side follows (`SIDES`, `UPWARDS`); on another face with several pads the number of the pad, from 1 on.
+        The name consists of the names of ring and face.  On a face with several pads, the number of the pad follows,
+        from 1 on.  If there are two pads, one on either side of the coordinate 0, a word for the side follows instead
+        (`SIDES`, `UPWARDS`).
         """
         pads = []
         for face, places in self.faces.items():
@@ -563,7 +567,8 @@ class Gravity(ShorthandTable):
     def _resolve_inclination(cls, data: object) -> object:
         """Add the direction (-sin, 0, -cos) of its `inclination` to a table; without one, return the table unchanged.
 
-        An `inclination` together with a `direction` is refused.  One that is no finite number is left to its field.
+        An `inclination` together with a `direction` is refused.  An inclination that is no finite number is not
+        resolved: the check of the key `inclination` refuses it.
         """
         angle = data.get("inclination") if isinstance(data, dict) else None
         if not (isinstance(data, dict) and isinstance(angle, (int, float)) and math.isfinite(angle)):

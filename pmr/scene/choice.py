@@ -83,9 +83,10 @@ def traits_of(member: Member) -> ModelTraits:
 def observed_places(member: Member) -> tuple[float, ...] | None:
     """Positions along the axis in m at which a body's motion is observed.
 
-    The result is None if `observe.start` is missing on a beam or a mover, which is observed at its nodes.  On another
-    model there are then `observe.count` places between `FROM_AN_END` of the length from either end.  An `InputError` is
-    raised if the length of the body is not known.
+    They are those from `observe.start` to `observe.end`, if these are set.  Otherwise a beam or a mover is observed at
+    its nodes, and the result is None.  Bodies with other models then have `observe.count` places, the first and the
+    last one `FROM_AN_END` of the length away from the ends.  For these, an `InputError` is raised if the length is not
+    known.
     """
     observe, length = member.part.observe, member.part.body.length
     if observe.stations is not None or traits_of(member).has_line:
@@ -122,7 +123,7 @@ def motion_directions(member: Member) -> tuple[Direction, ...]:
 
 
 def input_directions(member: Member, load: Load) -> dict[str, Direction]:
-    """For each input that a load becomes, return its name and the axis of the body along or about which it acts.
+    """Return the axis of the body along or about which each input of a load acts, by the names of the inputs.
 
     A load along an axis of the body is one input, with the load's name.  A load along an axis of the ground becomes one
     input ``"NAME AXIS"`` for each axis of the body that the frame may turn towards the axis of the ground, if the model
@@ -206,9 +207,10 @@ def has_axial_motion(member: Member) -> bool:
 def has_driven_tail(member: Member) -> bool:
     """Whether the model needs loads along x on the tail, as a cylinder could act there, even if the scene has none.
 
-    The result is true for each section of a boom of several sections that has displacements along x.  On the base, the
-    cylinder is that of the next section; the result is False if a support holds every point of the base's tail along x,
-    unless the tail of a beam can turn under a cylinder beside the axis.
+    The result is true for each section of a boom of several sections that has displacements along x.  The base may be
+    an exception: there the cylinder is that of the next section.  The result is False for a base with a support that
+    holds every point of its tail along x.  On a beam with a cylinder beside the axis, the support has to hold the
+    rotations of the tail as well.
     """
     # a support of every point removes the tail's coordinates along x from the model
     at_tail = [support for support in member.part.supports if support.on == "tail" and support.points == "all"]

@@ -308,9 +308,9 @@ class LuffingCylinder(DrivenCylinder):
         return LengthAndArm(length, np.divide(turned, length, out=np.zeros_like(length), where=length > 0.0))
 
     def beyond_stroke(self, length: ArrayLike) -> float:
-        """Return by how much the lengths `length` (T,) in m leave the stroke at most, as a share of the stroke.
+        """Return by how much the lengths `length` (T,) in m exceed the stroke at most, as a share of the stroke.
 
-        The share is 0 if there is no stroke, or if the lengths leave it by no more than round-off.
+        The share is 0 if there is no stroke, or if no length is beyond its ends by more than round-off.
         """
         if self.stroke is None:
             return 0.0

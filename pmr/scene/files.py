@@ -122,9 +122,9 @@ class UnusedKey:
 def check_unused(file: TomlFile, scene: Scene) -> None:
     """Raise an InputError for the first key without effect that this file or an option sets.
 
-    If a second key takes away the effect (`UnusedKey.decided_by`), a key of this file is refused only if this file sets
-    the second key as well.  Keys taken over from a file that this one extends, from the table common to all sections,
-    or from the grid of a study may have an effect elsewhere and pass.
+    A second key may take away the effect (`UnusedKey.decided_by`).  A key of this file is then refused only if this
+    file sets the second key as well.  Keys pass that come from a file which this one extends, from the table common to
+    all sections, or from the grid of a study: they may have an effect elsewhere.
     """
     if "sections" not in file.data:
         _refuse_any(file, "", file.data, _refused_body_keys(member_at(scene)))
@@ -167,8 +167,8 @@ def _has_key(data: object, key: str) -> bool:
 def _refused_body_keys(member: Member) -> Iterator[UnusedKey]:
     """Yield the keys of `unused_body_keys` that a scene file must not set.
 
-    Keys that have no effect because of the model are left out if `body.model` is ``auto`` and the body has a box: what
-    it is made of then depends on loads, pads and outputs.
+    If `body.model` is ``auto`` and the body has a box, the model is chosen by loads, pads and outputs.  Keys that have
+    no effect because of the chosen model are then left out.
     """
     decided = member.part.body.model != "auto" or member.part.body.box is None
     return (unused for unused in unused_body_keys(member) if decided or unused.decided_by != "body.model")
@@ -210,8 +210,9 @@ def unused_body_keys(member: Member) -> Iterator[UnusedKey]:
 def _unused_joint_keys(scene: Scene, number: int) -> Iterator[UnusedKey]:
     """Yield keys without effect in the joint of section `number`.
 
-    The keys are `ratio` and `offset` if the section follows no other one, keys of friction that other keys of their
-    ring or free extension make void, and `cylinder` and `rope` if the model has no displacements along the boom.
+    - `ratio` and `offset` have none if the section follows no other one.
+    - Keys of friction have none if other keys of their ring or of the free extension make them void.
+    - `cylinder` and `rope` have none if the model has no displacements along the boom.
     """
     joint, name = scene.joint(number), scene.names[number]
     if joint.follows is None:
@@ -228,9 +229,10 @@ def _unused_joint_keys(scene: Scene, number: int) -> Iterator[UnusedKey]:
 def _unused_scene_keys(scene: Scene) -> Iterator[UnusedKey]:
     """Yield keys without effect in the tables about all bodies.
 
-    The keys are the elements of an ANCF cable if there is no such reference, and settings of Newton's method if Exudyn
-    does not simulate.  A play of pads has no effect if no pad only pushes or the pads have a clearance already, stops
-    of a luffing cylinder have none if it has no stroke or its angle is prescribed.
+    - The number of elements of an ANCF cable has none if there is no such reference.
+    - Settings of Newton's method have none if Exudyn does not simulate.
+    - A play of pads has none if no pad on a face only pushes, or if such pads have a clearance already.
+    - Stops of a luffing cylinder have none if it has no stroke, or if its angle is prescribed.
     """
     frame = scene.frame
     if frame is not None and frame.cylinder is not None and not (frame.luffing == "free" and frame.cylinder.stroke):
@@ -396,9 +398,10 @@ def _in_draft_7(node: object) -> Any:
 
 
 def _without_required_keys(node: object) -> Any:
-    """Return a node of a schema as files have it that extend others: no key is required.
+    """Return a node of a schema, changed for files that extend other files.
 
-    Where a list of tables is allowed, a table may stand that changes some of the entries, by their names or numbers.
+    In such a file no key is required, as the file that it extends may have the key.  Where the schema allows a list of
+    tables, the file may instead have a table that changes entries of the list, each under its name or number.
     """
     if isinstance(node, list):
         return [_without_required_keys(entry) for entry in node]

@@ -173,9 +173,10 @@ def _check_smooth(scene: Scene, key: str, what: str, motion: SignalBase) -> None
 
 
 def _has_jump(angle: SignalBase, t: float) -> bool:
-    """Whether a signal jumps at t (s) by more than the share `JUMP` of its range from 0 to t and more than round-off.
+    """Whether a signal jumps at t (s) by more than the share `JUMP` of its range from 0 to t.
 
-    The range of a computed angle is no more than round-off before the angle moves.
+    The jump must also be larger than round-off.  Before a computed angle moves, its range is round-off alone, of which
+    any change would be a large share.
     """
     low, high = angle.bounds(0.0, t)
     before, after = angle.value(np.array([np.nextafter(t, -np.inf), t]))

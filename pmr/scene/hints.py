@@ -180,7 +180,7 @@ def _is_between_corners(member: Member, probe: Probe) -> bool:
 def table_hints(table: BaseModel, scene: Scene) -> list[str]:
     """Return a sentence for each key of `table` with an unusual number, judged by the scales of the scene.
 
-    The table, such as a study of the scene, is not part of it.
+    The table is not part of the scene; it may be a study of the scene.
     """
     return _sentences(_unusual_in_table(table, "", boom_scales(scene)))
 
@@ -220,8 +220,9 @@ def _unusual_in_value(
     """Yield the unusual numbers of a field's `value` and of all lists and tables nested in it.
 
     `key` is the field's key.  Numbers and signals of the field have the `usual` ranges and the `unit`.  Inner tables
-    have ranges of their own.  A signal that goes on beyond the end of the run is unusual only if it is so in the end,
-    too.  `scales` are those of `_unusual_in_table`.
+    have ranges of their own.  A signal is judged by its largest magnitude in the run.  If the signal goes on beyond the
+    run, it is unusual only if its largest magnitude of all times is unusual, too.  `scales` are those of
+    `_unusual_in_table`.
     """
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         yield from _unusual_number(float(value), key, usual, unit, scales)
@@ -322,9 +323,9 @@ def effects_left_out(
 
     The subjects are ``strength``, ``walls``, ``pads``, ``masses``, ``loads`` and ``machine``; subjects without an
     effect are left out.  An effect that has a key of its own, such as wind or friction, is named only if the scene does
-    not use this key.  A model `at_rest`, as that of a load chart, has neither friction nor fatigue;
-    `play_in_bars` says whether the chart's error bars have a part for the play of pads, and `in_walls` whether the
-    stress in walls under pads is known.
+    not use this key.  A model `at_rest`, as that of a load chart, has neither friction nor fatigue.  `play_in_bars`
+    says whether the chart's error bars have a part for the play of pads.  `in_walls` says whether the stress in walls
+    under pads is known.
     """
     effects = {
         "strength": strength_effects(scene, at_rest, in_walls),
@@ -377,9 +378,9 @@ def hung_force_remark(scene: Scene) -> str:
 def strength_effects(scene: Scene, at_rest: bool = False, in_walls: bool = False) -> list[Effect]:
     """List the effects on strength that no stress contains.
 
-    Fatigue is one of these if `at_rest`, or if the scene does not ask for it; bending of walls under pads is none
-    if `in_walls`, that is if a shell beside the beam has the stress in its walls.  The list is empty if all sections
-    are planar beams given by their stiffnesses, or masses on wheels: they have no stresses.
+    Fatigue is one of these effects if the model is `at_rest`, or if the scene does not ask for fatigue.  Bending of
+    walls under pads of beams is one unless `in_walls` is true: then a shell beside the beam has this stress.  The list
+    is empty if all sections are planar beams given by their stiffnesses, or masses on wheels: they have no stresses.
     """
     if all(part.body.profile is not None or part.body.mover is not None for part in scene.sections):
         return []  # lines without a section, which have no stress
@@ -408,11 +409,11 @@ def _wall_effects(scene: Scene) -> list[Effect]:
 
 
 def _pad_effects(scene: Scene, at_rest: bool, play_in_bars: bool) -> list[Effect]:
-    """List the effects in pads that are left out.
+    """List the effects in pads that are left out; empty if there are no pads.
 
-    Friction is one of these if `at_rest`, or if no pad of the scene has it.  Play is one of these if no pad of the
-    scene has it; `play_in_bars` says that error bars contain some play, so that only more than this is left out.  The
-    list is empty if there are no pads.
+    Friction is left out if the model is `at_rest`, or if no pad of the scene has friction.  Play is left out if no pad
+    of the scene has a clearance.  If `play_in_bars` is true, error bars contain some play; the effect is then play
+    beyond them.
     """
     rings = [ring for part in scene.sections for ring in part.rings]
     if not rings:

@@ -90,9 +90,10 @@ def _check_tail(scene: Scene, number: int, inner: Box, outer: Box) -> None:
 
 
 def _check_doublers(scene: Scene, number: int, inner: Box, outer: Box) -> None:
-    """Refuse doublers on the outside of section `number` that come into the outer box, or inside this where it slides.
+    """Refuse doublers that leave no room between section `number` and the outer box, where the section slides in it.
 
-    Doublers on both sides of a wall alike are not looked at.
+    These are doublers on the outside of the section, or on the inside of the outer box.  Doublers on both sides of a
+    wall alike are not looked at.
     """
     first, _ = scene.extension(number).bounds(0.0, scene.time.end)
     within = [(number, part, gaps(part.first.sides, outer.sides)) for part in inner.stretches

@@ -71,7 +71,7 @@ class Refusal:
     def from_validation(cls, error: ValidationError, model: type[BaseModel], data: object) -> Refusal:
         """Return the refusal of the first error that pydantic found in `data`; unknown keys come before others.
 
-        `model` is the class that `data` was validated with.  The refusal of an unknown key names those of its keys that
+        `model` is the class that `data` was validated with.  The refusal of an unknown key names keys of `model` that
         may be meant, and those that are allowed in the table.
         """
         errors = error.errors()
@@ -248,7 +248,7 @@ class SceneTable(Hinted):
     def with_keys(self, **keys: object) -> Self:
         """Return a copy with these values of `keys`, which are not checked.
 
-        For a key that holds a table, a dict as the value changes the keys of that table which the dict names.
+        If a key holds a table and its new value is a dict, the dict changes this table: other keys of the table stay.
         """
         tables = {key: table for key in keys if isinstance(table := getattr(self, key), SceneTable)}
         of_tables = {key: table.with_keys(**of) for key, table in tables.items() if isinstance(of := keys[key], dict)}
@@ -256,7 +256,10 @@ class SceneTable(Hinted):
 
 
 class ShorthandTable(SceneTable):
-    """A table with keys, excluded from dumps, that stand for other keys; tables are equal where their dumps are."""
+    """A table with shorthand keys, whose values are turned into values of other keys when the table is validated.
+
+    Dumps leave the shorthand keys out.  Two tables are equal if their dumps are equal.
+    """
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, SceneTable) and type(self) is type(other) and self.model_dump() == other.model_dump()

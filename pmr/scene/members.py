@@ -182,7 +182,7 @@ class Member:
         return self._range_on_section(self._seats, longest)
 
     def _range_on_section(self, all_seats: Sequence[Seat], length: float) -> Interval:
-        """Return the range in m of the seats' positions, as far as a ring of the `length` in m is on the section."""
+        """Return the range in m of those positions of the seats at which a ring of this `length` is on the section."""
         low, high = _common_range(all_seats)
         return Interval(max(low, length / 2.0), min(high, self.part.length - length / 2.0))
 
@@ -200,8 +200,8 @@ class Member:
     def overlap_ends(self) -> dict[tuple[str, str], float]:
         """Position in m along the section of the fixed end of each rigid overlap; empty without a rigid overlap.
 
-        The key is `WITHIN` for the overlap with the section before, and `AROUND` for that with the section after.  Each
-        key is the pair of names of the rows that keep this section straight in the overlap.
+        The overlap with the section before has the key `WITHIN`, that with the section after has `AROUND`.  Each of
+        these keys is a pair: the names of the two rows that keep this section straight in the overlap.
         """
         ends, scene, number = dict[tuple[str, str], float](), self.scene, self.number
         if number and (joint := scene.joint(number)).rigid_overlap:
@@ -214,8 +214,9 @@ class Member:
     def tail_points(self) -> dict[str, Point | None]:
         """Points in m at which cylinders or ropes hold the section's tail, by the names of their rows; None: centroid.
 
-        The last one is that of the next section, the first one that of the section itself unless this is the base.  If
-        both have the same line of action, they share a row.  The result is empty without a joint.
+        The first point is that of the section's own cylinder or rope, which the base lacks.  The second one is that of
+        the next section's, which the last section lacks.  If both have the same line of action, they share a row.  The
+        result is empty without a joint.
         """
         numbers = range(max(self.number, 1), min(self.number + 2, len(self.scene.sections)))
         lines = dict.fromkeys(self.scene.joint(number).line for number in numbers)

@@ -90,9 +90,10 @@ def _default_comparison(scene: Scene) -> ModelComparison:
 
 
 def shell_cell_count(part: BoomSection, by: float) -> float:
-    """Return about how many cells a section's shell has whose cells are `by` times as long and wide as the scene's.
+    """Return about how many cells the shell of a section has.
 
-    The number is not rounded to whole cells.
+    Each cell is `by` times as long and wide as the scene's cells.  The number is not rounded to whole cells.  The
+    section has to be a box.
     """
     assert part.body.box is not None  # as `model_comparison` says
     around, along = by * part.mesh.size, by * (part.mesh.along or part.mesh.size)
@@ -123,9 +124,9 @@ def comparable_scene(scene: Scene) -> Scene:
 
 
 def _choose_models(scene: Scene, model: str, walls: str) -> Scene:
-    """Return the scene with this model and these walls for those bodies whose model is left to measurements.
+    """Return the scene with this model and these walls for all bodies whose model is left to measurements.
 
-    A box with ``auto`` whose model is not left to them gets the name of that model.
+    Another box with the model ``auto`` gets the model that `choose_model` returns for it.
     """
     parts = []
     for member in members(scene):

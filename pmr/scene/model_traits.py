@@ -87,10 +87,10 @@ MODELS: dict[str, ModelTraits] = {
 
 
 def model_traits(model: str) -> ModelTraits:
-    """Return the traits of a structural model; one that an installed package offers is on cells, as a shell or solid.
+    """Return the traits of a structural model.
 
-    Such a model is made from the body and a mesh.  Keys about elements of beams and about walls under their pads have
-    no effect on it.
+    A model that an installed package offers has the traits of a solid: it is made from the body and a mesh of cells.
+    Keys about elements of beams and about walls under their pads have no effect on it.
     """
     if model in MODELS:
         return MODELS[model]
@@ -100,6 +100,9 @@ def model_traits(model: str) -> ModelTraits:
 
 
 def models_by_rank() -> tuple[str, ...]:
-    """Return the first model of each rank, from the poorest to the richest: what models are compared with."""
+    """Return the structural models with which others are compared, from the poorest to the richest.
+
+    There is one model for each rank: the first one of this rank in `MODELS`.
+    """
     ranked = {traits.rank: name for name, traits in reversed(MODELS.items()) if traits.rank is not None}
     return tuple(ranked[rank] for rank in sorted(ranked))

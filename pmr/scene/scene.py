@@ -369,9 +369,9 @@ class Scene(SectionTables):
 
     @property
     def pivot_height(self) -> float:
-        """Height in m of the pivot, or without a frame of the base's tail, above the ground; 0 if no height is set.
+        """Height in m above the ground of the pivot or, without a frame, of the base's tail; 0 if no height is set.
 
-        The height in the table of the hoist counts before that in the table of the ground.
+        A height in the table of the hoist counts before one in the table of the ground.
         """
         ground = None if self.frame is None else self.frame.ground
         of_hoist = 0.0 if self.hoist is None else self.hoist.pivot_height

@@ -359,7 +359,10 @@ def _check_pad_range(member: Member, length: float, ring: PadRing, key: str) -> 
 
 
 def _check_probe_faces(member: Member) -> None:
-    """Refuse a probe of stress on a face that the model of a box lacks; other faces are known to their models alone."""
+    """Refuse a probe of stress on a face that the model of a box lacks.
+
+    A body without a box passes: only its model knows its faces.
+    """
     box = member.part.body.box
     faces = () if box is None else traits_of(member).probe_faces(box)
     for i, probe in enumerate(member.part.probes):

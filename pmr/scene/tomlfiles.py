@@ -59,8 +59,8 @@ def resolve_path(path: Path, within: str) -> Path:
 def result_name(path: Path) -> str:
     """Return the name of the scene or study at `path`, after which results and rows of tables are named.
 
-    It is the name of the file without its ending, but for a folder, or for ``scene.toml`` or ``study.toml`` in it, that
-    of the folder.
+    For a file this is its name without the ending.  For a folder, or for ``scene.toml`` or ``study.toml`` in a folder,
+    it is the name of the folder.
     """
     folder = path if isdir(path) else path.parent
     return (folder.resolve().name if isdir(path) or path.name in ("scene.toml", "study.toml") else "") or path.stem
@@ -152,9 +152,10 @@ class TomlFile:
             ) from None
 
     def origin(self, key: str | Sequence[str | int]) -> str:
-        """Return the file or option that last set a key or an inner key, else that of the nearest table around the key.
+        """Return the source, a file or an option, that last set a key.
 
-        The result is the file itself if no such table has an origin.
+        For a table, it is the source that last set one of its inner keys.  If no source set the key, it is the source
+        of the nearest table around the key; if there is none, it is the file itself.
         """
         words = tuple(re.findall(r"[^][.]+", key) if isinstance(key, str) else map(str, key))
         inside = [
@@ -195,9 +196,11 @@ class TomlFile:
         return base
 
     def _forget_alternatives(self, base: dict[str, object], update: Mapping[str, object]) -> None:
-        """Remove from `base`, in place, all keys that describe in another way what keys of `update` describe.
+        """Remove keys from `base`, in place, if `update` describes the same thing by other keys.
 
-        The ways, each a set of keys of a table, are the `alternatives` of the dialect.
+        For example, damping may be given by ``mass`` and ``stiffness`` or by ``ratio`` and ``frequencies``.  If
+        `update` has ``ratio``, the keys ``mass`` and ``stiffness`` leave `base`.  The `alternatives` of the dialect are
+        such sets of keys, by table.
         """
         for table, ways in self.dialect.alternatives.items():
             old, new = base.get(table), update.get(table)

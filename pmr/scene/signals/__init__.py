@@ -285,7 +285,11 @@ def _constant_from_number(data: object) -> object:
 
 
 def _plugin_signal(data: object, check: Callable[[object], SignalBase]) -> SignalBase:
-    """Return a signal of a kind that an installed plug-in adds, imported for it; `check` validates all other kinds."""
+    """Return the signal of a table, a number or the like, also if an installed plug-in adds the kind of the signal.
+
+    The plug-in is imported only for a kind that pmr itself lacks.  `check` validates all other data.  Raises an
+    InputError for a plug-in that is no signal of this kind.
+    """
     if not isinstance(data, dict) or data.get("kind") in (None, *_OWN):
         return check(data)
     offered = environment.plugin_objects("pmr.signals", _OWN)
