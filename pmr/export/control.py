@@ -202,8 +202,8 @@ def write_modelica(npz_path: Path, target: Path, options: Options) -> Path:
     """Write a Modelica 3 block of a saved reduced system, with A, B, C, D at all grid points; return `target`.
 
     `npz_path` is the file of the system, from which the state space is computed.  The block is named like the file
-    `target`, which has to end in .mo; its variables are named as an FMU names them.
-    Raises InputError as `pmr.export.state_space.state_space`, or if Modelica does not allow the file's name.
+    `target`, which has to end in .mo; its variables are named as an FMU names them.  Raises InputError as
+    `pmr.export.state_space.state_space`, or if Modelica does not allow the file's name.
     """
     name = target.stem
     if not (name.isascii() and name.isidentifier()) or name in RESERVED or target.suffix != ".mo":

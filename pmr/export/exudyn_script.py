@@ -119,9 +119,9 @@ def script_data(system: System, source: str) -> Arrays:
 def _tip_values(system: System, source: str) -> Arrays:
     """Values about the last displacement, which the script prints: ``tip``, ``tip_of`` and ``tip_position``.
 
-    The values are its number among the outputs, words for its body, which are empty for a single body, and its position
-    in m.  Displacements of probes do not count.  Raises InputError, which names the file `source`, if there is no
-    displacement.
+    ``tip`` is the number of this displacement among the outputs, and ``tip_position`` its position in m.  ``tip_of``
+    are words for its body, empty for a single body.  Displacements of probes do not count.  Raises InputError, which
+    names the file `source`, if there is no displacement.
     """
     of = [
         (name, position, is_length)
@@ -173,8 +173,8 @@ def _strands(signal: SignalBase, name: str, source: str) -> Any:
 def _path_tables(system: System, x: Array) -> Arrays:
     """Tables of the contact matrices C, F, H and X of a single body over its path, as arrays by name.
 
-    The matrices are those of the script's equations.  F includes the compliance of the contacts with their sides at x
-    (sides,) in m; the other parts of F, and H and X, are zero without residual flexibility.
+    The matrices are those of the script's equations.  Without residual flexibility H and X are zero, and F is only the
+    compliance of the contacts themselves.  This compliance is that with the sides of contacts at x (sides,) in m.
     """
     (body,) = system.reduced.values()
     numbers = [body.row_names.index(side.place.row) for side in system.sides]
@@ -195,9 +195,11 @@ def _path_tables(system: System, x: Array) -> Arrays:
 
 
 def _sides(system: System, assembly: Assembly, x: Array) -> Arrays:
-    """Arrays of the sides of contacts in a boom by name: rows, and responses of the bodies to forces on their carriers.
+    """Arrays, by name, with which the script computes the contacts of a boom.
 
-    The compliance of the contacts is that with their sides at x (sides,) in m.
+    For each side of a contact they have its place, its path and its rows.  For each body they have the displacements of
+    its carriers, and its responses to forces on its carriers.  The compliance of the contacts is that with their sides
+    at x (sides,) in m.
     """
     paths, names = list(system.paths), list(system.bodies)
     arrays: Arrays = {

@@ -94,11 +94,13 @@ class MovingFields:
 def write_series(folder: Path, name: str, bodies: Mapping[str, MovingFields], pads: Boxes | None = None) -> Path:
     """Write ``name.pvd``, which is returned, and a folder ``name`` with one .vtu file for each time and body.
 
-    The folder is next to ``name.pvd``.  Points have ``displacement`` in m (ParaView: Warp By Vector).  Cells have
-    ``von_mises_<face>`` in Pa, and ``region_<name>``: 1 in the region, 0 elsewhere.  If signed stresses are stored,
-    cells have ``stress_<face>_<component>`` in Pa.  `bodies` maps names to bodies, all at the same times; a single body
-    may have an empty name.  `pads`, unless None, are a data set of their own, with the values of the pads.  Old .vtu
-    files in the folder ``name`` are deleted.
+    `bodies` maps names to bodies, all at the same times; a single body may have an empty name.  The folder ``name`` is
+    next to ``name.pvd``; old .vtu files in it are deleted.
+
+    Points have ``displacement`` in m (ParaView: Warp By Vector).  Cells have ``von_mises_<face>`` in Pa, and
+    ``region_<name>``: 1 in the region, 0 elsewhere.  If signed stresses are stored, cells have
+    ``stress_<face>_<component>`` in Pa.  If `pads` is not None, the pads have a file of their own for each time, with
+    their values.
     """
     drawn = {f"{body_name}-" if body_name else "": body.file for body_name, body in bodies.items()}
     if pads is not None:

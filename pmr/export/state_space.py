@@ -82,10 +82,12 @@ class StateSpace:
 
 
 def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> StateSpace:
-    """State space of reduced bodies with their paths held at S grid points; `s` has (S,), or a number, by path.
+    """State space of reduced bodies with their paths held at S grid points.
 
-    Coordinates `s` are in m, those of a luffing angle in rad.  Without paths, S is 1.  `source` is the file that errors
-    name.  Raises InputError if contacts only push, or rows of rigid ones differ between the points; raises
+    `s` has the coordinates of each path, by its name, as an array (S,) or as one number for all points.  They are in m,
+    those of a luffing angle in rad.  Without paths, S is 1.  `source` is the file that errors name.
+
+    Raises InputError if a contact only pushes, or if the rows of a rigid contact differ between the points.  Raises
     SimulationError if contact forces at one of the points are not determined.
     """
     if pushing := [contact.name for contact in system.contacts if contact.clearance is not None]:
@@ -117,10 +119,11 @@ def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> Stat
 
 
 def _modes(system: System, assembly: Assembly, C: Array, firm: Mask, source: str) -> Modes:
-    """Omega^2 (r,), ascending, and modes X (n, r) with X^T M X = 1 and C X = 0 of an assembly with m_r rigid contacts.
+    """Modes X (n, r) of an assembly that obey its m_r rigid contacts, and their omega^2 (r,), ascending.
 
-    C (S, m_r, n) are the rows of the rigid contacts at S grid points; the mask `firm` (m,) is true for rigid ones of
-    all contacts.  Raises InputError, which names the file `source`, if C depends on the grid point.
+    X^T M X = 1 and C X = 0 hold, where C (S, m_r, n) are the rows of the rigid contacts at S grid points.  The mask
+    `firm` (m,) has all contacts, and is true for the rigid ones.  Raises InputError, which names the file `source`, if
+    C depends on the grid point.
     """
     travelling = np.abs(C - C[0]).max(axis=(0, 2)) > SAME * np.abs(C).max(initial=0.0)
     if travelling.any():
@@ -153,7 +156,7 @@ def _damping(system: System, assembly: Assembly, X: Array, omega2: Array) -> Arr
 class _HeldSystem:
     """A system with its paths held at one grid point, on r modes: stiffness and input matrix, and output matrices.
 
-    The q outputs and contact forces are `measured` (z, z') + `direct` f, with modal coordinates z and loads f.
+    With modal coordinates z and loads f, the q outputs and contact forces are `measured` (z, z') + `direct` f.
     """
 
     stiffness: Array  # (r, r)
@@ -163,10 +166,10 @@ class _HeldSystem:
 
     @classmethod
     def build(cls, assembly: Assembly, rows: ContactRows, firm: Mask, X: Array, omega2: Array, s: Array) -> _HeldSystem:
-        """System held at one grid point, from the contact rows there and the mask `firm` (m,) of rigid contacts.
+        """Build the system held at one grid point from the contact rows at this point.
 
-        X (n, r) are its modes and `omega2` (r,) their squared circular frequencies; s (P,) are coordinates of P paths,
-        for messages.
+        The mask `firm` (m,) is true for rigid contacts.  X (n, r) are the modes of the system and `omega2` (r,) their
+        squared circular frequencies.  The coordinates s (P,) of P paths at this point are for messages.
         """
         soft, r, B = rows.select(~firm), len(omega2), assembly.B.toarray()
         names = [name for name, rigid in zip(assembly.system.contact_names, firm, strict=True) if not rigid]
@@ -234,13 +237,16 @@ def section_alone(npz_path: Path, name: str) -> System:
 
 
 def path_positions(system: System, text: str | None) -> Mapping[str, Array]:
-    """Coordinates (S,) of each path, by its name: those in `text`, or a grid of `PLACES` points on the path.
+    """Coordinates (S,) of each path, by its name: those in `text`, or a grid of `PLACES` points if `text` is None.
 
-    Coordinates are in m, those of a luffing angle in rad.  `text` is ``1.5,2,4`` for one path, and ``mid=2,fly=3;
-    mid=2.5,fly=3`` for several paths; None selects the grid, which is a single point if nothing travels.  Places in the
-    first form are returned in ascending order, each once, others in the order of `text`.  Places beyond an end by at
-    most `BEYOND_ENDS` of the path's length are taken at the end.  Raises InputError for any other text, and for
-    coordinates farther off the paths.
+    Coordinates are in m, those of a luffing angle in rad.  The grid has a single point if nothing travels.  `text` has
+    one of two forms:
+
+    - ``1.5,2,4`` for one path; the places are returned in ascending order, each once.
+    - ``mid=2,fly=3; mid=2.5,fly=3`` for several paths; the places are returned in the order of `text`.
+
+    A place beyond an end of a path, by at most the share `BEYOND_ENDS` of the path's length, is moved to the end.
+    Raises InputError for places farther off, and for any other text.
     """
     ranges = system.ranges
     if text is None:
@@ -281,10 +287,10 @@ _RECTANGULAR_DMIG, _DOUBLE = 9, 2
 
 @dataclass(frozen=True)
 class _NastranMatrix:
-    """Matrix for Nastran, with the data that its cards state.
+    """Matrix `A` for Nastran, with what its cards state.
 
-    The cards state the first letter of its name, the number of its grid point or ``""``, its values, and the number of
-    its form.  The forms are numbered as in OUTPUT4.
+    The name of the matrix is `letter` and `number`, which is that of a grid point, or ``""`` for a matrix of all
+    points.  `form` is the number of the matrix's form, as OUTPUT4 numbers the forms.
     """
 
     letter: str
@@ -296,10 +302,9 @@ class _NastranMatrix:
 def write_dmig(npz_path: Path, target: Path, options: Options) -> Path:
     """Write M, D and, for each grid point, K and loads as DMIG, in modal coordinates on scalar points 1 to r.
 
-    The path `target` is returned.  A field holds at least ten digits; the remainder of each matrix is written as a
-    second matrix, so that their sum, as Nastran takes it (``K2GG = K1, KL1``), has all digits.
-
-    Raises InputError as `state_space`.
+    A field of DMIG has room for nine to twelve digits, not for all digits of a double.  So each matrix is written as
+    two: the rounded matrix and the remainder.  Nastran adds both (``K2GG = K1, KL1``), and the sum has all digits.  The
+    path `target` is returned.  Raises InputError as `state_space`.
     """
     return _write(npz_path, target, options, _dmig_deck)
 
@@ -379,7 +384,11 @@ def _dmig_lines(name: str, A: Array, form: int) -> Iterator[str]:
 
 
 def _field(x: float) -> str:
-    """Text of the number x with the most digits that fit into a field; every double fits with one digit."""
+    """Text of a finite number x with the most digits that fit into `FIELD` characters, such as ``1.50000000000D+0``.
+
+    The exponent begins with D, Fortran's letter for double precision.  Every finite number fits; infinity and NaN raise
+    ValueError.
+    """
     for digits in range(FIELD, 0, -1):
         mantissa, exponent = f"{x:.{digits}e}".split("e")
         text = f"{mantissa}D{int(exponent):+d}"

@@ -52,8 +52,8 @@ NUMBERS = ("gravity", "gate", "refused", "alarm", "share", "following")
 class UnitObserver:
     """Kalman filter of an observer in an FMU, and the outputs and loads of the system to which its numbers refer.
 
-    `units` has the unit of each unknown, then of each output, by name.  The filter has q outputs, i inputs and p
-    sensors; they are in its order.
+    The filter has q outputs, i inputs and p sensors.  `outputs`, `columns`, `orders`, `felt`, `inputs` and `sensors`
+    are in the filter's order.  `units` has the unit of each unknown, then of each output, by name.
     """
 
     data: FilterData
@@ -95,8 +95,9 @@ class UnitObserver:
     def variables(self, names: Identifiers, first: int) -> Iterator[Variable]:
         """Yield the observer's variables, numbered from the value reference `first` on, as in source/estimator.c.
 
-        `names` makes identifiers from names.  An input for each sensor comes first.  Estimates of the outputs follow,
-        then their standard deviations, the same for the unknowns, and the innovation and the alarm of each sensor.
+        Their order is: an input for the measurement of each sensor; the estimate of each output, and its standard
+        deviation; the estimate of each unknown, and its standard deviation; the innovation of each sensor; the alarm of
+        each sensor.  `names` makes identifiers from names.
         """
         listed = list[Variable]()
         for name in self.sensors:

@@ -186,10 +186,12 @@ class Reference:
 
     @property
     def start_values(self) -> Array:
-        """Start values (4 + 4 n,): of time, the n drivers, their n first, n second and n third rates, and 3 parameters.
+        """Start values (4 + 4 n,) of time, drivers and parameters.
 
-        All rates are zero, except the first rate of a free luffing angle or extension.  The parameters are step,
-        rho_inf and start, the number of the kind of start (`STARTS`).
+        - Time is 0.
+        - The values of the n drivers follow, then their first, second and third rates.  All rates are zero, except the
+          first rate of a free luffing angle or extension.
+        - The last three are the parameters step, rho_inf and start, the number of the kind of start (`STARTS`).
         """
         step = self.stepping.step
         start = STARTS["static" if self.static else "at rest"]
@@ -199,8 +201,8 @@ class Reference:
 def reference(drivers: Drivers, scene: StoredScene) -> Reference:
     """Simulate the system of `drivers` under the `scene` stored with it, and return the reference trajectory.
 
-    Without a frame, paths and loads follow the FMU's cubics between steps; with a frame that moves, they follow the
-    scene's signals.  A free luffing angle or extension is computed first, as in a run; errors as
+    Without a frame, paths and loads follow the FMU's cubics between steps.  With a frame that moves, they follow the
+    scene's signals.  A free luffing angle or extension is computed first, as in a run.  Raises the errors of
     `pmr.simulation.native.free_motion.with_free_motion`.
     """
     if scene.free_scene is not None:

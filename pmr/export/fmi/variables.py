@@ -51,11 +51,11 @@ class Drivers:
     def of(cls, system: System, *, reactions: bool = True) -> Drivers:
         """Bring a system into the kernel's form and list what drives it: paths, loads, motions of its frame.
 
-        If `reactions` is false, forces of rigid supports are no outputs, and pads of a ring are combined where the
-        effect stays the same.  Where the luffing angle of the system's scene is free, all modes get inertia.
+        If `reactions` is false, forces of rigid supports are no outputs, and pads of a ring are combined where this
+        does not change the motion.  Where the luffing angle of the system's scene is free, all modes get inertia.
 
-        Raises InputError as `modal_form` and `stepped`, and if the system's paths are not those of the frame in this
-        order.
+        Raises InputError as `modal_form` and `stepped`.  It is also raised if the frame has other paths than the
+        system, or the same ones in another order.
         """
         system, _, frame = prepare_stepping(system, "system")
         if frame is not None and frame.paths != tuple(path for path in system.paths if path != LUFFING):
@@ -69,7 +69,10 @@ class Drivers:
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """Names of the paths that are drivers, without a luffing cylinder's path that an angle determines."""
+        """Names of the paths that are drivers.
+
+        The path of a luffing cylinder is left out if an angle of the frame determines it.
+        """
         return self.data.rows.paths if self.frame is None else self.frame.paths
 
     @property
@@ -152,14 +155,17 @@ class Drivers:
 
     @property
     def has_derivatives(self) -> bool:
-        """Whether rates of outputs and directional derivatives are known: not with a hoist or a free motion."""
+        """Whether rates of outputs and directional derivatives are known.
+
+        They are not known with a hoist, a free luffing angle or a free extension.
+        """
         return not self.system.hoist and not self.has_free_motion
 
     @property
     def is_differential(self) -> bool:
-        """Whether the model is an ordinary differential equation, with derivatives and without rigid contacts.
+        """Whether the model is an ordinary differential equation (ODE), as Model Exchange needs it.
 
-        Such a model has no friction either.
+        It is one if its derivatives are known (`has_derivatives`), and if it has neither rigid contacts nor friction.
         """
         rows = self.data.rows
         return self.has_derivatives and rows.friction is None and bool(np.all(rows.flexibility_bounds > 0.0))
@@ -215,12 +221,11 @@ def variables(
     nominal: Array,
     further: Callable[[Identifiers, int], Iterator[Variable]] | None = None,
 ) -> list[Variable]:
-    """All variables of the FMU of a system with N drivers and r modes.
+    """All variables of the FMU of a system with N drivers and r modes, in ascending order of their value references.
 
     `start` (4 + 4 N,) are start values of time, drivers, their rates and parameters, and `nominal` (2 r,) the nominal
-    values of the states, as described for `pmr.export.fmi.system_file`.  The variables are in ascending order of their
-    value references.  The last variables are those that `further`, unless it is None, yields; their value references
-    begin with its second argument.
+    values of the states, as described for `pmr.export.fmi.system_file`.  `further` yields more variables, which come
+    last; it is called with the maker of names and the first free value reference.  None stands for no more variables.
     """
     names = Identifiers()
     listed = list(_inputs_and_parameters(drivers, names, start))
@@ -356,8 +361,8 @@ def described_outputs(drivers: Drivers) -> Iterator[tuple[str, str, bool]]:
 def _output_variables(drivers: Drivers, names: Identifiers, first: int) -> Iterator[Variable]:
     """Yield outputs, rates of outputs that are motions, and contact forces; the first value reference is `first`.
 
-    Every output has a value reference for a rate, which is not used if it has none.  `names` makes identifiers from
-    names.  There are no rates if the system of `drivers` has no derivatives.
+    A value reference is kept free for the rate of every output, also of an output without a rate.  There are no rates
+    if the system of `drivers` has no derivatives.  `names` makes identifiers from names.
     """
     system, called = drivers.system, list(described_outputs(drivers))
     count, o = len(called), len(system.output_names)
