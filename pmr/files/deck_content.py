@@ -127,8 +127,9 @@ class FurtherCards:
 class Deck:
     """Content of a deck, a part or an instance: its mesh, and the cards that join, turn or name parts of it.
 
-    The names of sets are in small letters, and sets contain only nodes or elements that exist.  In the whole, sets of a
-    part are joined over its instances, and if there are several the set of each is ``instance.set``.
+    The names of sets are in small letters, and sets contain only nodes or elements that exist.  In the deck of the
+    whole file, a set of a part has the members of all instances of the part.  If there are several instances, the
+    members of each are also in a set called ``instance.set``.
     """
 
     nodes: dict[int, tuple[float, float, float]] = field(default_factory=dict)  # m, by number, in the file's order
@@ -145,7 +146,8 @@ class Deck:
     def copy(self) -> Deck:
         """Return a copy of this deck, to which nodes, elements and sets can be added without a change of this deck.
 
-        Coordinates of nodes that follow are along the axes of the whole again: the copy has no `axes`.
+        The copy has no `axes`: nodes that are read into it have coordinates along the axes of the whole, until a card
+        `*SYSTEM` sets other ones.
         """
         sets = deepcopy({"node_sets": self.node_sets, "element_sets": self.element_sets})
         return Deck(**{name: copy(value) for name, value in vars(self).items()} | sets | {"axes": None})
@@ -270,12 +272,14 @@ def _read_surface(deck: Deck, card: Card, instances: Mapping[str, Numbers]) -> N
 
 
 def _read_range(line: DataLine, card: Card, fields: list[str], numbers: Mapping[int, int], of_nodes: bool) -> list[int]:
-    """Return the members of a set that a line of its card gives by a range, as numbers in the whole deck.
+    """Return the members of a set that a line of its card gives as a range, by their numbers in the whole deck.
 
-    `fields` are the range's first, last and step; the step is 1 if it is missing.  `numbers` are the numbers in the
-    whole deck of all nodes or elements, by those that the card uses.  `of_nodes` says whether messages name nodes or
-    elements.  Numbers between the ends that do not exist are left out.  Raises InputError for other fields, and for
-    ends that do not exist.
+    `fields` are the range's first number, last number and step; the step is 1 if it is missing.  They are numbers as
+    the card uses them.  `numbers` maps such numbers of all nodes or elements to their numbers in the whole deck.
+    Numbers between the ends that do not exist are left out.
+
+    Raises InputError for other fields, and for ends that do not exist.  `of_nodes` says whether messages name nodes or
+    elements.
     """
     bounds = [whole_number(line, field, "first, last and step") for field in fields]
     if len(bounds) not in (2, 3) or bounds[2:] == [0]:

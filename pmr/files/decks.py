@@ -104,12 +104,12 @@ class _Assembly:
     def _join(self, name: str, content: Deck, place: Place) -> None:
         """Add the `content` of the instance `name`, nodes, elements and sets, to the whole deck.
 
-        All nodes keep their numbers, or all get new ones if the whole has any of these numbers; so do the elements.
-        Sets are stored under their own name, together with members from sets of this name in other instances, and under
-        "instance.set".  `place` is that of the instance in its file; it is stored for the first instance whose nodes
-        get new numbers.
+        If the whole deck has a node with the number of one of these nodes, all nodes of the instance get new numbers;
+        else they keep theirs.  The same holds for elements.  The members of a set are added to the set of this name,
+        which has those of all instances, and to the set "instance.set".
 
-        Raises InputError, with file and line, if an element has a node that `content` lacks.
+        `place` is the place of the instance in its file.  It is stored for the first instance whose nodes get new
+        numbers.  Raises InputError, with file and line, if an element has a node that `content` lacks.
         """
         joined, numbers = self.joined, Numbers.of(content)
         if not joined.nodes.keys().isdisjoint(numbers.nodes):
@@ -231,8 +231,9 @@ class ForeignNodes:
     def without_dependent(self, pairs: Indices) -> ForeignNodes:
         """Return the nodes without those that cards tie to other nodes, and without these cards.
 
-        A node is left out if all of its displacements depend on others and it has no row among the node and direction
-        `pairs` (n, 2) of the matrices.  A card stays if it ties a displacement of any other node.
+        `pairs` (n, 2) are the node and the direction (from 1) of each row of the matrices.  A node is left out if all
+        of its displacements depend on other nodes, and if the matrices have no row of it.  A card is left out if it
+        ties displacements of such nodes only.
         """
         depending = set[tuple[int, int]]().union(*self.dependent.values())
         nodes = {node for node, _ in depending if {(node, 1), (node, 2), (node, 3)} <= depending} - {
@@ -248,11 +249,16 @@ class ForeignNodes:
 
 
 def check_constraints(nodes: ForeignNodes, pairs: Indices) -> None:
-    """Raise InputError for the first card that the matrices do not allow: own axes of nodes, or ties of displacements.
+    """Raise InputError for the first card that the matrices do not allow.
 
-    Any tie is refused if some displacements have no row in the matrices, as pmr takes these as fixed.  A rigid element
-    of Nastran is also refused if a displacement that it makes dependent has a row.  `pairs` (n, 2) are the node and the
-    direction (from 1) of each row.
+    These cards are refused:
+
+    - A card that gives nodes axes of their own.
+    - A rigid element of Nastran, if a displacement that it makes dependent has a row in the matrices.
+    - Any card that ties displacements, if some displacement of a node has no row in the matrices, as pmr takes such a
+      displacement as fixed.
+
+    `pairs` (n, 2) are the node and the direction (from 1) of each row.
     """
     missing = 3 * len(nodes.numbers) - int(np.isin(pairs[:, 1], (1, 2, 3)).sum())
     for place, keyword in nodes.constraints:

@@ -98,10 +98,11 @@ def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
 
 
 def _few_digits(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
-    """Yield a reason about ``K`` if its entries are rounded to so few digits that they resist a translation.
+    """Yield a reason about ``K`` if its entries have so few digits that their rounding resists a translation.
 
-    Such forces look like springs to ground, some of them with a negative stiffness.  The reason states their stiffness,
-    without that of springs to ground in rows that are not rounded.
+    The rounded entries of a row do not sum to zero, so that they act like a spring to ground, perhaps of a negative
+    stiffness.  The reason states the stiffness of all of them together.  Rows are left out whose force is larger than
+    rounding explains, as that of true springs to ground.
     """
     if body.digits >= DIGITS:
         return
@@ -227,8 +228,8 @@ def _misplaced_rows(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
 def _wrong_axes(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     """Yield a reason about ``direction`` if rows of K far from supports resist a translation.
 
-    In a dense K all rows may be near supports.  Then the sign is that more motions take no force than rigid motions are
-    left free.
+    In a dense K all rows may be near supports.  Then the reason is yielded if more motions take no energy than there
+    are free rigid motions.
     """
     held = body.grounded_nodes & ~body.spring_nodes
     if body.dense:
@@ -336,10 +337,10 @@ def _nodes_without_rotations(body: Resistance) -> Mask:
 
 
 def _supported_nodes(body: Resistance) -> Mask:
-    """Return a mask (N,) of nodes whose forces are explained by nearby supports.
+    """Return a mask (N,) of nodes whose forces under translations are explained by nearby supports.
 
-    Such a node is near nodes that lack displacements.  Under translations along the axes that these nodes do not lack,
-    the node has no forces, or those of a spring to ground.
+    Such a node is near a node that lacks a displacement.  Translations along the axes of missing displacements are not
+    looked at.  Under the others, the node has no forces, or the forces of a spring to ground.
     """
     lacks = np.stack([body.near(body.missing_displacements[:, k]) for k in range(3)], axis=1)
     springs = np.where(lacks[:, :, None] | lacks[:, None], 0.0, body.blocks)

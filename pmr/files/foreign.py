@@ -31,7 +31,10 @@ EMPTY_ROWS = 1_000_000
 
 
 class MatrixNames(NamedTuple):
-    """Names of matrices in files of Nastran that have several; empty for those that their first letters name."""
+    """Names of the matrices in a file of Nastran that has several.
+
+    A name may be empty: then the matrix is chosen by the first letter of its name.
+    """
 
     stiffness: str = ""
     mass: str = ""
@@ -71,12 +74,17 @@ def foreign_files(
 ) -> ForeignFiles:
     """Return the files of a model, with the names of the matrices in these files.
 
-    Mass, degrees of freedom (`dofs`) and nodes that are None are in the file `stiffness` itself if files of its format
-    hold them: the mass in .op4, `dofs` in .mtx, all three in files of DMIG cards.  Otherwise each has a file of the
-    same name with the suffix .mas, .dof (.mapping for .matrix) or .inp.  For a .pch file the .inp file of the same name
-    has the nodes, if it exists.
+    Mass, degrees of freedom (`dofs`) and nodes may be None.  If the format of the file `stiffness` can hold them, this
+    file has them:
 
-    A damping is read only if its file or its name is given; a name alone is that of a matrix in `stiffness`.
+    - the mass in .op4,
+    - `dofs` in .mtx,
+    - all three in files of DMIG cards.  But if there is an .inp file of the same name as a .pch file, it has the nodes.
+
+    Otherwise each has a file with the name of the stiffness and the suffix .mas, .dof (.mapping for .matrix) or .inp.
+
+    A damping is read only if its file or its name is given.  If only the name is given, the damping is in the file
+    `stiffness`.
     """
     suffix = stiffness.suffix.lower()
     combined = {".op4": ("mass",), ".mtx": ("dofs",), **dict.fromkeys(NASTRAN_SUFFIXES, ("mass", "dofs", "nodes"))}
@@ -164,9 +172,10 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
 def _read_damping(files: ForeignFiles, path: Path, pairs: Indices) -> sp.csr_matrix:
     """Return the damping (n, n) in the file `path` on the coordinates `pairs` (n, 2), node and direction of each.
 
-    A file whose rows have no labels is returned in the size that it has.  If its entries state their node and
-    direction, all other coordinates are not damped.  Raises InputError if the damping is structural, if it acts on
-    other coordinates than the stiffness, or if a matrix is named of a file whose format has no names.
+    If the file's entries state their node and direction, coordinates without an entry are not damped.  Any other file
+    is returned in the size that it has.  Raises InputError if the damping is structural, or if it acts on other
+    coordinates than the stiffness.  It is also raised if a name of the damping is given, but the format of the file has
+    no names.
     """
     name = files.names.damping
     if name and path.suffix.lower() not in (*NASTRAN_SUFFIXES, ".op4"):
@@ -193,8 +202,8 @@ def _turned_coordinates(files: ForeignFiles, pairs: Indices, axes: Mapping[int, 
     """Return a matrix Q (n, n) that turns coordinates u along the model's axes into Q u along axes of nodes.
 
     `pairs` (n, 2) are the node and the direction (from 1) of each coordinate.  `axes` maps the number of a node with
-    axes of its own to their rotation (3, 3).  Raises InputError, about `files`, for such a node that has some of three
-    coordinates only.
+    axes of its own to their rotation (3, 3).  Such a node needs all three displacements or none, and all three
+    rotations or none.  Raises InputError, about `files`, for a node with one or two of them.
     """
     number = {(int(node), int(direction)): k for k, (node, direction) in enumerate(pairs)}
     Q = sp.eye(len(pairs), format="lil")
@@ -295,8 +304,8 @@ def _read_market(path: Path) -> sp.csr_matrix:
 def _nastran_readers(letter: str, name: str, damped: bool = False) -> dict[str, Callable[[Path], object]]:
     """Return readers of a matrix in Nastran's files, by the suffix of the file.
 
-    The matrix is that called `name`; if `name` is empty, one whose name begins with `letter`.  If `damped`, viscous
-    damping is read in addition to this matrix.
+    The matrix is the one called `name` or, if `name` is empty, one whose name begins with `letter`.  `damped` says that
+    viscous damping is read, too, so that no warning says that it is not.
     """
 
     def choose(matrices: dict[str, sp.csr_matrix]) -> sp.csr_matrix:

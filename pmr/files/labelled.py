@@ -170,10 +170,11 @@ WORDS = {1: 1, 2: 2}
 def _read_text4(lines: Sequence[str]) -> dict[str, sp.csr_matrix]:
     """Read the real matrices (any shape) of the `lines` of an OUTPUT4 text, by name, up to the first blank line.
 
-    Integers have 8 or 16 digits, and numbers the width that the header states.  A column is one run of numbers from the
-    row on that it states.  If that row is 0, or the header's number of rows is negative, it is several runs, each with
-    its own first row.  Raises UnreadableError with the number of a line that has another form, and for complex
-    matrices.
+    Integers have 8 or 16 digits, and numbers the width that the header states.  In general, a column is one run of
+    numbers, which begins in the row that the column states.  If that row is 0, or the header's number of rows is
+    negative, a column is several runs, each with its own first row.
+
+    Raises UnreadableError with the number of a line that has another form, and for complex matrices.
     """
     matrices, at = dict[str, sp.csr_matrix](), 0
 
@@ -257,11 +258,13 @@ VISCOUS = "viscous damping in N s/m is allowed: this one is structural, a part o
 def only_matrix(matrices: dict[str, sp.csr_matrix], letter: str, name: str = "", damped: bool = False) -> sp.csr_matrix:
     """Return the matrix called `name`; if `name` is empty, the only matrix or the only one that begins with `letter`.
 
-    A name that begins with K4 is that of structural damping, and not taken for a stiffness.  If several names begin
-    with `letter`, only the largest matrices count; if just one of these has a partner whose name goes on in the same
-    way (MAAX and KAAX), that one is returned.  For a stiffness, a warning names matrices of damping of its size, which
-    are not read; if `damped`, only structural ones.  Raises UnreadableError if there is no such matrix, or several, or
-    if the damping (letter B) is structural.
+    A matrix whose name begins with K4 is structural damping, and never taken for a stiffness.  If several names begin
+    with `letter`, only the largest matrices count.  Of these, one is preferred if it alone has a partner whose name
+    goes on in the same way, as MAAX and KAAX.
+
+    For a stiffness, a warning names matrices of damping of the same size, as they are not read.  If `damped`, the
+    viscous one is read, and the warning names structural ones only.  Raises UnreadableError if there is no such matrix,
+    if there are several, or if the damping (letter B) is structural.
     """
     by_name = {key.upper(): matrix for key, matrix in matrices.items()}
     if letter == "B" and (name.upper().startswith("K4") or (not name and [key[:2] for key in by_name] == ["K4"])):

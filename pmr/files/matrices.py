@@ -143,7 +143,7 @@ class GivenMatrices:
     def lacks(self) -> bool:
         """Whether some node has no coordinate for its displacement along some axis.
 
-        Supports remove coordinates, and so do nodes that belong to no element.
+        The node may stand on a support, or belong to no element.
         """
         return int(np.isin(self.direction, (0, 1, 2)).sum()) < 3 * len(self.points)
 

@@ -172,7 +172,10 @@ def _line_of(lines: Lines, grid: int) -> int:
 
 
 def _unreadable_bulk(lines: Lines, reason: str) -> UnreadableError:
-    """Return the error for bulk data that pyNastran can't read: with that one of `lines` which its `reason` quotes."""
+    """Return the error for bulk data that pyNastran can't read.
+
+    `reason` is pyNastran's message.  If the message quotes one of `lines`, the error has the number of this line.
+    """
     quoted = NOT_IN_WORDS.sub("", reason)
     line = next((k for k, text in lines if len(words := NOT_IN_WORDS.sub("", text)[:20]) > 7 and words in quoted), 0)
     allowed = "bulk data of GRID, SET1 and DMIG entries are allowed"
@@ -180,11 +183,12 @@ def _unreadable_bulk(lines: Lines, reason: str) -> UnreadableError:
 
 
 def _displacement_axes(kind: str, beta: Array, place: Array) -> Array:
-    """Return the axes (3, 3) of a grid point's displacements, as rows; NaN at a pole of spherical ones.
+    """Return the axes (3, 3) of a grid point's displacements, as rows.
 
-    `kind` is that of their coordinate system: R (rectangular), C (cylindrical) or S (spherical), and `beta` (3, 3) has
-    the system's axes as rows.  `place` (3,) are the coordinates of the grid point in the system.  Angles are in
-    degrees: from x in a cylindrical system, from z and from x in a spherical one.
+    `kind` is the kind of their coordinate system: R (rectangular), C (cylindrical) or S (spherical).  `beta` (3, 3) has
+    the system's axes as rows.  `place` (3,) are the coordinates of the grid point in the system, with angles in
+    degrees: from x in a cylindrical system, from z and from x in a spherical one.  The result is NaN at a pole of a
+    spherical system.
     """
     turned, sine = np.eye(3), 1.0
     if kind != "R":
@@ -227,8 +231,8 @@ def _group_sets(lines: Lines, grids: Indices) -> dict[str, Indices]:
 def _dependent(name: str, fields: Sequence[str]) -> set[tuple[int, int]]:
     """Return grid point and component of the displacements that the rigid element `name` makes depend on others.
 
-    `fields` are those after its name.  Plain forms are an RBE2, an RBE3 without UM, an RBAR whose first point is
-    independent in all components, and an MPC.  For any other entry the result has only the pair (0, 0).
+    `fields` are the fields after the name.  Known forms are an RBE2, an RBE3 without UM, an RBAR whose first point is
+    independent in all components, and an MPC.  For any other entry the result is the pair (0, 0) alone.
     """
     _, first, second, third, *further = [*fields, *[""] * 7]
     points, components = list[str](), ""

@@ -324,7 +324,7 @@ def _field_value(hint: Any, parts: Mapping[str, NDArray[Any]]) -> Any:
 
 @cache
 def _field_types(cls: Any) -> dict[str, Any]:
-    """Return the types of a dataclass's fields, by the fields' names; of an optional type, the type without None.
+    """Return the types of a dataclass's fields, by the fields' names; an optional type is returned without its None.
 
     The result is cached and shared.
     """

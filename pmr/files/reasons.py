@@ -79,11 +79,13 @@ def check_speed(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
 
 
 def check_density(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
-    """Yield a reason about ``M`` if the body is lighter than air in its convex hull, or than foam where it is stiff.
+    """Yield a reason about ``M`` if the body is too light, as if its masses were in t.
 
-    Nodes without coordinates, as at supports, are in the hull too if they are as near to others as coupled nodes are.
-    In a tetrahedron, k corners with coordinates carry at least (k/4)^2 of the mass, since the mean square of a
-    displacement is at least the square of its mean.  If the density is too small, masses are probably in t.
+    It is too light if its mass is below that of air in the convex hull of its nodes.  It is also too light if its mass
+    is below that of foam in its stiff part: the tetrahedra between nodes that K couples.  Nodes without coordinates, as
+    at supports, count as coupled if they are as near to others as coupled nodes are.  Of a tetrahedron with k corners
+    that have coordinates, (k/4)^2 of the volume counts: M has at least this share of its mass, since the mean square of
+    a displacement is at least the square of its mean.
     """
     T = body.motions[:, :3]
     mass, distance = float(np.diag(T.T @ (M @ T)).max()), cKDTree(body.points[body.node]).query(body.points)[0]
@@ -118,10 +120,12 @@ def check_density(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
 def speeds_of_sound(M: sp.csr_matrix, body: Resistance) -> list[float]:
     """Return two rough bounds in m/s, the least and the largest, of the speed of sound in a body.
 
-    The bounds are 0 and infinity if the speed is not known.  Both bounds follow from stretching the body: the least
-    with its whole mass, the largest without payloads.  The least one is at most the median over nodes of the distance
-    to the nearest coupled node times the node's own frequency (in rad/s).  Stiff links and nodes with little mass
-    therefore do not make a body seem too fast.
+    The bounds are 0 and infinity if the speed is not known.  Both follow from stretching the body: the least bound with
+    its whole mass, the largest one without payloads.
+
+    The least bound may be lower by a second estimate, the median over nodes of a distance times a frequency (in rad/s).
+    These are the distance to the nearest coupled node and the node's own frequency.  So stiff links and nodes with
+    little mass do not make a body seem too fast.
     """
     row = body.entries.row
     apart = (body.edges > 0.0) & (body.direction[row] < 3)

@@ -69,10 +69,10 @@ def elastic_energies(K: sp.csr_matrix, R: Array, q: Array) -> Array:
 
 
 class RoundedSums(NamedTuple):
-    """Sums (n, 3) over the entries of n rows of a matrix for three motions, with a number (n,) for each row.
+    """Sums (n, 3) over the entries of n rows of a matrix, one for each of three motions, with a number for each row.
 
-    The number is the rounding of the row's sums, or the sum of the magnitudes of their terms, as the function says that
-    returns it.
+    The number is the rounding of the row's sums, or the sum of the magnitudes of their terms: the function that returns
+    it says which.
     """
 
     sums: Array
@@ -211,7 +211,8 @@ class Resistance:
     def _rotations(self) -> RoundedSums:
         """G (n, 3) with entries within rounding set to zero, and the rounding (n,) of each row.
 
-        Rows at nodes with supports keep entries within rounding, as supports displace the rows of their neighbours.
+        Supports displace the rows of their neighbours.  So rows at grounded nodes are left as they are, except at nodes
+        that a spring holds.
         """
         sums, sizes = self.sums_of_moments
         near_supports = (self.grounded_nodes & ~self.spring_nodes)[self.node]
@@ -227,9 +228,8 @@ class Resistance:
     def rounding_share(self) -> float:
         """Rounding of K as a share of its entries, at least 1e-16.
 
-        The share of a row is the largest force of K on the row under a unit translation, over the same sum with all
-        terms positive.  The lower quartile of all rows is returned, as translations take no force but round-off in most
-        rows.
+        A translation takes no force but round-off in most rows.  The share of a row is its largest force under a unit
+        translation, divided by the sum of the magnitudes of the terms.  The lower quartile of all rows is returned.
         """
         T = self.motions[:, :3]
         sizes = (abs(self.K) @ T).sum(axis=1)
@@ -259,12 +259,15 @@ class Resistance:
         return next((d for d in range(5, single) if all(float(f"{x:.{d}e}") == x for x in sample.tolist())), single)
 
     def _limits(self, limits: tuple[float, float]) -> tuple[float, float]:
-        """Return the least and largest rounding `limits` with the least one not below that of the digits of K."""
+        """Return two `limits` of the rounding, the least and the largest one.
+
+        The least one is raised to the rounding of the digits of K, if this is larger.
+        """
         return max(limits[0], 0.5 * 10.0 ** -max(self.digits, DIGITS)), limits[1]
 
     @cached_property
     def least_energy(self) -> float:
-        """Energy of a motion of unit size above which the motion takes energy beyond the rounding of K.
+        """Energy above which a motion of unit size is not free: its energy is more than the rounding of K.
 
         K is scaled to a diagonal of ones.  The limit follows from the digits to which K is written.  If no motion is
         free to these digits, the limit is at least `CONDENSED`, that of a condensed matrix.
@@ -273,9 +276,9 @@ class Resistance:
         return energy if self.scaled_eigenvalues[0] < energy else max(energy, CONDENSED)
 
     def _held_by_energy(self, motions: Array) -> Array:
-        """Return a matrix (h, 6) whose product with factors (6,) is zero if the motion by these takes no energy.
+        """Return a matrix H (h, 6) that tells which sums of six rigid `motions` (n, 6) K resists.
 
-        The motion is the sum of the six rigid `motions` (n, 6), each times its factor.
+        With factors a (6,) of the motions, H a is zero if the motion takes no energy.
         """
         scale = 1.0 / np.sqrt(self.K.diagonal())
         Q, T = np.linalg.qr(motions / scale[:, None])
@@ -283,12 +286,13 @@ class Resistance:
         return np.asarray(V[:, energies > self.least_energy].T @ T)
 
     def held_motions(self) -> Array:
-        """Return a matrix (h, 6) whose product with factors (6,) of rigid motions is zero if K leaves their sum free.
+        """Return a matrix H (h, 6) that tells which sums of the six rigid motions K resists.
 
-        The rotations are about axes through the origin. h is the number of rigid motions that supports and springs in K
-        hold.  The rows are singular vectors of F and G, where each row of F and G is divided by its rounding, and
-        singular values within rounding count as zero.  In a dense K supports act on all rows; there the energies of
-        rigid motions decide.
+        With factors a (6,) of the rigid motions, H a is zero if K leaves their sum free.  The rotations are about axes
+        through the origin.  The number h is that of the rigid motions that supports and springs in K hold, from 0 to 6.
+
+        The rows of H are singular vectors of F and G, whose rows are divided by their rounding; singular values within
+        rounding count as zero.  In a dense K supports act on all rows; there the energies of rigid motions decide.
         """
         (F, of_forces), (G, of_moments) = self._translations, self._rotations
         middle = self.points.mean(axis=0)

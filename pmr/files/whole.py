@@ -248,12 +248,11 @@ def _matching_names(folder: Path, ours: Sequence[str]) -> list[str]:
 
 
 def complete_folder(folder: Path, is_whole: Callable[[Path], bool], make: Callable[[Path], Made], comm: Any) -> Made:
-    """Return the result of `make`, called with `folder` if that is complete, else with a new folder.
+    """Return the result of `make`, called with `folder` if that is complete, else with a new folder that replaces it.
 
-    The new folder then replaces `folder`.  Collective: all ranks of `comm` have to call this function, and all have to
-    see the folder's disk.  `is_whole` says on rank 0 whether a folder is complete.  `make` loads its result from a
-    complete folder, and fills an empty folder; it has to fail on all ranks or on none.  A complete folder that can't be
-    loaded is made again.
+    `make` loads its result from a complete folder, and fills an empty folder; it has to fail on all ranks or on none.
+    `is_whole` says on rank 0 whether a folder is complete.  A complete folder that can't be loaded is made again.
+    Collective: all ranks of `comm` have to call this function, and all have to see the folder's disk.
 
     Raises OSError on rank 0 if there is no folder that can be written to.
     """
