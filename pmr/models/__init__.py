@@ -98,7 +98,7 @@ class StructuralModel(Protocol):
         """Centroid of a place, (3,) m."""
 
     def strip(self, face: str, window: Window) -> Strip:
-        """Points for the integrals of pads, within `window`, on a flat face or, for a beam, on a line in its place.
+        """Points for the integrals of pads, within `window`, on a flat face.  A beam has points on a line instead.
 
         Raises
         ------
@@ -187,7 +187,7 @@ def ufl_product(S: Expr, v: Sequence[Expr | None], u: Sequence[Expr | None]) -> 
 
 
 def is_assembled(model: StructuralModel) -> TypeGuard[FiniteElementModel]:
-    """Whether a model has weak forms on a mesh, which given matrices have not."""
+    """Whether a model has weak forms on a mesh.  Given matrices and movers have none."""
     return hasattr(model, "forms")
 
 

@@ -45,8 +45,8 @@ class Beam(FiniteElementModel, ABC):
     """A beam model; coordinates are ordered node by node, and on each node by the model's directions.
 
     Letters in shapes are numbers: N of nodes, E of elements, K of sections, d of directions, and n = N d of coordinates
-    q.  The function space has n_e coordinates of its own, T q (see `transformation`): those of the section's centroid
-    and shear centre, along the section's principal axes.
+    q.  The function space has n_e other coordinates, T q (see `transformation`).  They are motions of the sections'
+    centroids and shear centres along the sections' principal axes.
     """
 
     body: Profile | Beam3DBody
@@ -61,8 +61,8 @@ class Beam(FiniteElementModel, ABC):
         """Stress rows in the profile's corners at both ends of the E elements, P = 2 E places; None without a profile.
 
         `forces` are the section forces at the P places in the order of `section_forces`; the result acts on the same
-        coordinates.  `element` (P,) are the numbers by which the result names the elements of the places: if this beam
-        is that of a `Cut`, those of the whole beam's elements.
+        coordinates.  `element` (P,) has the number that the result gives to the element of each place.  For the beam of
+        a `Cut`, these are the numbers of the elements of the whole beam.
         """
 
     @property
@@ -100,12 +100,12 @@ class Beam(FiniteElementModel, ABC):
 
     @abstractmethod
     def strains(self, space: FunctionSpace) -> Expr:
-        """Generalised strains, v of them, to which section forces belong: UFL vector of a trial function on `space`."""
+        """UFL vector of the v generalised strains of a trial function on `space`; each belongs to a section force."""
 
     @property
     @abstractmethod
     def section_stiffness(self) -> dict[str, Array]:
-        """Section forces (E, v) in N or N m in E elements per unit of each of v `strains`, by their names."""
+        """Section forces (E, v) in N or N m in E elements per unit of each of v `strains`, by the forces' names."""
 
     @abstractmethod
     def on_nodes(self, stations: Array) -> Beam:
@@ -113,11 +113,11 @@ class Beam(FiniteElementModel, ABC):
 
     @abstractmethod
     def bending_stiffness(self, direction: str) -> dict[int, Array]:
-        """Bending stiffness (E,) in N m^2 of E elements, by the coordinate on which its bending moment does work.
+        """Bending stiffness (E,) in N m^2 of E elements, by the number of the slope on which the moment does work.
 
-        The moment is that of an axial strain whose gradient along `direction`, y or z, is 1/m.  The key is the number
-        of a slope among a node's coordinates in the function space.  A beam that does not bend along `direction` has no
-        key.
+        If the axial strain has the gradient 1/m along `direction`, y or z, the bending moment is this stiffness times
+        1/m.  The moment does work on a slope, whose number among a node's coordinates in the function space is the key.
+        The result is empty for a beam that does not bend along `direction`.
         """
 
     @property
@@ -248,8 +248,8 @@ class Beam(FiniteElementModel, ABC):
     def element_property(self, mesh: Mesh, values: Array) -> Expr:
         """Property of the sections with the `values` (K,) in UFL, constant in each element.
 
-        The property is no constant of UFL even where the sections are equal: a form with several of them has another
-        signature once their numbers have more digits, and is compiled once more.
+        Even if all sections are equal, the result is no constant of UFL.  UFL numbers constants, and a form with
+        several of them would be compiled once more when these numbers get more digits.
         """
         return cellwise(mesh, values[self.section_number])
 
@@ -348,7 +348,10 @@ class Beam(FiniteElementModel, ABC):
         return arm - force * x - a * (within + first - beyond * x)
 
     def _element_masses(self) -> Array:
-        """Mass per length (kg/m), stations of second node and middle (m), and length (m) of E elements, (4, E)."""
+        """Four properties of E elements, as the rows of an array (4, E).
+
+        The rows are mass per length (kg/m), stations of the second node and of the middle (m), and length (m).
+        """
         ends = self.node_stations[self.grid.cells]
         return np.array([self.masses, ends[:, 1], ends.mean(axis=1), np.diff(ends)[:, 0]])
 
@@ -360,8 +363,8 @@ class Beam(FiniteElementModel, ABC):
     def _sums_beyond(self, mesh: Mesh, state: UnitState, component: int) -> list[Function]:
         """Sums of the state's forces beyond each element, and of forces times their coordinates x, in UFL.
 
-        Only one `component` of the forces is summed: 0, 1 or 2 for x, y or z.  A force within an element counts by the
-        share of the element before it.
+        Only one `component` of the forces is summed: 0, 1 or 2 for x, y or z.  A force within an element counts in
+        part, by the share of the element's length that lies before the force.
         """
         first, last = self.node_stations[self.grid.cells].T
         sums = np.zeros((2, len(first)))

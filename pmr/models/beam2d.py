@@ -205,9 +205,9 @@ class Beam2D(Beam):
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
         """Rows of the axial stresses in the lowest and highest fibre at both ends of the E elements, P = 2 E places.
 
-        `forces` are the rows of the section forces at the places, and `element` (P,) are the numbers by which the
-        result names the places' elements.  The result is None if the beam is given by its stiffnesses, since its
-        section has no shape.
+        `forces` are the rows of the section forces at the places.  `element` (P,) has the number that the result gives
+        to the element of each place.  The result is None if the beam is given by its stiffnesses, since its section has
+        no shape.
         """
         if self.sections is None:
             return None

@@ -318,8 +318,8 @@ class Beam3D(Beam):
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
         """Axial and torsion stresses in the profile's corners at both ends of the E elements, P = 2 E places.
 
-        `forces` are the rows of the section forces at the places, and `element` (P,) are the numbers by which the
-        result names the places' elements.  The result is None if a section has no profile.
+        `forces` are the rows of the section forces at the places.  `element` (P,) has the number that the result gives
+        to the element of each place.  The result is None if a section has no profile.
         """
         return stresses_along(self.sections, np.repeat(self.section_number, 2), forces, element, corner_stress_factors)
 

@@ -78,11 +78,12 @@ THIN = 1e-6
 def move_points(
     points: Array, sides: Sequence[Side], parts: Sequence[Stretch], depth: float, ramps: Mapping[float, float]
 ) -> Array:
-    """New positions (N, 3) in m of points of a box that were drawn with the profile `sides` all along.
+    """New positions (N, 3) in m of points that were drawn as if a box had the profile `sides` along its whole length.
 
-    `points` (N, 3) m are the drawn points, and `parts` are the stretches of the box.  `depth` in m is the depth of the
-    frames, infinite if these close the section.  Points in stretches with the drawn profile keep their position.
-    `ramps` are half lengths in m of ramps between two stretches, by their coordinate x.
+    `points` (N, 3) m are the drawn points, and `parts` are the stretches of the box, each with its own profile.  Points
+    in stretches with the drawn profile keep their position; without `parts` all points do.  `depth` in m is the depth
+    of the frames, infinite if frames close the section.  `ramps` are half lengths in m of ramps between two stretches,
+    by the x of the ramp's middle.
     """
     if not parts:
         return points
@@ -109,9 +110,10 @@ def move_points(
 
 
 def _share_behind(x: Array, at: float, ramps: Mapping[float, float]) -> Array:
-    """Share (N,) of what is behind the coordinate `at` in the profile at x (N,): 0 before it, 1 behind it.
+    """Share (N,) in [0, 1] that the profile behind the coordinate `at` has in the profile at each x (N,), all in m.
 
-    All are in m.  At `at` itself, and in the middle of its ramp, the share is 1/2.
+    The share is 0 before `at`, 1 behind it, and 1/2 at it.  If there is a ramp at `at`, the share rises linearly from 0
+    to 1 along the ramp.
     """
     half = ramps.get(at, 0.0)
     return np.clip((x - at) / (2.0 * half) + 0.5, 0.0, 1.0) if half else np.heaviside(x - at, 0.5)
@@ -139,8 +141,8 @@ def _in_triangle(p: Array, sides: Sequence[Side], k: int, depth: float) -> Place
 def _triangle_points(first_share: Array, second_share: Array, sides: Sequence[Side], k: int, depth: float) -> Array:
     """Points (N, 2) m with given shares (N,) along the vectors to the ends of side k of `sides`.
 
-    `first_share` is the share along the vector to the start of the side, `second_share` along that to its end.  `depth`
-    is not used.
+    `first_share` is the share along the vector from the axis to the start of the side, and `second_share` the share
+    along the vector to its end.  `depth` is not used.
     """
     return np.outer(first_share, sides[k].start) + np.outer(second_share, sides[k].end)
 
@@ -248,9 +250,10 @@ class BoxBoom:
     def layers(self, start: float, end: float) -> list[float]:
         """Ends of the layers of cells between the stations `start` and `end` (m), as shares of their distance.
 
-        Layers have about the length `layer`, and all the same, but for those beyond `fine`, which are longer.  If the
-        boom has a short first layer at its tail (`tail_layer`) and `start` is 0, each of the next layers is twice as
-        long as the one before, until a layer would have the ordinary length or half of the distance would be filled.
+        All layers within `fine` have the same length, which is about `layer`.  Beyond `fine` layers are longer: away
+        from it, each is `GROWTH` times as long as the one before.  A boom with a `tail_layer` is an exception if
+        `start` is 0: the first layer has this short length, and each further layer is twice as long as the one before.
+        This ends when a layer would have the ordinary length, or when half of the distance would be filled.
         """
         thin: list[float] = []
         if start == 0.0 and self.tail_layer:
@@ -266,9 +269,9 @@ class BoxBoom:
         return [float(x) for x in ends[1:] / (end - start)]
 
     def _growing_layers(self, length: float) -> list[float]:
-        """Lengths (m) of the layers that fill a `length` (m) beside `fine`, the one next to it first.
+        """Lengths (m) of the layers that fill a `length` (m) beside `fine`; the layer next to `fine` is the first.
 
-        The list is empty if the length is less than half a layer.
+        The list is empty if `length` is less than half of `layer`.
         """
         if length < self.layer / 2.0:
             return []
@@ -292,7 +295,8 @@ class BoxBoom:
     def ramps(self) -> dict[float, float]:
         """Half lengths in m of the ramps at steps of the mid-surface, by their coordinate x in m.
 
-        They are as long as a layer of cells, but at most a third of the way to the next end of a stretch or frame.
+        A half length is the length of a layer of cells, but at most a third of the way from the step to the next frame
+        or end of a stretch.
         """
         stops, half_lengths = self._stops, dict[float, float]()
         for part, after in pairwise(self.parts):
@@ -302,7 +306,11 @@ class BoxBoom:
         return half_lengths
 
     def suffix(self, k: int, x: float) -> str:
-        """End of the group's name of side k at the coordinate `x`, m: empty where the side is parallel to the axis."""
+        """Suffix of the name of the group of side k at the coordinate `x` in m.
+
+        It is empty if the side is parallel to the axis there.  It is `TAPERED` if the profile tapers there, and `RAMP`
+        on a ramp that moves the side.
+        """
         on_ramp = any(
             abs(x - part.end) < self.ramps.get(part.end, 0.0)
             and abs(_distance(part.last.sides[k]) - _distance(after.first.sides[k])) > SLACK * self.size
@@ -334,7 +342,7 @@ def write_shell(boom: BoxBoom, file: Path) -> None:
 
 
 def write_solid(boom: BoxBoom, file: Path, hexahedra: bool = True) -> None:
-    """Mesh the walls of a boom by hexahedra, one across, or by tetrahedra, and write the mesh to `file`.
+    """Mesh the walls of a boom by hexahedra, one across the thickness, or by tetrahedra, and write the mesh to `file`.
 
     The tetrahedra divide the same hexahedra.  Raises an `InputError` if the boom has frames, or walls of different
     thickness with rounded corners.

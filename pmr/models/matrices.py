@@ -159,9 +159,9 @@ class Matrices(TracedModel):
     def trace(self, place: str | float) -> Trace:
         """Displacements at `place`: of the nodes of a group, or of nodes near a cross-section at a distance in m.
 
-        The nodes near a cross-section are weighted by a hat that reaches to the next nodes on either side, or farther
-        until the nodes spread over the whole section.  Raises an `InputError` if the group does not exist or the body
-        does not reach the cross-section.
+        The weights of the nodes near a cross-section are a hat, which falls from the cross-section to zero on either
+        side.  The hat reaches just beyond the next nodes.  If these do not spread over the whole section, it reaches
+        farther.  Raises an `InputError` if the group does not exist or the body does not reach the cross-section.
         """
         if isinstance(place, str):
             nodes = self._group(place)

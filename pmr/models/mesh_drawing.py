@@ -34,9 +34,9 @@ class NotDrawnError(ValueError):
 
 @contextmanager
 def _unchanged_sigpipe() -> Iterator[None]:
-    """Keep the handler of the signal SIGPIPE within the context, as gmsh resets it.
+    """Context that restores the handler of the signal SIGPIPE on exit, because gmsh resets it.
 
-    A pipe that nobody reads would otherwise end the process without a message.
+    Otherwise a pipe that nobody reads would end the process without a message.
     """
     is_main = threading.current_thread() is threading.main_thread()  # only this thread can set handlers
     handler = signal.getsignal(signal.SIGPIPE) if is_main and hasattr(signal, "SIGPIPE") else None
@@ -149,7 +149,10 @@ class Drawing:
         return float(np.linalg.norm(p - q))
 
     def boundary(self, entities: Sequence[Entity]) -> list[Entity]:
-        """Entities of one dimension less that bound all given entities as a whole, without those between them."""
+        """Entities of one dimension less that bound all given `entities` as a whole.
+
+        An entity that two of the given entities share lies inside, and is left out.
+        """
         self._model.geo.synchronize()
         return list(self._model.getBoundary(list(entities), combined=True, oriented=False))
 

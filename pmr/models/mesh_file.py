@@ -49,10 +49,10 @@ class Cells:
 
 @dataclass(frozen=True)
 class MeshFile:
-    """Content of a mesh file: points, blocks of cells of one kind, and for each group the cells in it.
+    """Content of a mesh file: points, blocks of cells of one kind, and groups of cells or points.
 
-    A group has an array of the numbers of its cells in each block; a group that is given by its points has their
-    numbers.
+    `groups` has for each group of cells one array per block, with the numbers of the group's cells in this block.
+    `point_groups` has for each group of points the numbers of its points.
     """
 
     points: Array  # (N, 3) m
@@ -63,7 +63,8 @@ class MeshFile:
     def with_groups(self, file: Path) -> MeshFile:
         """Return this content with the groups of nodes in a CSV file (`pmr.files.decks.read_groups`).
 
-        Raises an `InputError` if a node is no point of the mesh, or a group has the name of one that there is.
+        Raises an `InputError` if a node in the file is no point of the mesh, or if the mesh has a group of the same
+        name already.
         """
         tree, reach = cKDTree(self.points), COINCIDENT * float(np.ptp(self.points, axis=0).max())
         groups = read_groups(file)
@@ -134,12 +135,12 @@ def read_mesh_file(file: Path) -> MeshFile:
 
 
 def _deck_content(file: Path) -> MeshFile:
-    """Points, cells and groups of a deck; of elements with nodes amid their edges the corners alone.
+    """Points, cells and groups of a deck.  If elements have nodes amid their edges, only the corners are taken.
 
-    Groups are the sets of elements, the sets of nodes and the surfaces.  Sets that begin with an underscore are a
-    program's own and left out.  A warning names cards and elements that have no effect in a mesh.  Raises an
-    `InputError` for cells of other kinds or with curved edges, for solid cells of two kinds, for nodes that are tied to
-    others at other places, and for other cards that join nodes.
+    Groups are the sets of elements, the sets of nodes and the surfaces.  Sets whose names begin with an underscore are
+    a program's own and left out.  A warning names cards and elements that have no effect in a mesh.  Raises an
+    `InputError` for cells of other kinds or with curved edges, and for solid cells of two kinds.  An `InputError` is
+    also raised for ties between nodes at different places, and for any other card that joins nodes.
     """
     deck = read_deck(file)
     for where, keyword in deck.further.constraints:
@@ -179,9 +180,10 @@ def _deck_content(file: Path) -> MeshFile:
 
 
 def _warn_of_unread(file: Path, deck: Deck) -> None:
-    """Log a warning of what a deck has and a mesh can't have: supports, loads, materials, sections, bars at shells.
+    """Log a warning that names the parts of a deck which a mesh does not use, with their lines; nothing if all is used.
 
-    Elements of fewer dimensions than other elements are only groups of places in the mesh.
+    Such parts are supports, loads, materials and sections.  Elements of fewer dimensions than other elements, such as
+    bars beside shells, are also named: they only form groups in the mesh.
     """
     unread = {f"*{keyword}": place for keyword, place in deck.further.unread.items()}
     dimensions = [DIMENSIONS[block.kind] for block in deck.elements if block.nodes]
@@ -198,11 +200,11 @@ def _warn_of_unread(file: Path, deck: Deck) -> None:
 
 
 def join_ties(deck: Deck, points: Array) -> Indices:
-    """Numbers (N,) of the nodes that stand for the nodes at `points` (N, 3) m, after the ties of `deck` are joined.
+    """Number (N,) of the node that stands for each node at `points` (N, 3) m, after the ties of `deck` are joined.
 
-    A node that is not tied stands for itself.  Raises an `InputError` if a tie names a surface that is not read, or if
-    a node of its first surface has no node of the second one at its place, within the share `COINCIDENT` of the largest
-    extent of all points.
+    A node that is not tied stands for itself.  In a tie, a node of the second surface stands for the node of the first
+    surface at the same place.  Places are the same within the share `COINCIDENT` of the largest extent of all points.
+    Raises an `InputError` if a tie names a surface that is not read, or if a node of its first surface has no partner.
     """
     number, joined = {node: k for k, node in enumerate(deck.nodes)}, np.arange(len(points))
     for card in deck.further.ties:

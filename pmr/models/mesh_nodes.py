@@ -17,10 +17,10 @@ from pmr.files.arrays import Array, Indices
 
 
 def codes(entities: Indices, points: int) -> Indices:
-    """Numbers (e,) that identify `entities` (e, k), whose vertices are sorted; made from the three lowest vertices.
+    """Number (e,) that identifies each of the `entities` (e, k), made from its three lowest vertices.
 
-    A number differs from those of all other vertices, edges and faces of a mesh.  `points` is the number of the mesh's
-    vertices.
+    The vertices of each entity must be sorted.  Any two vertices, edges or faces of a mesh have different numbers, but
+    two cells may have the same.  `points` is the number of the mesh's vertices.
     """
     code = np.zeros(len(entities), np.int64)
     for column in range(3):

@@ -290,12 +290,12 @@ class NodeFits(NamedTuple):
 
 
 def node_fits(mesh: NamedMesh) -> NodeFits:
-    """Return the matrix that fits values at the nodes of each wall, at its edges too, to values of cells.
+    """Return the matrix that turns values of cells into fitted values at the nodes of each wall, edges included.
 
-    Walls are the mesh's regions.  Their nodes follow one another, so that a node on an edge has a row for each wall.
-    At each node the value is that of a quadratic polynomial in the two directions of the wall.  The polynomial fits the
-    values in the middles of the cells that touch the node, and of all cells that share a node with them; cells that are
-    farther away have less weight.
+    Walls are the mesh's regions.  The rows of the first wall's nodes come first, then those of the second wall, and so
+    on.  So a node on an edge between two walls has two rows.  The value at a node is that of a quadratic polynomial in
+    the two directions of the wall.  The polynomial is fitted to the values in the middles of the cells around the node:
+    those that touch it, and those that share a node with these.  Cells that are farther away have less weight.
     """
     middles = mesh.points[mesh.cells].mean(axis=1)
     fits, walls = list[sp.csr_matrix](), np.zeros(len(mesh.points))
@@ -342,13 +342,13 @@ class Assembler:
             self._projection = sp.csr_matrix(ordered @ model.transformation)
 
     def matrix(self, form: object, zeros: bool = True) -> PETSc.Mat:
-        """Assemble a UFL form to a matrix (n, n), whose pattern has stored zeros only if `zeros`; collective."""
+        """Assemble a UFL form to a matrix (n, n); zeros are stored in its pattern only if `zeros`.  Collective."""
         return self.assemble_form(compiled_form(form), zeros)
 
     def assemble_form(self, form: object, zeros: bool = True) -> PETSc.Mat:
-        """Assemble a compiled form to a matrix (n, n) on the model's coordinates, of which ranks own equal shares.
+        """Assemble a compiled form to a matrix (n, n) on the model's coordinates, which the ranks share equally.
 
-        The pattern of the matrix has stored zeros only if `zeros`.  Collective.
+        Zeros are stored in the pattern of the matrix only if `zeros`.  Collective.
         """
         A, size = assemble(form), len(self._order) if self._projection is None else self._projection.shape[1]
         A = A if zeros else without_zeros(A)  # before all that follows, as most entries of a mass are zero

@@ -29,9 +29,10 @@ from pmr.scene.structures import MoverBody
 
 @dataclass(frozen=True)
 class Mover:
-    """Structural model of a mover with the coordinates z and u, or z alone without a stiffness.
+    """Structural model of a mover with the displacements z of its mass and u of its wheel as coordinates.
 
-    If the mover also moves along the section, the displacement x follows as the last coordinate.
+    If no spring is between mass and wheel, z is the displacement of both, and u is left out.  If the mover also moves
+    along the section, the displacement x along it is the last coordinate.
     """
 
     body: MoverBody
@@ -73,7 +74,7 @@ class Mover:
         return np.array([0.0, self.body.length])
 
     def displacement(self, *places: str | float) -> sp.csr_matrix:
-        """Rows (p t, n) of the displacements of p places along the t `directions`: for every place those of the mass.
+        """Rows (p t, n) of the displacements of p places along the t `directions`; every place moves as the mass.
 
         Raises the InputError of `centroid`.
         """

@@ -186,7 +186,10 @@ class NamedMesh:
 
     @cached_property
     def open_seam(self) -> Array:
-        """Points (k, 3) m, each once, at which several vertices lie; cells on different ones are not joined."""
+        """Points (k, 3) m, each listed once, at which several vertices lie.
+
+        The mesh is open there: cells that use different vertices at the same point are not joined.
+        """
         pairs = cKDTree(self.points).query_pairs(COINCIDENT * float(np.ptp(self.points, axis=0).max()))
         return self.points[sorted({first for first, _ in pairs} - {second for _, second in pairs})]
 
@@ -201,9 +204,9 @@ class NamedMesh:
 def read_mesh(file: Path, kinds: Sequence[str], nodes: Path | None = None) -> NamedMesh:
     """Read a mesh from any file that meshio reads, or from a deck of Abaqus or CalculiX.
 
-    Groups are gmsh's physical groups or a deck's sets and surfaces.  A set of nodes stands for the cells that have all
-    their corners in it.  If no cell has, it stands for the faces, edges or points that have.  If triangles are allowed,
-    each quadrilateral is split into four triangles around its centre.
+    Groups are gmsh's physical groups or a deck's sets and surfaces.  A set of nodes becomes the group of all cells
+    whose corners are in the set.  If there is no such cell, it becomes the group of all such faces, else edges, else
+    points.  If triangles are allowed, each quadrilateral is split into four triangles around its centre.
 
     Parameters
     ----------
@@ -238,13 +241,17 @@ def named_mesh(
 ) -> NamedMesh:
     """Checked mesh with the vertices `points` (N, 3) in m, from blocks of cells (kind, dimension, vertices).
 
-    Only cells of the highest dimension are its cells; one that is listed several times counts once.  Vertices that no
-    cell uses are left out, and the others are numbered along the longest extent of the mesh.  `memberships` are each
-    group's numbers of cells in every block, `point_groups` the numbers of points of further groups (None: no further
-    groups), and `kinds` the allowed kinds of cells.  Of two groups of one name the one of fewer dimensions is taken:
-    the edge or face of a set of nodes, rather than the set of the elements that touch it.  `source` is the mesh's name
-    in errors, and `lines` where each cell of each block is in its file, if that is known.  Raises the errors of
-    `read_mesh`.
+    Only cells of the highest dimension become cells of the mesh; a cell that is listed several times counts once.
+    Vertices that no cell uses are left out.  The others are numbered along the longest extent of the mesh.
+
+    `memberships` has for each group one array per block, with the numbers of the group's cells in this block.
+    `point_groups` has for each further group the numbers of its points; None means no further groups.  A group of
+    points and a group of cells may have the same name.  Then the group of fewer dimensions is taken, such as the edge
+    that a set of nodes forms, rather than the elements that touch this edge.  If both have the same dimension, the
+    group of cells is taken.
+
+    `kinds` are the allowed kinds of cells.  `source` is the mesh's name in errors.  `lines` has the place of each cell
+    of each block in its file; it is empty if the places are not known.  Raises the errors of `read_mesh`.
     """
 
     def refuse(what: str) -> InputError:
@@ -351,11 +358,12 @@ def skin(mesh: NamedMesh) -> Skin:
 
 
 def add_faces(mesh: NamedMesh, faces: Mapping[str, FaceNormal]) -> NamedMesh:
-    """Return the mesh with a further group for each of `faces`: the outermost facets that have its normal.
+    """Return the mesh with a further group for each of `faces`: the outermost facets that have the face's normal.
 
-    Facets of a shell are its triangles, on either side, or, where no triangle has the normal, edges at its rim.  Facets
-    with the normal that share vertices form a part; a group has all parts that reach as far out along the normal as the
-    farthest one.  Raises an `InputError` if the mesh has a group of that name, or no facet with the normal.
+    The facets of a solid are those at its surface.  The facets of a shell are its triangles, with the normals of either
+    side.  If no triangle has the normal, edges at the shell's rim are taken.  Facets with the normal that share
+    vertices form a part.  The group consists of all parts that reach as far out along the normal as the farthest part.
+    Raises an `InputError` if the mesh has a group of the face's name already, or no facet with the normal.
     """
     if not faces:
         return mesh

@@ -295,7 +295,10 @@ class RingMasses:
     second: Array  # (E, 2, 2) m^4
 
     def at_positions(self, places: Array) -> RingMasses:
-        """Areas and moments of those e elements that contain the coordinates `places` (e,) m; `ends` stay all ends."""
+        """Areas and moments of the elements that contain the coordinates `places` (e,) m, one for each place.
+
+        `ends` stays as it is, with the ends of all elements.
+        """
         number = np.clip(np.searchsorted(self.ends, places) - 1, 0, len(self.area) - 1)
         return replace(self, area=self.area[number], first=self.first[number], second=self.second[number])
 

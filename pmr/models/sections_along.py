@@ -57,8 +57,8 @@ class SectionsAlong:
     def section_numbers(self, places: Array | float) -> Indices:
         """Numbers (k,) of the sections at coordinates `places` (k,) m along the axis.
 
-        Where one section ends and another begins, the number is that of the latter.  Places beyond an end of the beam
-        belong to the first or the last section.
+        A place where one section ends and the next begins belongs to the next.  Places beyond an end of the beam belong
+        to the first or the last section.
         """
         return np.clip(np.searchsorted(self.ends, places, side="right") - 1, 0, len(self.each) - 1)
 
@@ -152,7 +152,7 @@ class SectionsAlong:
 
 
 def centre_motion_matrices(sections: SectionsAlong) -> Array:
-    """Matrices (K, 6, 6), one for each of `sections`: motion of its centres along x, y and z from that of the axis.
+    """Matrices (K, 6, 6), one for each of `sections`, that turn the motion of the axis into the motion of its centres.
 
     The motion of the centres is u of the centroid, v and w of the shear centre, and the rotations.  Unlike in
     `SectionsAlong.centre_motions`, all components are along and about x, y and z, not the principal axes.
@@ -358,11 +358,11 @@ FIRST, THIRD = (np.array([np.polyder(p, k) for p in HERMITE]) for k in (1, 3))
 
 @dataclass(frozen=True)
 class Deflection:
-    """Bending in one plane, in UFL: derivatives of the interpolated cubic, shear strain, and the motion from both.
+    """Bending of a beam in one plane, in UFL.  The deflection is an interpolated cubic, with a part that shear adds.
 
-    `second` in 1/m and `third` in 1/m^2 are derivatives of the interpolated cubic; `shear` is the shear strain, None
-    for a beam that is rigid in shear.  `value` is the deflection in m, `rotation` that of the section in rad,
-    `curvature` the derivative of the rotation in 1/m.
+    `second` in 1/m and `third` in 1/m^2 are derivatives of the cubic alone.  `shear` is the shear strain, None for a
+    beam that is rigid in shear.  `value` is the whole deflection in m, `rotation` the rotation of the section in rad,
+    and `curvature` the derivative of the rotation in 1/m.
     """
 
     second: Expr
@@ -384,11 +384,11 @@ class Bending:
     shear_stiffness: Array | None = None  # (K,)
 
     def shape_weights(self, h: Array, X: Array, number: Indices) -> Array:
-        """Weights (2, 4, q) of w_1, psi_1, w_2, psi_2 in the deflection and in the section's rotation, in q elements.
+        """Deflection and rotation of the section at a point in each of q elements, by unit values at the nodes.
 
-        The first axis is deflection, then rotation. w_1 and psi_1 are deflection and rotation at the element's first
-        node, w_2 and psi_2 at its second.  Point i is at the share X[i] in [0, 1] of an element of length h[i] in m
-        with section number[i]; h, X and number are (q,).
+        The result (2, 4, q) has first the deflection, then the rotation.  Its second axis has the values w_1, psi_1,
+        w_2 and psi_2: deflection and rotation at the element's first node, then at its second node.  Point i is at the
+        share X[i] in [0, 1] of an element of length h[i] in m with section number[i]; h, X and number are (q,).
         """
         scale = np.stack([np.ones_like(h), h, np.ones_like(h), h])
         value, slope = _evaluate(HERMITE, X) * scale, _evaluate(FIRST, X) * scale / h

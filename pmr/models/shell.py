@@ -276,8 +276,8 @@ def of(body: Body, mesh: NamedMesh) -> Shell:
 def boom_of_box(box: Box, size: float, along: float, tail_layer: float = 0.0) -> BoxBoom:
     """Description of a box and the sizes of its cells, from which gmsh draws and meshes it.
 
-    Cells have the width `size` (m) around the section and the length `along` (m), 0: the same as `size`.  `tail_layer`
-    (m) is the length of the first layer of cells at the tail, 0: the same as of all others.
+    Cells have the width `size` (m) around the section and the length `along` (m); 0 stands for the same as `size`.
+    `tail_layer` (m) is the length of the first layer of cells at the tail; 0 stands for the length of all other layers.
     """
     depth = np.inf if box.frame_depth == "full" else box.frame_depth
     if not box.varying_keys:

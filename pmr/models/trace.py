@@ -55,15 +55,15 @@ class Trace:
 
     @property
     def centroid(self) -> Array:
-        """Point (3,) in m whose motion is measured: the centroid of the points plus `offset`."""
+        """Point (3,) in m whose motion is measured: the centroid of the group's points, plus `offset`."""
         return np.asarray(self.weights @ self.points / self.measure + self.offset)
 
     @cached_property
     def mean(self) -> sp.csr_matrix:
-        """Rows (3, n) of the mean displacement, at the point that `offset` leads to from the centroid.
+        """Rows (3, n) of the displacement of the measured point `centroid`, which follows the group's mean motion.
 
-        The point follows the mean motion of the group.  If `offset` is not zero, the property raises the `InputError`
-        of `rotation`.
+        Without an `offset` it is the mean displacement.  With an `offset` the mean rotation adds its part, and the
+        property raises the `InputError` of `rotation`.
         """
         mean = sp.csr_matrix(self.weights / self.weights.sum())
         mean_rows = sp.vstack([mean @ component for component in self.values], format="csr")
@@ -74,9 +74,11 @@ class Trace:
         )
 
     def shift_to(self, axis: int, place: float) -> Trace:
-        """Trace of the point that has the coordinate `place` (m) on an `axis`, 0 to 2, instead of this trace's point.
+        """Trace of a point that is moved along an `axis`, 0 to 2, until its coordinate there is `place` in m.
 
-        The trace is unchanged if the points' centroid has this coordinate.
+        The point that this trace measures (`centroid`, with any `offset`) moves; its other two coordinates stay.  For
+        example, a point with the offset 1 m and the coordinate 1.5 m has the offset 2.5 m after a shift to 3 m.  If the
+        point's coordinate is `place` already, up to 1e-9 of the group's size, this trace itself is returned.
         """
         shift = np.eye(3)[axis] * (place - self.centroid[axis])
         close = np.abs(shift).max() <= 1e-9 * np.abs(self.points - self.centroid).max(initial=0.0)
@@ -85,7 +87,7 @@ class Trace:
     def motion(self, about: Array | None = None) -> sp.csr_matrix:
         """Rows (6, n) of displacement and rotation of the point `about` (3,) in m, by the group's mean motion.
 
-        By default the point is the centroid.  Raises the `InputError` of `rotation`.
+        By default the point is the measured one, `centroid`.  Raises the `InputError` of `rotation`.
         """
         arm = np.zeros(3) if about is None else np.asarray(about, float) - self.centroid
         return sp.vstack([self.mean + sp.csr_matrix(-_cross_matrix(arm)) @ self.rotation, self.rotation], format="csr")
@@ -110,9 +112,10 @@ class Trace:
 
 
 def group_trace(mesh: NamedMesh, nodes: Nodes, name: str, parts: int = 1) -> Trace:
-    """Trace of the displacement on the group called `name`, which is quadratic in each entity of the group.
+    """Trace of the displacement on the group called `name`.  In each entity of the group the displacement is quadratic.
 
-    Each entity of the group is cut into `parts` along every direction, for weights that vary within the entity.
+    Each entity is cut into `parts` along every direction.  Several parts give more quadrature points, for weights that
+    vary within the entity.
 
     Raises an `InputError` if the mesh has no such group, or the group's entities are not part of the mesh's cells.
     """
@@ -143,8 +146,9 @@ def group_trace(mesh: NamedMesh, nodes: Nodes, name: str, parts: int = 1) -> Tra
 def section_trace(mesh: NamedMesh, nodes: Nodes, at: float) -> Trace:
     """Trace of the displacement on the cross-section at the coordinate `at` (m) along the mesh's longest extent.
 
-    The displacements, which are quadratic in each cell, are weighted by a hat over the cells around the cross-section,
-    as a mesh need not have nodes in it.
+    A mesh need not have nodes in the cross-section.  Therefore the trace is a mean over the cells around it.  The
+    weights are a hat: largest in the cross-section, and zero at a distance of the longest cell that touches it.  The
+    measured point is shifted into the cross-section (`Trace.shift_to`).
 
     Raises an `InputError` if the mesh does not reach the cross-section.
     """
@@ -187,7 +191,7 @@ def _named_group(mesh: NamedMesh, name: str) -> Group:
 
 
 def _topology(group: Group) -> list[list[list[int]]]:
-    """Vertices of the sub-entities of a group's entities on the reference cell, for each dimension from 0 on."""
+    """Vertex numbers of the vertices, edges, faces and interior of a group's reference cell, one list per dimension."""
     return cell_topology(ENTITY_KINDS[group.dim, group.entities.shape[1]]) if group.dim else [[[0]]]
 
 
@@ -306,7 +310,7 @@ class FlatFace:
 
 
 def flat_face(mesh: NamedMesh, name: str) -> FlatFace:
-    """Flat face called `name`, with its normal, its axes and the bounds of its cells, those of its ramps among them.
+    """Flat face called `name`, with its normal, its axes and the bounds of its cells, including the cells of its ramps.
 
     Raises an `InputError` if there is no such face, it is not flat, or it lies across the axis.
     """
