@@ -40,9 +40,11 @@ def output_errors(summary: Summary, motion: LinearMotion, run_step: float | None
 def _error_of(table: Summary, name: str, kind: str) -> float | None:
     """Error, as a fraction, of the output `name` in the `table` of a part of the error budget; None if there is none.
 
-    The first entry counts that the table has: of the probe called `name`, of a quantity that has the `kind` of the
-    output and no other, or of the word `kind`.  Velocities, accelerations and specific forces, which the beginning of
-    `name` tells, take the entry of velocities instead of the quantity, or that of the beam's displacements.
+    The table may have several entries that suit the output.  The first one in this order is taken: the probe called
+    `name`; the quantity whose columns have the output's `kind` and no other kind; the word `kind` itself.
+
+    Velocities, accelerations and specific forces are told by the beginning of `name`.  For them, the entry of
+    velocities and then that of the beam's displacements replace the quantity.
     """
     keys = [key for key, quantity in QUANTITIES.items() if quantity.kinds == (kind,)]
     if name.startswith((VELOCITY, ACCELERATION, SPECIFIC_FORCE)):

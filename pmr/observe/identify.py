@@ -66,8 +66,9 @@ class MeasuredFrequencies:
 class Identification:
     """Fitted parameters with standard errors, and relative errors of the frequencies at fitted and held-out places.
 
-    A relative error is the computed over the measured value, less 1; NaN where nothing was measured.  Held-out places
-    are not used for the fit, but to judge it.  Columns of m frequencies come first, then those of d damping ratios.
+    A relative error is the ratio of the computed to the measured value, less 1; NaN where nothing was measured.
+    Held-out places are not used for the fit; they serve to judge it.  Columns of m frequencies come first, then those
+    of d damping ratios.
     """
 
     names: tuple[str, ...]  # of the p parameters

@@ -213,8 +213,8 @@ def linearize(
     Raises
     ------
     InputError
-        If the scene does not fit the system, if the system has no output or load of a name, if there are fewer than two
-        steps, for a hoist, and for accelerations and velocities in a frame that moves.
+        If the scene does not fit the system, if the system has no output or load of a name, or if there are fewer than
+        two steps.  Also for a system with a hoist, and for accelerations and velocities in a frame that moves.
     """
     if system.hoist:
         raise InputError("observe", "hoist", None, "none is allowed: a rope that may be slack is not linear")
@@ -290,8 +290,8 @@ def output_sensitivity(reference: LinearMotion, changed: LinearMotion) -> Array:
     """Outputs (T, q) of the motion `changed` minus those of the motion `reference`, for q outputs at T steps.
 
     `changed` is the same motion of a system in which one parameter (a stiffness, Young's modulus, a mass) is changed.
-    The difference is that by the whole change, not per unit of the parameter.  Raises InputError if outputs or
-    times of the steps differ between the two motions.
+    The difference is due to the whole change; it is not divided by the change of the parameter.  Raises InputError if
+    outputs or times of the steps differ between the two motions.
     """
     if reference.outputs != changed.outputs or not np.array_equal(reference.t, changed.t):
         allowed = "the same outputs and steps as those of the reference are needed"

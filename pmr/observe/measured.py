@@ -80,8 +80,9 @@ class ObserverFile:
 class Observation:
     """Estimates from measurements, and what each sensor contributes to them.
 
-    `observability` is what `Observer.observability` returns.  `without` has, for each sensor that is left out, the
-    factor on the standard deviation of each estimate (`Observation.compute`).
+    `observability` is what `Observer.observability` returns.  `without` says what each sensor contributes: if the
+    sensor is left out, the standard deviation of each estimate is multiplied by the factor in `without`
+    (`Observation.compute`).
     """
 
     observer: Observer
@@ -105,8 +106,9 @@ class Observation:
         """Estimate from measurements; if `leave_out` is true, also compute the bands without each sensor in turn.
 
         `measured` has times (n,) in s and values (n,) by the outputs of the sensors.  For each sensor, `without` of the
-        result has the mean standard deviation of each estimate without this sensor, divided by that with all sensors.
-        There is no entry for a sensor if no other one has a measurement; `without` is empty if `leave_out` is false.
+        result has a factor for each estimate: the mean standard deviation without this sensor, divided by that with all
+        sensors.  A sensor has no factors if no other sensor has a measurement.  If `leave_out` is false, `without` is
+        empty.
 
         `truth` has times (n,) in s and true values (n,) of estimates by their names, None if no true values are known.
         `title` is the title of the report.  Raises the errors of `Observer.run`, and InputError for a name in `truth`
@@ -228,8 +230,8 @@ def _spans(t: Array, mask: NDArray[np.bool_]) -> list[list[float | None]]:
 def describe_faults(figures: Summary, times: Array) -> list[str]:
     """Sentences on faulty sensors, on a payload that drifts and on values beyond the motion.
 
-    `figures` are the contents of ``observe.json``, and `times` (T,) in s those of the motion.  The list is empty if
-    nothing is at fault.
+    `figures` are the contents of ``observe.json``, and `times` (T,) in s are the times of the motion.  The list is
+    empty if nothing is at fault.
     """
     sentences = [
         f"{name} disagrees with the model, is stuck or silent from {t:.3g} s on"

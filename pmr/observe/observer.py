@@ -198,8 +198,8 @@ class Observer:
     ------
     InputError
         For a sensor or load that the model lacks, for standard deviations that are not allowed, for two unknowns of one
-        name or one with the name of an output, and for a payload whose load is no force or whose acceleration is none,
-        or is that of another place than the load's.
+        name, and for an unknown with the name of an output.  For a payload whose load is no force, or whose
+        `acceleration` is an output of another kind or of another place than the load's.
     """
 
     model: LinearMotion
@@ -295,10 +295,10 @@ class Observer:
     def grid(self, measured: Mapping[str, tuple[Array, Array]]) -> Array:
         """Measurements (T, p) of the p sensors at the model's T steps, NaN where nothing was measured.
 
-        `measured` has times (n,) in s and values (n,) by the sensors' outputs, where sensors may be missing.  A value
-        counts at the nearest step, the last one of several, and values beyond the model's times are left out.  Raises
-        InputError for a name that no sensor has, for times and values of different lengths, and if there is no value
-        within the model's times.
+        `measured` has times (n,) in s and values (n,) by the sensors' outputs; sensors may be missing in it.  A value
+        counts at the nearest step; of several values at one step, the last one counts.  Values beyond the model's times
+        are left out.  Raises InputError for a name that no sensor has, for times and values of different lengths, and
+        if there is no value within the model's times.
         """
         names = [sensor.output for sensor in self.sensors]
         values = np.full((len(self.model.t), len(names)), np.nan)
@@ -341,7 +341,7 @@ class Observer:
         )
 
     def observability(self) -> dict[str, float]:
-        """Standard deviation of each unknown after the motion, over that before it, by the unknown's name.
+        """Ratio of the standard deviation of each unknown after the motion to that before it, by the unknown's name.
 
         The ratio follows from covariances alone, with all sensors at all steps, and not from measurements.  If it is
         near 1, the sensors can't tell the unknown.

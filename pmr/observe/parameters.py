@@ -30,7 +30,8 @@ class ParameterObserver:
 
     Attributes
     ----------
-    names : (p,)
+    names : sequence of str, (p,)
+        Names of the parameters.
     mean, deviation : (p,) arrays
         Expected values of the parameters and standard deviations, before the motion.
     values : (k, p) array

@@ -35,7 +35,8 @@ POINTS = 8
 class PlaceModels:
     """Models for steps of constant length at S places of a path, with n = 2 m states and o further outputs.
 
-    The m modes are the r modes of the body, then further ones that are the same at all places.
+    The m modes are the r modes of the body, and then further modes, such as those of the ground, which are the same at
+    all places.
     """
 
     step: float  # s

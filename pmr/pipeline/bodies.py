@@ -320,13 +320,16 @@ def stress_at_pads(
 ) -> dict[str, Any]:
     """Entries of ``budget.model`` on stress in the walls of beams at pads; collective.
 
-    ``wall_stress`` is the largest von Mises stress at the times of `states`, which are those of the reduced bodies, the
-    same on every rank, from which `recovered` was recorded.  Its keys are ``value`` and its ``error`` by the meshes of
-    the walls in Pa, ``t`` in s, ``position`` in m, ``section``, ``region``, and ``yield`` in Pa if the walls have a
-    yield stress; ``even`` and ``even_error`` are the largest stress, which may be at other pads, and its error if the
-    pressure of pads is even.  ``wall_stress_missing`` has the reason, by the name of each section with pads whose walls
-    are not looked at.  ``pad_yield`` has the force of each pad of a joint at which walls begin to yield, as the dict of
-    a `pmr.fullmodel.wall_stress.YieldForce`, by the name of the pad.  Entries without content are left out.
+    - ``wall_stress`` is the largest von Mises stress at the times of the `states`.  Its keys are ``value`` and its
+      ``error`` by the meshes of the walls in Pa, ``t`` in s, ``position`` in m, ``section`` and ``region``, and, if the
+      walls have a yield stress, ``yield`` in Pa.  ``even`` is the largest stress in Pa if the pressure of pads is even;
+      it may be at other pads.  ``even_error`` is its error in Pa.
+    - ``wall_stress_missing`` has, by the name of a section with pads, the reason why its walls are not looked at.
+    - ``pad_yield`` has the force of each pad of a joint at which walls begin to yield, by the name of the pad: a
+      `pmr.fullmodel.wall_stress.YieldForce` as a dict.
+
+    Entries without content are left out.  `states` are those of the reduced bodies, the same on every rank; `recovered`
+    was recorded from them.
     """
     from pmr.fullmodel.wall_stress import wall_peak, yield_forces  # FEniCSx, which given matrices do without
 

@@ -35,10 +35,10 @@ def reduce_scene(
 ) -> Reduction:
     """Build and reduce a scene's bodies on `vectors`, or on the scene's basis if `vectors` is None; collective.
 
-    The full models are part of the result; their warnings are logged.  The result's scene says whether second order is
-    included, also if `scene` leaves the choice open.  If `reach` is true, the result is made faster, but does not serve
-    for positions of pads that the scene does not pass through.  `clock` measures the wall time of the stages; None
-    leaves them unmeasured.  Raises the errors of `build_bodies` and `reduce_bodies`.
+    The full models are part of the result; their warnings are logged.  If `scene` leaves the choice of second order
+    open, it is decided, and the result's scene has the decision.  If `reach` is true, the result is made faster, but is
+    not valid for positions of pads that the scene does not pass through.  `clock` measures the wall time of the stages;
+    None leaves them unmeasured.  Raises the errors of `build_bodies` and `reduce_bodies`.
     """
     clock = clock or Clock()
     with clock.stage("assemble"):
@@ -233,9 +233,9 @@ def measure_model(
 ) -> Mapping[str, Any]:
     """Return the entry ``budget.model`` of summary.json: differences to a richer model, or the ``reason`` for none.
 
-    The richer model is reduced and simulated, unless `future` is its motion (`start_richer`), and compared with the
-    motion of a run's full model, `of_run`.  If this is None, it is compared with the scene itself, which is reduced
-    anew and simulated.  Collective.  If `cache` is None, nothing is stored.
+    The richer model is reduced and simulated, unless `future` is its motion (`start_richer`).  It is compared with the
+    motion of a run's full model, `of_run`.  If `of_run` is None, the scene is reduced anew and simulated, and the
+    richer model is compared with this motion.  Collective.  If `cache` is None, nothing is stored.
     """
     if scene.computed_key is not None:
         return {"beside": None, "reason": ON_MACHINE}
@@ -287,8 +287,8 @@ def measure_mesh(
 def _unknown_model_error(error: Exception, label: str) -> dict[str, Any]:
     """Return the entries of summary.json for an error that can't be measured.
 
-    The keys are ``beside``, which is None, ``reason`` and, for a NotHeldError, ``detail`` with its longer message.
-    `label` is the name of the scene with which the run was to be compared.
+    ``beside``, the name of the richer model, is None.  ``reason`` says why nothing was measured; for a NotHeldError,
+    ``detail`` is its longer message.  `label` is the name of the scene with which the run was to be compared.
     """
     reason = reason_of(error)
     if isinstance(error, NotHeldError):

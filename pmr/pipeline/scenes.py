@@ -112,8 +112,8 @@ def run(
     reductions and frequencies of full models for later runs.  With a folder `measures` the run also measures the errors
     of mesh and structural model, even if the scene does not ask for them; the folder keeps what takes longest.  These
     errors are measured last; before, `keep` is called on rank 0 with the outcome without these errors.  `shared` are
-    results of a single body's full model that other runs have computed.  `helper` has another process, which meanwhile
-    computes the stress in walls at pads and reduces the richer model for this measurement.
+    results of a single body's full model that other runs have computed.  `helper` has another process.  During the
+    run it computes the stress in walls at pads, and reduces the richer model for the measurement of errors.
 
     Raises
     ------
@@ -234,9 +234,9 @@ def _indentations(
     """Entry ``indentations`` of summary.json: rows of how far walls give way under the largest force of each pad.
 
     A row has the ``name`` of the pad, the ``value`` in m, and time ``t`` and path coordinate ``s`` of the force in the
-    reduced model.  `bodies` are the bodies by name, and `responses` the responses by model.  The walls are those of all
-    sections that the pad touches, where the pad is when its force is largest; their dents by other pads are left out.
-    Without walls that give way the result is empty.
+    reduced model.  `bodies` are the bodies by name, and `responses` the responses by model.  The walls of all sections
+    that the pad touches are taken, at the place where the pad is when its force is largest.  Dents by other pads are
+    left out.  Without walls that give way the result is empty.
     """
     contacts, rows = {contact.name: contact for contact in system.contacts}, list[dict[str, float | str]]()
     for name, extremes in pad_extremes(scene, responses["reduced"]).items():
@@ -263,11 +263,11 @@ def _measure(
 ) -> Summary:
     """Measure the errors of a run's model and mesh, for ``budget`` of summary.json; collective.
 
-    The model's error is measured if the scene asks for it, or if `budget` lacks it and `cache` is not None; the mesh's
-    error if there is a cache and the scene has no tolerance or budget.  Where the model's error is known, the stress in
-    walls at pads stands beside it.  The cache keeps what takes longest.  `stresses`, `other_mesh` and `richer` are what
-    `start_stresses`, `start_other_mesh` and `start_richer` returned: futures of another process, or None.
-    `varied` simulates the reduced system with another play, or waits for its simulation.
+    The error of the model is measured if the scene asks for it, or if `budget` lacks it and `cache` is not None.  The
+    error of the mesh is measured if `cache` is not None and the scene has no tolerance or budget.  Where the error of
+    the model is known, the stress in walls at pads is added.  The cache keeps what takes longest.  `stresses`,
+    `other_mesh` and `richer` are what `start_stresses`, `start_other_mesh` and `start_richer` returned: futures of
+    another process, or None.  `varied` simulates the reduced system with another play, or waits for its simulation.
     """
     comm, clock, scene = next(iter(bodies.built.values())).model.comm, bodies.clock, bodies.written_scene
     is_wanted, of_mesh, of_model = scene.compare.richer not in ("auto", "none"), dict[str, Any](), dict[str, Any]()

@@ -74,7 +74,10 @@ class Damage(NamedTuple):
     further: float  # by each repetition after it
 
     def after(self, times: float) -> float:
-        """Return the damage by a history that occurs `times` times; a part of a time does a part of its damage."""
+        """Return the damage by a history that occurs `times` times, which may be a fraction.
+
+        A history that occurs half a time does half of its damage `once`; after the first time, half of `further`.
+        """
         return min(times, 1.0) * self.once + max(times - 1.0, 0.0) * self.further
 
 

@@ -67,7 +67,7 @@ class Columns:
         For each pin with lugs, by body and support such as ``base pin``, the shares (2, 3, c) with which the columns
         are summed to the forces of both lugs along x, y and z (`pmr.scene.built.Support.lug_shares`).
     on_machine : tuple of str
-        Beginnings of the names of reactions that are no support's.
+        Beginnings of the names of reactions at the pivot, on the ground and of the machine, which belong to no support.
     """
 
     names: tuple[str, ...]
@@ -157,7 +157,8 @@ class ChartLimit(NamedTuple):
     measure : MeasureOf
         Function that returns, for the columns of a chart, the `Measure` that is limited; its larger values are worse.
     usual : str
-        Words by which a chart that has no such limit says so, such as ``"pad forces"``; empty if few machines have it.
+        Words, such as ``"pad forces"``, by which a chart says that it has no such limit.  Empty if most machines have
+        no such limit, so that a chart says nothing.
     has_parts : bool
         Whether the limit is on parts with names, such as pads, among which a chart chooses.
     """
@@ -236,9 +237,9 @@ def unit_text(unit: str) -> str:
 
 
 def _largest_measure(numbers: Sequence[int]) -> Measure | None:
-    """Return a function from the values (T, c) of all c columns to the largest absolute value (T,) in chosen ones.
+    """Return a function from the values (T, c) of all c columns to the largest absolute value (T,) in some columns.
 
-    The chosen columns have the numbers `numbers`; None is returned if that is empty.
+    These columns have the `numbers`, from 0.  None is returned if there are no numbers.
     """
     chosen = list(numbers)
     return (lambda values: np.abs(values[:, chosen]).max(axis=1)) if chosen else None
@@ -247,8 +248,8 @@ def _largest_measure(numbers: Sequence[int]) -> Measure | None:
 def _force_measure(kind: str) -> Callable[[Columns, Callable[[str], bool]], Measure | None]:
     """Return a function `MeasureOf`, whose measure is the largest absolute value (T,) in all columns of one `kind`.
 
-    The function takes the columns, and a function that says whether a limit depends on the column of a name.  It
-    returns None if there is no such column.
+    The function takes the columns, and a function from the name of a column to whether a limit depends on this column.
+    It returns None if the limit depends on no column.
     """
     return lambda columns, looks_at: _largest_measure(
         [k for k in columns.numbers_of_kind(kind) if looks_at(columns.names[k])]
@@ -258,7 +259,8 @@ def _force_measure(kind: str) -> Callable[[Columns, Callable[[str], bool]], Meas
 def pad_pressure_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
     """Return a function from the values (T, c) of all c columns to the largest share (T,) of a pad's allowed pressure.
 
-    The result is None if no pad for whose name `looks_at` is true has an allowed pressure.
+    `looks_at` takes the name of a pad and says whether a limit depends on this pad.  The result is None if no such pad
+    has an allowed pressure.
     """
     chosen = [k for k in columns.numbers_of_kind("pad") if looks_at(columns.names[k])]
     allowed = columns.pad_forces[chosen]
@@ -270,9 +272,9 @@ def pad_pressure_measure(columns: Columns, looks_at: Callable[[str], bool]) -> M
 def _support_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
     """Return a function from the values (T, c) of all c columns to the largest resultant force (T,) of a support.
 
-    Supports may be rigid or elastic; `looks_at` says whether a limit depends on the support of a name.  Moments are
-    used only if no force column is chosen, and columns on the machine are never used.  None is returned
-    if no column is chosen.
+    Supports may be rigid or elastic.  `looks_at` takes the name of a support and says whether a limit depends on this
+    support.  If none of these supports has a force, their moments are taken.  Columns on the machine are never used.
+    None is returned if there is no column.
     """
     groups = list(columns_by_support(columns, looks_at).values())
     if not groups:
@@ -283,8 +285,8 @@ def _support_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measu
 def columns_by_support(columns: Columns, looks_at: Callable[[str], bool]) -> dict[str, list[int]]:
     """Return the numbers of the columns of each support's forces, by body and support such as ``base pivot``.
 
-    If no chosen support has a force, they are the columns of moments.  `looks_at` takes one of the two names of
-    `support_names` and says whether this support is chosen.  Columns on the machine are never chosen.
+    `looks_at` takes one of the two names of `support_names` and says whether this support is chosen.  If no chosen
+    support has a force, the numbers are those of the columns of moments.  Columns on the machine are never chosen.
     """
     chosen = [k for k in columns.support_columns() if any(looks_at(name) for name in support_names(columns, k))]
     groups = dict[str, list[int]]()
@@ -319,7 +321,8 @@ def _lug_shares(scene: Scene, columns: Columns) -> dict[str, Array]:
 def lug_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
     """Return a function from the values (T, c) of all c columns to the largest force (T,) in N of a lug.
 
-    `looks_at` says whether a limit depends on the pin of a name; None is returned if it depends on no pin with lugs.
+    `looks_at` takes the name of a pin and says whether a limit depends on this pin.  None is returned if the limit
+    depends on no pin with lugs.
     """
     rows = [shares for name, shares in columns.lugs.items() if looks_at(name)]
     if not rows:
@@ -354,9 +357,10 @@ def support_names(columns: Columns, number: int) -> tuple[str, ...]:
 def _cylinder_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
     """Return a function from the values (T, c) of all c columns to the largest absolute force (T,) of section drives.
 
-    `looks_at` says whether a limit depends on the cylinder of a name; None is returned if it depends on no cylinder.
-    The force that moves a section along the boom is that of `pmr.scene.mechanism.drive_rows`: the force of one
-    cylinder, or a sum over several cylinders for a section that hangs on ropes or that other sections follow.
+    `looks_at` takes the name of a cylinder and says whether a limit depends on this cylinder.  None is returned if the
+    limit depends on no cylinder.  The force that moves a section along the boom is that of
+    `pmr.scene.mechanism.drive_rows`: the force of one cylinder, or a sum over several cylinders for a section that
+    hangs on ropes or that other sections follow.
     """
     return _drive_measure([row for name, row in columns.drives.items() if looks_at(cylinder_name(name))])
 
@@ -365,8 +369,8 @@ def _rope_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure 
     """Return a function from the values (T, c) of all c columns to the largest absolute drive force (T,) in N of ropes.
 
     The drive force is the force that moves a section along the boom.  The sections are those in `columns.ropes`: a
-    section that hangs on a rope, or one that pulls other sections by ropes.  `looks_at` says whether a limit depends on
-    the section of a name; None is returned if the limit depends on no section.
+    section that hangs on a rope, or one that pulls other sections by ropes.  `looks_at` takes the name of a section and
+    says whether a limit depends on this section.  None is returned if the limit depends on no section.
     """
     return _drive_measure([columns.drives[name] for name in columns.ropes if looks_at(name)])
 
@@ -386,8 +390,8 @@ def _drive_measure(rows: Sequence[Array]) -> Measure | None:
 def _deflection_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
     """Return a function from the values (T, c) of all c columns to the displacement (T,) in m of the last tip.
 
-    The tip is that of the last section.  Its displacement is the length of the displacement's vector, and depends on no
-    name, so that `looks_at` is not used; None is returned if no column is a displacement of a tip.
+    The tip is that of the last section.  Its displacement is the length of the displacement's vector.  There is one
+    such tip, so `looks_at` is not called.  None is returned if no column is a displacement of a tip.
     """
     tips = columns.numbers_of_kind("tip")
     last = [k for k in tips if columns.bodies[k] == columns.bodies[tips[-1]]]
@@ -397,7 +401,8 @@ def _deflection_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Me
 def _stress_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
     """Return a function from the values (T, c) of all c columns to the largest von Mises stress (T,) in Pa at probes.
 
-    `looks_at` says whether a limit depends on the probe of a name; None is returned if it depends on no probe.
+    `looks_at` takes the name of a probe and says whether a limit depends on this probe.  None is returned if the limit
+    depends on no probe.
     """
     groups = dict[tuple[str, ...], list[list[int]]]()
     for probe, components in columns.stress_columns().items():
@@ -430,8 +435,8 @@ def _luffing_pull_measure(columns: Columns, looks_at: Callable[[str], bool]) -> 
 def _least_ground_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
     """Return a function from the values (T, c) of all c columns to the smallest force (T,) in N of an outrigger.
 
-    A positive force presses on the ground.  `looks_at` says whether a limit depends on the outrigger of a name; None is
-    returned if it depends on no outrigger.
+    A positive force presses on the ground.  `looks_at` takes the name of an outrigger and says whether a limit depends
+    on this outrigger.  None is returned if the limit depends on no outrigger.
     """
     chosen = [k for k in columns.numbers_of_kind("outrigger") if looks_at(columns.names[k])]
     return (lambda values: values[:, chosen].min(axis=1)) if chosen else None
@@ -664,10 +669,10 @@ class ReductionErrors(NamedTuple):
 def reduction_error(summary: Summary) -> ReductionErrors:
     """Return the errors of the reduction in the summary of a run, for those kinds of `COMPARED` that it has.
 
-    If displacements were compared with the full model, they are differences to it, else estimates; errors of
-    frequencies and of reactions of rigid supports are always estimates.  Forces that jump at kinks of extensions are
-    compared between the kinks only, and pad forces with impacts are left out.  Without an error of displacements there
-    are no errors.
+    If the run compared displacements with the full model, the errors are differences to the full model.  Otherwise they
+    are estimates.  Errors of frequencies and of reactions of rigid supports are always estimates.  For forces that jump
+    at kinks of extensions, the error is that between the kinks.  Pad forces with impacts are left out.  Without an
+    error of displacements there are no errors.
     """
     errors, estimate = summary.get("errors", {}).get("reduced_vs_full", {}), summary.get("estimate") or {}
     source, how = (errors, "compared with the full model") if "beam" in errors else (estimate, "estimated")

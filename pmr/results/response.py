@@ -181,10 +181,10 @@ class Response:
 
     @property
     def force_floor(self) -> float:
-        """Force in N up to which a force may be round-off: the larger of two.
+        """Force in N up to which a force may be round-off.
 
-        One is `force_round_off`, the other is `ROUND_OFF` times the largest force in all columns in N, those of
-        `others` among them.
+        This is the larger of two values: `force_round_off`, and `ROUND_OFF` times the largest force in N of all
+        columns, those of `others` included.
         """
         in_newton = [k for k, unit in enumerate(self.other_units) if unit == "N"]
         other_forces = np.empty((0, 0)) if self.others is None else self.others[:, in_newton]

@@ -81,8 +81,8 @@ class Frequencies:
     system without those pads that are open at rest under the loads of the positions; it is None if no pad only pushes,
     and NaN where no equilibrium is found.  `along` are the positions in the sense of `RunResult.abscissa`, `paths` are
     the coordinates of all P paths.  `over_joints` is None unless exactly two joints move, each on its own path.  With
-    effects of second order, the system has the stresses of the run at the times `t` (S,) in s, when it is at the
-    positions; of several such times, that with the lowest frequency counts.
+    effects of second order, the system has the stresses that it has in the run at the times `t` (S,) in s.  At these
+    times it passes the positions; if it passes a position several times, the time with the lowest frequency counts.
     """
 
     along: Array  # (S,) m
@@ -238,7 +238,7 @@ class RunResult:
     def abscissa_at(self, t: Array) -> Array:
         """Return `abscissa` (S,) in m at the times t (S,) in s of a response that may have longer steps.
 
-        Both have steps of constant length over the same time.
+        The response and this run have the same start and end, and each has steps of constant length.
         """
         return np.interp(t, np.linspace(float(t[0]), float(t[-1]), len(self.abscissa)), self.abscissa)
 
@@ -415,10 +415,11 @@ def _read_loads(values: Array, columns: ColumnNames) -> Loads:
 def _frequency_arrays(frequencies: Frequencies, alone: bool) -> dict[str, NDArray[Any]]:
     """Return the arrays of frequencies for trajectories.npz; keys and units depend on whether a body is `alone`.
 
-    Arrays of frequencies are (positions, modes).  A body alone has ``frequencies.s`` in m, ``frequencies.reduced``,
-    ``frequencies.full`` and ``frequencies.closed_form`` in rad/s, with no columns if there are none, and
-    ``frequencies.t`` in s and ``frequencies.resting`` in Hz if they are known.  A boom has the fields of `Frequencies`
-    in Hz after ``frequencies.``, with the names of `_RENAMED`.
+    Arrays of frequencies are (positions, modes).  For a body alone, ``frequencies.s`` is in m.
+    ``frequencies.reduced``, ``frequencies.full`` and ``frequencies.closed_form`` are in rad/s; an array has no columns
+    if there are no such frequencies.  If they are known, ``frequencies.t`` in s and ``frequencies.resting`` in Hz are
+    added.  For a boom, each key is ``frequencies.`` followed by a field of `Frequencies`, or by its name in
+    `_RENAMED`; frequencies are in Hz.
     """
     if alone:
         none = np.empty((len(frequencies.along), 0))
