@@ -61,8 +61,8 @@ def write_ffrf(body: NodalBody, target: Path) -> Path:
 def write_simscape(body: FramedBody, target: Path) -> Path:
     """Write a body as data of Simscape's block Reduced Order Flexible Solid, and return the file's path.
 
-    The data are the origins P (F, 3) of F frames and the matrices K, M, C, whose rows and columns are x, y, z, rx, ry,
-    rz of each frame, then the modes.
+    The data are the origins P (F, 3) of F frames, and the matrices K, M and C.  The rows and columns of the matrices
+    are x, y, z, rx, ry, rz of each frame, then the modes.
     """
     names = np.array(body.frames.names, dtype=object)
     content = {"P": body.frames.points, "K": body.K, "M": body.M, "C": body.C, "frames": names, "s": body.s}
@@ -145,8 +145,8 @@ def _centrifugal(of: Array) -> Array:
     """Coefficients (m, 6) of the integral of phi . omega x (omega x r), by the six products Omega of the module.
 
     `of` (3, 3, m) are the integrals of the products of each component of r = x with each component of phi, for m modes.
-    For the part of r that is linear in the modes, `of` is (3, 3, m, m), with the mode of r before that of phi, and the
-    coefficients are (m, m, 6).
+    If r is the part of the position that is linear in the modes, `of` is (3, 3, m, m).  Its third axis is the mode of
+    r, its fourth axis the mode of phi, and the coefficients are (m, m, 6).
     """
     trace = np.einsum("ii...->...", of)
     squares = [of[a, a] - trace for a, b in PRODUCTS[:3]]

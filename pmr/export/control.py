@@ -120,10 +120,11 @@ def interpolation_error(system: System, space: StateSpace, source: str) -> list[
     """Return two errors of A, B, C and D interpolated linearly, halfway between neighbouring grid points.
 
     The first number is the largest error of a displacement's static gain, as a fraction of the largest gain from the
-    same input to the same output.  The second number is the largest error of a natural frequency, as a fraction of this
-    frequency.  Free motions, which have neither static gains nor natural frequencies, are left out, and so are gains
-    that are round-off.  Both numbers are zero for a grid of one point and for a system without paths.  `source` names
-    the file in messages.
+    same input to the same output.  Gains that are round-off are left out.  The second number is the largest error of a
+    natural frequency, as a fraction of this frequency.  Free motions have neither a static gain nor a natural
+    frequency, and are left out of both.
+
+    Both numbers are zero for a grid of one point and for a system without paths.  `source` names the file in messages.
     """
     if len(space.s) < 2 or not space.paths:
         return [0.0, 0.0]

@@ -371,7 +371,7 @@ def _output4_deck(space: StateSpace) -> Iterator[str]:
 def _dmig_lines(name: str, A: Array, form: int) -> Iterator[str]:
     """Yield the DMIG lines of the matrix A (n, m), called `name`, of the form with the number `form`.
 
-    Zeros off the diagonal are left out, and so is the upper triangle of a symmetric matrix.
+    Zeros off the diagonal are left out.  Of a symmetric matrix, the upper triangle is left out.
     """
     columns = f"{A.shape[1]:<8d}" if form == _RECTANGULAR_DMIG else ""
     yield f"DMIG    {name:<8}{0:<8d}{form:<8d}{_DOUBLE:<8d}{_DOUBLE:<8d}{'':<16}{columns}".rstrip()

@@ -229,11 +229,10 @@ class ForeignNodes:
         return replace(self, numbers=self.numbers[at], points=self.points[at], groups=groups)
 
     def without_dependent(self, pairs: Indices) -> ForeignNodes:
-        """Return the nodes without those that cards tie to other nodes, and without these cards.
+        """Return the nodes without dependent nodes, and without the cards that tie only these to other nodes.
 
-        `pairs` (n, 2) are the node and the direction (from 1) of each row of the matrices.  A node is left out if all
-        of its displacements depend on other nodes, and if the matrices have no row of it.  A card is left out if it
-        ties displacements of such nodes only.
+        `pairs` (n, 2) are the node and the direction (from 1) of each row of the matrices.  A node is dependent if all
+        of its displacements depend on other nodes, and if the matrices have no row of it.
         """
         depending = set[tuple[int, int]]().union(*self.dependent.values())
         nodes = {node for node, _ in depending if {(node, 1), (node, 2), (node, 3)} <= depending} - {

@@ -221,8 +221,8 @@ def _turned_coordinates(files: ForeignFiles, pairs: Indices, axes: Mapping[int, 
 def _complete_symmetric(A: sp.spmatrix) -> sp.csr_matrix:
     """Return a whole symmetric matrix (n, n) from A (n, n), which stores one triangle or all entries.
 
-    Raises UnreadableError if the matrix is not real and square, or if it has more than `EMPTY_ROWS` rows and fewer
-    entries than rows.  The latter protects memory against a wrong size in the file.
+    Raises UnreadableError if the matrix is not real and square.  It is also raised if A has more than `EMPTY_ROWS` rows
+    and fewer entries than rows: a wrong size in the file must not fill the memory.
     """
     n = A.shape[0]
     if np.iscomplexobj(A):
@@ -287,7 +287,7 @@ def _is_market(path: Path) -> bool:
 def _read_market(path: Path) -> sp.csr_matrix:
     """Read a square matrix (n, n) in the format of Matrix Market, or in the format that Abaqus writes.
 
-    Raises UnreadableError unless it is real, and general or symmetric.
+    Raises UnreadableError if a matrix in the format of Matrix Market is not real, or is neither general nor symmetric.
     """
     if not _is_market(path):
         entries = labelled.read_entries(path)

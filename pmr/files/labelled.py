@@ -190,7 +190,8 @@ def _read_text4(lines: Sequence[str]) -> dict[str, sp.csr_matrix]:
     def numbers(length: int, words: int, width: int) -> list[float]:
         """Return the numbers of the next lines, each of which takes `width` characters.
 
-        A ValueError is raised unless there are `length` numbers, or `length` words with `words` words per number.
+        The header counts numbers (`length`) or words of memory, of which a number takes `words`.  Raises ValueError if
+        the lines have neither `length` numbers nor ``length // words``.
         """
         nonlocal at
         values = list[float]()

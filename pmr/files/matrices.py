@@ -35,12 +35,15 @@ _PARTS = ("data", "indices", "indptr")
 class GivenMatrices:
     """Mass M, stiffness K and damping D of a body whose n coordinates q are displacements and rotations of N nodes.
 
-    With the forces f on the coordinates, the body moves by M q'' + D q' + K q = f.  To D a scene adds its own damping.
-    A coordinate without a node has a modal amplitude (Craig-Bampton): all of them are zero in a rigid motion.
+    With the forces f on the coordinates, the body moves by M q'' + D q' + K q = f.  A scene adds its own damping to D.
+    A coordinate without a node is a modal amplitude (Craig-Bampton), which is zero in every rigid motion.
 
-    Raises InputError if the matrices are not square, of one size, finite and symmetric, if a diagonal entry of M or K
-    is not positive, or if D gives energy to some motion.  The error is also raised if `node`, `direction` or `groups`
-    refer to a node or direction that does not exist, or if the matrices do not fit the nodes (`pmr.files.fit.misfit`).
+    Raises InputError in these cases:
+
+    - The matrices are not square, of one size, finite and symmetric.
+    - A diagonal entry of M or K is not positive, or D gives energy to some motion.
+    - `node`, `direction` or `groups` refer to a node or direction that does not exist.
+    - The matrices do not fit the nodes (`pmr.files.fit.misfit`).
     """
 
     M: sp.csr_matrix  #: (n, n), symmetric, in SI units; without supports that slide

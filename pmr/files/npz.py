@@ -93,11 +93,12 @@ def read(
 ) -> dict[str, NDArray[Any]]:
     """Read the arrays (any shape) of an npz file by name: those that `only` names, or all if that is None.
 
-    All arrays together may take `expansion` times the size of the file (1 for arrays that are not compressed), or
-    `room` bytes if that is more, as zeros are compressed to almost nothing.  Nothing larger is ever allocated.
+    All arrays together may take `expansion` times the size of the file, which is 1 for arrays that are not compressed.
+    They may take `room` bytes in any case, as zeros are compressed to almost nothing.  Nothing larger is ever
+    allocated.
 
-    Raises DamagedError if a size, a shape or a type that the file states can't be true, if a checksum is wrong, or if
-    an array contains anything but numbers and text.
+    Raises DamagedError if a size, a shape or a type that the file states can't be true, or if a checksum is wrong.  It
+    is also raised if an array contains anything but numbers and text.
     """
     try:
         with file.open("rb") as stream, zipfile.ZipFile(stream) as archive:
@@ -115,9 +116,9 @@ def write(
 ) -> None:
     """Write arrays by name to an npz file, completely or not at all; equal arrays give files with equal bytes.
 
-    The arrays may have any shape.  The `header`, unless it is None, is stored as JSON with the arrays.  If
-    `compressed`, arrays of which compression saves at least the share `WORTH` are compressed; compression would only
-    make other arrays slower to read.  Raises NotWrittenError if there is no room for the file.
+    The arrays may have any shape.  If a `header` is given, it is stored as JSON with the arrays.  If `compressed`, an
+    array is compressed if this saves at least the share `WORTH` of it; compression would only make other arrays slower
+    to read.  Raises NotWrittenError if there is no room for the file.
     """
     if header is not None:
         arrays = {HEADER: np.array(json_text(header)), **arrays}
@@ -200,7 +201,7 @@ def pop_header(arrays: dict[str, NDArray[Any]]) -> Any:
 def _checked_members(archive: zipfile.ZipFile, size: int, expansion: float, room: int) -> Sequence[zipfile.ZipInfo]:
     """Return the members of an archive in a file of `size` bytes; raises DamagedError if their sizes can't be true.
 
-    The members may claim `expansion` times as many bytes as the file has, and `room` bytes in any case.
+    Together the members may claim `expansion` times `size` bytes, or `room` bytes if this is more.
     """
     members = archive.infolist()
     if len(members) > MOST_MEMBERS or len({info.filename for info in members}) < len(members):

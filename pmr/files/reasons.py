@@ -144,12 +144,14 @@ def speeds_of_sound(M: sp.csr_matrix, body: Resistance) -> list[float]:
 def _stretch_speeds(M: sp.csr_matrix, body: Resistance) -> Array:
     """Return speeds of sound (a, 2) in m/s, estimated by stretching a body with the mass matrix M along a axes.
 
-    The first column is for the whole mass, the second one for the mass without payloads.  The speed c is given by c^2 =
-    u^T (K - S) u / m, with the displacements u of a stretch, the mass m, and springs to ground S in the stiffness K.
-    The displacement of a node is its distance to the nearest node that supports hold along the axis.  If there is no
-    such node, the displacement is the node's position.  So the slope of u is one and supports do no work.  The mass of
-    a node that exceeds four times the median of all nodes counts as payload.  Axes with longer distances come first,
-    and axes along which nothing is stretched are left out.
+    The first column is for the whole mass, the second one for the mass without payloads.  The mass of a node that
+    exceeds four times the median of all nodes counts as payload.  Axes with longer distances come first, and axes along
+    which nothing is stretched are left out.
+
+    The speed c is given by c^2 = u^T (K - S) u / m.  Here u are the displacements of a stretch, m is the mass, and S
+    are the springs to ground in the stiffness K.  The displacement of a node is its distance to the nearest node that
+    supports hold along the axis.  If there is no such node, the displacement is the node's position.  So the slope of u
+    is one and supports do no work.
     """
     speeds = list[tuple[float, float, float]]()
     free = ~body.near(body.missing_displacements.any(axis=1)) & body.spring_nodes

@@ -300,7 +300,7 @@ def _make_locked(folder: Path, is_whole: Callable[[Path], bool], make: Callable[
 
 
 def _publish(part: Path, folder: Path, is_whole: Callable[[Path], bool]) -> None:
-    """Rename the complete temporary folder `part` to `folder`, unless another process has completed `folder` meanwhile.
+    """Rename the complete temporary folder `part` to `folder`; do nothing if another process has completed `folder`.
 
     `is_whole` tells whether a folder is complete; an incomplete `folder` is replaced.
     """

@@ -115,8 +115,8 @@ class _Views:
     def _pads(self, moment: Moment, sight: Array) -> Iterator[Piece]:
         """Yield the pads at a moment; those of a boom's joints are on the outside of the outer sections.
 
-        Pads of joints that are on no face are not drawn.  `sight` (3,) is the direction to the camera in the boom's
-        axes.
+        Pads of a joint whose ring states no `faces` are not drawn.  `sight` (3,) is the direction to the camera in the
+        boom's axes.
         """
         yield from (_pad_piece(block, 1, sight) for block in self.bodies.surroundings.near)
         yield from (

@@ -59,8 +59,8 @@ def spread_indices(count: int, limit: int) -> NDArray[np.intp]:
 def interpolate(t: Array, times: Array, values: Array) -> Array:
     """Interpolate `values` (T,) or (T, n), known at `times` (T,) in s, linearly to the times `t` (S,) in s.
 
-    Before the first and after the last of `times`, the value at that time is taken.  If `t` equals `times`, `values`
-    itself is returned.
+    Before the first of `times`, the result is the first value, and after the last one, the last value.  If `t` equals
+    `times`, `values` itself is returned.
     """
     if len(t) == len(times) and np.allclose(t, times, rtol=0.0, atol=1e-9 * abs(t[-1])):
         return values
@@ -154,7 +154,7 @@ def axis_points(result: RunResult) -> list[AxisPoints]:
 def forces_of(result: RunResult, kind: str = "pad") -> list[Force]:
     """Forces and moments of the reduced model that are outputs of one `kind`, such as ``pad`` or ``support``.
 
-    The name in the report of a support that stands in for the luffing cylinder ends with the remark `ACROSS`.
+    Some supports stand in for the luffing cylinder.  Their names in the report end with the remark `ACROSS`.
     """
     units = {
         qualified_name(body, FORCE_OF + support): unit

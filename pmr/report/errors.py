@@ -229,9 +229,9 @@ def _format_difference(unit: str, value: float) -> str:
 def _comparison_row(comparison: str, place: str, error: float, other: float, decimals: int) -> Row:
     """Build a row with an error and the published one; both are given as fractions.
 
-    `comparison` says which models are compared, `place` names the quantity, `other` is the published error, and
-    `decimals` is the number of decimals with which the published error is stated in per cent.  An error that is more
-    than 5 % off, but rounds to the published one, has the mark `SAME`.
+    `comparison` says which models are compared, and `place` names the quantity.  `other` is the published error, which
+    is stated in per cent with this number of `decimals`.  An error that is more than 5 % off, but rounds to the
+    published one, has the mark `SAME`.
     """
     printed, deviation = f"{100.0 * other:.{decimals}f}{SPACE}%", signed_deviation(error, other)
     rounded = abs(error - other) <= 0.5 * 10.0 ** -(decimals + 2) * (1.0 + 1e-9)

@@ -39,9 +39,8 @@ Rows = Iterator[tuple[str, str]]
 def system_rows(result: RunResult) -> Rows:
     """Yield rows (name, text) that describe the system of a run.
 
-    The rows are about bodies, masses, pads, loads, hoist, weight of the boom, machine and motion of its base, angles,
-    luffing cylinder, ground with outriggers and masses of the machine, computed extensions, boom length or place of
-    what moves along the body, tip, and time.  Rows about parts that the scene lacks are left out.
+    The rows begin with bodies, masses, pads, loads and weight.  Then come the machine, the ground and the drives, and
+    at last the range of the motion and the time.  Rows about parts that the scene lacks are left out.
     """
     yield from _body_rows(result)
     yield from _mass_rows(result)
@@ -166,7 +165,7 @@ def _describe_ground(ground: Ground, unit: str) -> str:
 def _tip_rows(result: RunResult) -> Rows:
     """Yield a row with the range of the tip's position from the pivot in m.
 
-    Nothing is yielded unless a frame, or the angle by which gravity is turned, raises the boom.
+    The row is yielded only for a boom that is in a frame, or that the direction of gravity raises (`is_raised`).
     """
     response = result.responses["reduced"]
     if axis_points(result) and (result.frame is not None or is_raised(result)):

@@ -156,8 +156,8 @@ class Looks(NamedTuple):
 def _face_looks(piece: Piece, view: Array, light: Array, limits: tuple[float, float]) -> Looks:
     """Return colours and edges of a piece's faces.
 
-    `view` (3, 3) is that of the shot, `light` (3,) is the unit vector to the light in the picture's axes, and `limits`
-    is the range of values that the colours span.  Light falls on both sides of a face.
+    `view` (3, 3) is the view of the shot, and `light` (3,) is the unit vector to the light in the picture's axes.
+    `limits` is the range of values that the colours span.  Light falls on both sides of a face.
     """
     normals = piece.normals @ view.T
     bright = AMBIENT + DIFFUSE * np.maximum(np.where(normals[:, 2:] < 0.0, -normals, normals) @ light, 0.0)
@@ -182,20 +182,25 @@ MOST_VALUES = 400_000  # most values in all shapes of a quantity: two bytes each
 
 
 def body_motion(bodies: MovingBodies) -> dict[str, Any]:
-    """Data of the animation of bodies, ready for JSON; empty if there is nothing to animate.
+    """Data of the animation of bodies, ready for JSON.
 
-    There is nothing to animate without bodies, for a single time, and for more than `MOST_FACES` faces.  The keys are
-    the number of ``frames``, first and last of the ``times`` in s, the ``moments`` of all frames in s, ``speeds`` of
-    playback, the ``first`` frame shown (that of the peak), the ``length`` of what is drawn, whether it is a body
-    ``alone``, the ``path`` of the mouth, the ``scale`` of displacements, ``bodies``, the least x that is seen
-    (``back``), the ``ramp`` of colours, the blocks ``section``, ``near`` and ``tail`` of the surroundings, the largest
-    share ``lost`` of a motion, and ``pose``.
+    The result is empty if there is nothing to animate: without bodies, for a single time, and for more than
+    `MOST_FACES` faces.  The keys are:
+
+    - ``frames``, ``times`` and ``moments``: the number of stored times, the first and the last one, and all of them in
+      s.
+    - ``first`` and ``speeds``: the frame that is shown first, that of the peak, and the speeds of playback.
+    - ``alone``, ``length``, ``back`` and ``path``: whether a body alone is drawn; its length (or the reach) and the
+      least x that is seen, in m; and the way of its mouth.
+    - ``scale``, ``ramp`` and ``lost``: the factor of displacements, the colours, and the largest share that the shapes
+      of a motion leave out.
+    - ``bodies``, and the blocks ``section``, ``near`` and ``tail`` around a body alone.
+    - ``pose``: the motion of the frame, which moves all bodies; None if the scene has no frame.
 
     Each body has its P points in m, its triangles, and its shift along x in m.  Its displacement in m is the product of
     k coefficients (frames, k) and k shapes (k, 3 P).  The stress of its S faces, divided by the stress of the last
     colour, is a product of other coefficients (frames, k) and shapes (k, S).  Triangles j and S + j are the two halves
-    of quadrilateral j.  If the scene has a frame, ``pose`` is the motion of the frame, which moves all bodies; else it
-    is None.
+    of quadrilateral j.
     """
     surfaces, result = bodies.surfaces, bodies.result
     if not surfaces or len(bodies.t) < 2 or sum(len(surface.faces) for surface in surfaces.values()) > MOST_FACES:
@@ -227,8 +232,8 @@ def body_motion(bodies: MovingBodies) -> dict[str, Any]:
 def _frame_motion(bodies: MovingBodies) -> dict[str, Any] | None:
     """Motion of a frame for the player; None if the scene has no frame.
 
-    The motion has rotations (frames, 9), origins (frames, 3) in m, the angles (frames,) of luffing and slewing in
-    degrees, and the centre (3,) and the size in m of what is seen.
+    For each frame of the animation it has a rotation (9,), an origin (3,) in m, and the angles of luffing and slewing
+    in degrees.  It also has the centre (3,) and the size in m of what is seen.
     """
     frame, pose = bodies.result.frame, bodies.result.pose(bodies.t)
     if frame is None or pose is None:

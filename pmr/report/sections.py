@@ -96,7 +96,7 @@ def accuracy_block(result: RunResult) -> Block | None:
 def input_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block with figures of paths or extensions, loads, and angles of the boom over time.
 
-    Extensions are left out if none of them changes, and so are angles that do not change and loads that do not act.
+    Angles that do not change and loads that do not act are left out.  Extensions are left out if none of them changes.
     None if nothing is left.  `prefix` begins the identifiers of the figures.
     """
     row, moves, colours = list[Drawing](), moving_part(result), section_colours(result.scene.bodies)
@@ -291,9 +291,9 @@ def stress_block(result: RunResult, prefix: str) -> Block | None:
 def section_force_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block on forces and moments of beams' cross-sections: envelopes over time and a table of extremes.
 
-    Forces are left out that are at most the share `NOTHING` of the largest one, and so are moments; for this comparison
-    a moment is divided by the length of the boom.  The block is None if no beam has such forces.  `prefix` begins the
-    identifiers of the figures.
+    Forces and moments of at most the share `NOTHING` of the largest one are left out.  For this comparison a moment is
+    divided by the length of the boom.  The block is None if no beam has such forces.  `prefix` begins the identifiers
+    of the figures.
     """
     largest, arms = dict[str, float](), {"N": 1.0, "N m": subject.reach(result)}
     for part in summaries_by_section(result.summary).values():

@@ -34,8 +34,8 @@ _ACROSS = {"y": "lateral, y", "z": "vertical, z"}
 class AppliedLoad:
     """Load on a body, or a component of a load along an axis of the body.
 
-    `direction` is ``x``, ``y``, ``z``, ``rx``, ``ry`` or ``rz`` of the body's axes, `position` the distance along the
-    body in m, and `source` the load in the scene, whose unit the values have.
+    `direction` is ``x``, ``y``, ``z``, ``rx``, ``ry`` or ``rz`` of the body's axes, and `position` the distance along
+    the body in m.  `source` is the load in the scene; `values` have its unit.
     """
 
     name: str

@@ -292,8 +292,8 @@ def _step_words(step: Mapping[str, object]) -> str:
 def _estimate_words(result: RunResult) -> str:
     """Clauses on the estimated error of the reduction: how it was made, its ratio to the true error, and probes.
 
-    If the error could be neither estimated nor computed, the text is the reason.  It is empty if no estimate was made,
-    or if only the true error is known.
+    If the error is neither estimated nor computed, the text is the reason for this.  It is empty if no estimate was
+    made, or if only the true error is known.
     """
     estimate = result.summary.get("estimate")
     true = result.summary.get("errors", {}).get("reduced_vs_full", {}).get("beam")

@@ -43,10 +43,10 @@ BOOMS = 5.0
 
 
 def usual_load(scene: Scene) -> float:
-    """Return the largest load in kg that a chart looks for unless the user names one, rounded up to two digits.
+    """Return the largest load in kg that a chart looks for if the user states none, rounded up to two digits.
 
     The load is the mass of machine and boom, or `BOOMS` times the mass of a boom without a machine.  The mass of the
-    boom includes the point masses of its sections, but neither payloads nor frames of boxes.  Raises InputError if the
+    boom includes the point masses of its sections, but no payloads and no frames of boxes.  Raises InputError if the
     mass of a section is not known without its mesh, or if a number of its body is unusual.
     """
     boom, ground = boom_scales(scene)["boom"], scene.frame.ground if scene.frame is not None else None
@@ -235,11 +235,12 @@ def _allowed_luffing_forces(scene: Scene) -> dict[str, float]:
 def chart_study_text(file: Path, scene: Scene, up_to: float, change: Mapping[str, object] | None = None) -> str:
     """Return the text of a study file for a load chart, over the ranges of the scene's extensions and luffing angle.
 
-    Limits are tipping, the stress at probes, the allowed forces of the luffing cylinder and of supports, the allowed
-    pressure of pads, and the stress of walls at pads, as far as the scene has what they need.  The stress of walls is
-    computed on shells of the sections, on which the pads press.  Load cases have a factor of hoisting, and wind on the
-    sections.  `up_to` is the largest load in kg.  The scene is one that `check_chart` accepts, with the keys `change`
-    of its file changed.
+    As far as the scene has what they need, there are limits on tipping, on the stress at probes, and on the forces of
+    luffing cylinder and supports.  There are also limits on the pressure of pads, and on the stress of walls at pads,
+    for which shells of the sections are computed.  Load cases have a factor of hoisting, and wind on the sections.
+
+    `up_to` is the largest load in kg.  The scene is one that `check_chart` accepts, with the keys `change` of its file
+    changed.
     """
     from jinja2 import Environment, PackageLoader
 
@@ -404,8 +405,8 @@ def _check_pads(scene: Scene, still: Scene, key: str) -> None:
 def check_slewing(scene: Scene, slewing: Sequence[float]) -> None:
     """Raise InputError if a scene without `frame.slewing` needs it for an angle of `slewing` other than 0.
 
-    The scene needs it if something is not the same at all angles: a slope of the ground, a base of the frame, a mass of
-    the machine that slews, or a wind or load along an axis of the ground other than z.
+    The scene needs it if something is not the same at all angles: a slope of the ground, a base of the frame, or a mass
+    of the machine that slews.  The same holds for a wind or load along an axis of the ground other than z.
     """
     key = next(_keys_of_slewing(scene), "")
     if scene.present_frame.slewing is None and key and any(slewing):

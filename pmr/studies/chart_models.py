@@ -257,7 +257,7 @@ class ChartModels:
     def from_needs(cls, needs: Needs) -> ChartModels:
         """Collect the models from the results of `compute_postures` and `compute_richer_postures`.
 
-        `needs` has them under the names ``postures`` and ``model``; the latter may be missing.
+        `needs` has these results under the names ``postures`` and ``model``.  The result ``model`` may be missing.
         """
         arrays, model_arrays = needs["postures"].arrays, needs["model"].arrays if "model" in needs else {}
         reduced = npz.record_from_arrays(PostureMatrices, arrays, "reduced.")

@@ -322,7 +322,7 @@ def weight_of_masses(masses: Sequence[MachineMass], at: PostureMatrices, k: int,
     """Return the weight of `masses` of the machine and its moment about the pivot (6,) at the k-th posture of `at`.
 
     The moment is in N m, and both are in the axes of the base.  `amounts` (w,) are the amounts by which the w
-    components ``at.loads`` act, of which the machine's weight is one.
+    components ``at.loads`` act.  The machine's weight is one of these components.
     """
     turned = boom_rotation(at.place.luffing[k : k + 1], at.place.slewing[k : k + 1])[0]
     weight, up = amounts[at.loads.names.index(MACHINE_WEIGHT)] * at.gravity, turned @ at.place.up[k]

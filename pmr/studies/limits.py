@@ -404,9 +404,14 @@ class Limit(SceneTable):
     def check(self, scene: Scene) -> None:
         """Raise InputError if the scene lacks what the limit needs.
 
-        That is a probe, contact, function or quantity that the limit names, the frame's cylinder or ground, a body with
-        a field of stress, or an allowed pressure of a pad if the limit takes its value from the scene.  No model is
-        built, so names that only a model knows are not checked.
+        The limit may need:
+
+        - a probe, contact, function or quantity that it names,
+        - the frame's cylinder or ground,
+        - a body with a field of stress,
+        - an allowed pressure of a pad, if the limit takes its value from the scene.
+
+        No model is built, so names that only a model knows are not checked.
         """
         if self.of in ("luffing", "luffing-pull") and (scene.frame is None or scene.frame.cylinder is None):
             allowed = "a scene with frame.cylinder is allowed, which says where its hinges are"

@@ -134,8 +134,8 @@ class Task:
     def digest(self, code: str, needs: Mapping[str, str]) -> str:
         """Return the digest of everything that decides the result.
 
-        The digest covers the digest `code` of the package's code, the function, the source of its module, the
-        arguments, and `needs`, the digests of the results that the task needs, by name.
+        It covers the function, the source of its module and the arguments.  It also covers `code`, the digest of the
+        package's code, and `needs`, the digests of the results that the task needs, by name.
         """
         content = [code, self.address, _source(self.function.__module__), self.arguments, needs]
         return hashlib.sha256(json.dumps(content, sort_keys=True, allow_nan=False).encode()).hexdigest()[:24]

@@ -173,8 +173,9 @@ class Drivers:
     def kinds(self) -> list[int]:
         """Kind of each driver (N,), as source/unit.h numbers them.
 
-        0 stands for others, 1 for a path, 2 for an angle, 3 for the slewing angle, 4 for a free luffing angle, of which
-        only the start counts, and 5 for a path that a free extension moves.
+        - 1 is a path, and 5 a path that a free extension moves.
+        - 2 is an angle, 3 the slewing angle, and 4 a free luffing angle, of which only the start counts.
+        - 0 is any other driver.
         """
         kinds = dict.fromkeys(AXES, 0) | {SLEWING: 3} | ({LUFFING: 4} if LUFFING in self.started else {})
         of_motions = [kinds.get(name, 2) for name in self.motions]

@@ -200,8 +200,8 @@ def _draw_loads(
     space for a force along an axis of the ground.  Forces whose arrows begin at one point have a common label.
 
     Not drawn are forces that are always zero, and forces on bodies that `axes` lacks.  `worst` is the largest stress of
-    the run, or None.  If it is given, a force with one head is drawn only if it acts at the time of this stress with
-    more than the share `ACTING` of its largest value.
+    the run, or None.  If it is given, forces with one head that hardly act at the time of this stress are not drawn,
+    either: at most the share `ACTING` of their largest value acts then.
     """
     inch = float(np.ptp(ax.get_xlim())) / (HALF - LEFT - RIGHT)
     forces, names = dict[tuple[str, str, float, bool], Array](), dict[tuple[float, ...], list[str]]()

@@ -77,8 +77,8 @@ def _provenance_chapter(summary: Summary, studies: Sequence[FinishedStudy]) -> C
 def study_chapter(study: FinishedStudy, anchor: str) -> Chapter:
     """Build the chapter about a study; `anchor` begins all identifiers in it.
 
-    If a run has no result yet, the chapter is that of a list of runs (`pmr.report.studies.runs.build_chapter`),
-    whatever the kind of the study, and shows the runs that have a result.  The table that compares the study with
+    While a run has no result yet, the chapter is that of a list of runs (`pmr.report.studies.runs.build_chapter`),
+    whatever the kind of the study.  It shows the runs that have a result.  The table that compares the study with
     published statements comes last.  It is left out if another block has an error table.
     """
     build = CHAPTERS.get(study.kind, runs.build_chapter)

@@ -199,7 +199,7 @@ def _key_numbers(study: FinishedStudy, chart: LoadChart, error: Array, lower: Ar
 
 
 def covered_parts(parts: Parts) -> str:
-    """Text that lists the parts that the error bars contain, then, after "without", those that they lack.
+    """Text that lists the parts that the error bars contain and, after "without", the parts that they lack.
 
     A part is lacking if, at any position, it is not known for the limit that governs there.  Play is in neither list if
     no pad of the scene can have it, or if an earlier version computed the chart.

@@ -181,9 +181,9 @@ def brief_rows(study: FinishedStudy, slewing: Array) -> Iterator[tuple[str, str]
 def headline(study: FinishedStudy, least_loads: Array, lower: Array, points: int) -> str:
     """Sentences on the range of the allowed loads of a chart, and on the limits that govern them.
 
-    `least_loads` (E, A) in kg are the loads at E boom lengths and A luffing angles, NaN where no limit is reached, and
-    `lower` (E, A) are their lower bounds.  `points` is the number of points, all slewing angles included.  If the
-    scene's payload is more than the chart allows, the sentences say so.
+    `least_loads` (E, A) in kg are the loads at E boom lengths and A luffing angles.  They are NaN where no limit is
+    reached.  `lower` (E, A) are their lower bounds.  `points` is the number of points, all slewing angles included.  If
+    the scene's payload is more than the chart allows, the sentences say so.
     """
     limits = study.study_file["limits"]
     if not np.isfinite(least_loads).any():

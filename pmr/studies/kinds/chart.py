@@ -119,8 +119,12 @@ class Study(StudyBase):
     def plan(self) -> Plan:
         """Return a task for each row of extensions, and the tasks of all rows: postures and a richer model.
 
-        Raises InputError for a limit, case or angle that does not fit the scene, for a scene that no chart can be made
-        of, for too many points, and if a spreadsheet is asked for and openpyxl is not installed.
+        Raises InputError in these cases:
+
+        - A limit, case or angle does not fit the scene.
+        - No chart can be made of the scene.
+        - There are too many points.
+        - A spreadsheet is asked for, but openpyxl is not installed.
         """
         scene, rows, size = self._scene, self._extension_rows, self._row_size
         if self.spreadsheet:
@@ -232,9 +236,9 @@ class Study(StudyBase):
     def summary_line(self, results: StudyResults) -> str:
         """Return a line with the least and the largest load in kg that all limits allow at the points.
 
-        The line also says at how many points the boom is not permitted even empty, how large the error bars are, which
-        errors they do not contain, and whether the scene's run lifts more than allowed.  If no limit is reached at any
-        point, the line says only that.
+        The line also says at how many points the boom is not permitted even empty, and how large the error bars are.
+        It names the errors that the error bars do not contain, and says if the scene's run lifts more than allowed.  If
+        no limit is reached at any point, or if the boom is permitted at none, the line says only that.
         """
         points, table = len(self._chart_points), self.table(results)
         loads = self.loads(table)
@@ -410,8 +414,11 @@ class Study(StudyBase):
     def _with_winds(self, scene: Scene) -> Scene:
         """The scene with loads on its sections for the winds of the cases, except winds for which areas are given.
 
-        Raises InputError if no section can have such a load, for wind from the side on a planar boom, and for an
-        azimuth of more than 2 pi if the frame does not set the unit of angles.
+        Raises InputError in these cases:
+
+        - No section can have such a load.
+        - Wind comes from the side, but the boom is planar.
+        - An azimuth is more than 2 pi, and the frame does not set the unit of angles.
         """
         frame, winds = scene.present_frame, dict[str, tuple[str, Wind]]()
         for k, case in enumerate(self.cases):

@@ -267,9 +267,12 @@ def run_case(arguments: Arguments, needs: Needs) -> TaskResult:
     For a single body also ``basis.kappa`` and ``frequency_error.<i>``, the largest relative error of the i-th frequency
     over the path.
 
-    Arrays: ``t`` (T,) in s and ``tip`` (T,) in m by the reduced model, ``frequencies.<model>`` (S, f) in Hz at the
-    positions ``reach`` (S,) in m, and for a single body ``singular_values``.  A position is the path coordinate of a
-    body alone, or the reach of a boom.
+    Arrays:
+
+    - ``t`` (T,) in s and ``tip`` (T,) in m by the reduced model.
+    - ``frequencies.<model>`` (S, f) in Hz at the positions ``reach`` (S,) in m.  A position is the path coordinate of a
+      body alone, or the reach of a boom.
+    - ``singular_values``, for a single body alone.
     """
     from pmr.files.whole import user_cache_folder
     from pmr.pipeline import run
