@@ -36,7 +36,10 @@ ALONG = ("x", "y", "z")
 
 @dataclass(frozen=True)
 class Action:
-    """A force (N) or moment (N m) along or about `direction` on a place; as an output, displacement or rotation."""
+    """A force (N) or moment (N m) along or about `direction` on a place.
+
+    As an output, it is the displacement or rotation of the place along or about this direction.
+    """
 
     name: str
     on: str | float  # a named place of the body, or a coordinate in m along its axis
@@ -184,9 +187,9 @@ def gauges(part: OneBody, model: StructuralModel) -> list[Gauge]:
 def _check_on_body(key: str, at: Point, part: OneBody, model: FiniteElementModel) -> None:
     """Raise an `InputError` with `key` if a point `at` in m is off the body: beyond an end, or far from its axis.
 
-    A point outside may have a distance of up to the width or the height of the body, whichever is more: the nearest
-    wall stands for such a point.  Where a beam has no width, as a planar beam along y, any distance from its axis is
-    accepted.  The axis is x, or the longest direction of a mesh from a file.
+    Across the axis, a point outside may have a distance of up to the width or the height of the body, whichever is
+    more: the nearest wall stands for such a point.  If a beam has no extent in a direction, such as a planar beam along
+    y, any distance in this direction is accepted.  The axis is x, or the longest direction of a mesh from a file.
     """
     points = model.grid.points
     rows = model.stresses() if is_beam(model) else None
@@ -207,10 +210,10 @@ def _check_on_body(key: str, at: Point, part: OneBody, model: FiniteElementModel
 
 
 def probe_summary(outputs: Mapping[str, Iterable[object]]) -> dict[str, list[dict[str, Any]]]:
-    """Entry ``probes`` of summary.json: name, unit, position in m and face of each gauge among the outputs of bodies.
+    """Return a dict of one key, ``probes``, for summary.json: name, unit, position in m and face of each gauge.
 
-    `outputs` are by body; the name of a gauge begins with the body's name unless that is empty.  Returns an empty dict
-    if there are no gauges.
+    `outputs` has the outputs of each body by the body's name; outputs that are no gauges are ignored.  The name of a
+    gauge begins with the body's name, unless the body's name is empty.  Without gauges the dict is empty.
     """
     probes = [
         {"name": qualified_name(body, gauge.name), "unit": gauge.unit, "at": gauge.at.tolist(), "face": gauge.face}
@@ -281,11 +284,13 @@ class _Stresses:
             yield Gauge(f"{probe.name} {measure} {component}", UNITS[measure], mean[k], where, face)
 
     def _probe_points(self, number: int) -> _Points:
-        """Stress points of probe `number`: the nearest to its point, on a beam those around it, or all in its group.
+        """Stress points that probe `number` measures, and their weights.
 
-        Only stress points on the probe's face count.  If the probe names no face, a point has all faces to choose from,
-        and a group has the model's first face.  Raises an `InputError` if the probe's face or group does not exist, or
-        if the group has no stress point on the face.
+        A probe at a point takes the nearest stress point; on a beam, it takes the stress points at both ends of the
+        element.  A probe on a group takes all stress points in the group, with equal weights.  Only stress points on
+        the probe's face count.  If the probe names no face, a point may take any face, and a group takes the model's
+        first face.  Raises an `InputError` if the probe's face or group does not exist, or if the group has no stress
+        point on the face.
         """
         stress_rows, probe, key = self.rows, self.part.probes[number], f"probes[{number}]"
         if probe.face and probe.face not in stress_rows.faces:

@@ -108,10 +108,10 @@ class RigidBody:
 
 
 def _span_rows(rows: Array, reach: float) -> Array:
-    """At most six rows (h, 6), not always independent, that have the same span as `rows` (m, 6).
+    """At most six rows (h, 6) that have the same span as `rows` (m, 6); they may still depend on each other.
 
-    A clamp of many points has many rows, but they span six dimensions at most.  The columns 3 to 5 of `rows` belong to
-    rotations; `reach` in m scales these to displacements, and counts as 1 m if it is 0.
+    A clamp of many points has many rows, but these span six dimensions at most.  The columns 3 to 5 of `rows` belong to
+    rotations.  The length `reach` in m scales rotations to displacements; if it is 0, 1 m is used.
     """
     scale = np.repeat([1.0, reach or 1.0], 3)
     rows = rows / scale
@@ -144,10 +144,11 @@ def free_motions(
 def describe_free_motions(
     system: FullSystem, structural: Mapping[str, StructuralModel], positions: CheckedPositions
 ) -> FreeMotions:
-    """Describe in words the free motions at the position with most of them, the first one of several; collective.
+    """Describe in words the free motions at the position that has most of them; collective.
 
-    `structural` has the structural models of the bodies.  The position is named unless all positions have the same free
-    motions.  Both texts are empty if nothing can move freely.
+    If several positions have as many, the first one is described.  The text names the position unless all positions
+    have the same free motions.  `structural` has the structural models of the bodies.  Both texts are empty if nothing
+    can move freely.
     """
     by_position = [
         {name: describe_motions(motions) for name, motions in at.items()}
@@ -211,9 +212,9 @@ def _multiply_each(rows: Array, shifts: Array) -> Array:
 
 
 def _shifts(distances: Array) -> Array:
-    """Matrices (T, 6, 6) that turn a rigid motion about the base's origin into that about a point farther along x.
+    """Matrices (T, 6, 6) that turn a rigid motion about the base's origin into the same motion about another point.
 
-    `distances` (T,) in m are those of the points from the origin, along x.
+    The T points are at the `distances` (T,) in m from the origin, along x.
     """
     A = np.tile(np.eye(6), (len(distances), 1, 1))
     A[:, 2, 4], A[:, 1, 5] = -distances, distances
@@ -341,9 +342,12 @@ def log_warnings(built: Iterable[AssembledBody], comm: MPI.Comm) -> None:
 def warnings(structure: Structure) -> list[str]:
     """Warning about a structure, as a list of one text; empty if there is nothing to warn of.
 
-    The first of these is told: nodes of given matrices that could not be checked, an open seam, round-off.  A seam of a
-    mesh is open where several nodes lie at one place.  Very short elements cause round-off in the stiffness, which is
-    told if it changes the lowest frequency by more than the share `NOTICED_ROUND_OFF`.
+    If several of these apply, the warning is about the first one:
+
+    - nodes of given matrices could not be checked;
+    - a mesh has an open seam, where several nodes lie at one place;
+    - elements are so short that round-off in the stiffness changes the lowest frequency by more than the share
+      `NOTICED_ROUND_OFF`.
     """
     if getattr(structure.model, "unchecked", False):
         return [UNCHECKED]
@@ -366,9 +370,14 @@ def warnings(structure: Structure) -> list[str]:
 def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, AssembledBody]:
     """Assemble the full models of all bodies of a scene, by name; equal bodies share one `AssembledBody`.  Collective.
 
-    Raises an `InputError` if a body's model is still ``auto``, or needs FEniCSx and that is not installed, if a mesh
-    can't be read or drawn, if a load, mass, support, pad or probe does not fit the mesh, or if a pad joins faces of two
-    bodies that are not parallel.  Raises a `NotHeldError` if a rigid motion is free and the scene does not allow it.
+    Raises an `InputError` in these cases:
+
+    - a body's model is still ``auto``, or it needs FEniCSx, which is not installed;
+    - a mesh can't be read or drawn;
+    - a load, mass, support, pad or probe does not fit the mesh;
+    - a pad joins faces of two bodies that are not parallel.
+
+    Raises a `NotHeldError` if a rigid motion is free and the scene does not allow it.
     """
     for member in filter(is_undecided, members(scene)):
         allowed = "a model by its name is allowed here: pmr.run and pmr.reduce measure which one will do"
@@ -395,10 +404,10 @@ def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, 
 def within_reach(scene: Scene, built: Mapping[str, AssembledBody]) -> dict[str, AssembledBody]:
     """Return the bodies `built` with rows of pads cut to the positions that pads of joints have in the simulated time.
 
-    Everywhere else the row of a pad that has a stiffness becomes zero, because each position takes static solves.  The
-    pads of both joints of a section share their rows, which otherwise cover the positions between the joints too.  Rows
-    of rigid pads and of what is not in a joint stay as they are.  Equal bodies still share one `AssembledBody`; each
-    position that one of them needs counts for all.
+    Each position that a row covers takes static solves later.  The pads of both joints of a section share their rows,
+    so a row also covers the positions between the joints, where no pad comes.  Therefore the row becomes zero at all
+    positions that its pads do not reach.  Only rows of joints' pads with a stiffness are cut; all others stay as they
+    are.  Equal bodies still share one `AssembledBody`; their rows cover each position that one of them needs.
     """
     ranges, reached = dict[int, dict[str, list[Interval]]](), dict[int, AssembledBody]()
     for name, member in zip(scene.names, members(scene), strict=True):
@@ -438,10 +447,10 @@ def _free_motion_sentence(built: Mapping[str, AssembledBody], free: FreeMotions)
 def _check_facing(scene: Scene, built: Mapping[str, AssembledBody]) -> None:
     """Raise an `InputError` if a pad joins faces of two of the bodies `built` that are not parallel; collective.
 
-    Faces count as parallel if the angle between their normals is at most `TURNED`.  It is larger if, for example, the
-    file of a mesh has another axis upwards.  The normal of a face is the direction along which the pad measures
-    displacements of the face's body, at the first of the checked positions.  Directions along which one of the bodies
-    of the scene can't move are left out.
+    Faces count as parallel if the angle between their normals is at most `TURNED`.  The angle is larger if, for
+    example, another axis is upwards in the file of a mesh.  The normal of a face is the direction along which the pad
+    measures displacements of the face's body, at the first of the checked positions.  Directions along which one of the
+    bodies of the scene can't move are left out.
     """
     models, structural = models_of(built), {name: body.structure.model for name, body in built.items()}
     system, positions = FullSystem(models, contacts_of(scene, models)), _checked_positions(scene)

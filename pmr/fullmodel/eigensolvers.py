@@ -304,8 +304,8 @@ EigenSolver = DenseEigenSolver | SlepcEigenSolver | OneFactorEigenSolver
 def lowest_frequencies(model: FullModel, s: Array, count: int, solver: str) -> Array:
     """Lowest circular frequencies (S, f) in rad/s with the rows held at each path coordinate `s` (S,) m; collective.
 
-    The number f of frequencies is `count`, or the number of coordinates less that of rows, soft ones too, if this is
-    smaller.  `solver` is the choice of `eigensolver`, whose errors are raised.
+    The number f of frequencies is `count`, but at most the number of coordinates minus the number of rows, including
+    rows with a compliance.  `solver` is the choice of `eigensolver`, whose errors are raised.
     """
     solver_of_model = eigensolver(model, solver)
     count = min(count, model.size - len(model.rows.names))

@@ -59,11 +59,15 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
       The forces of all other pads and supports are the multipliers of their rows;
     - the rotation of the tip, if the scene observes it, and what the probes measure.
 
-    By default the observed stations are the nodes of a beam without the last one, which is the tip.  Of more than
-    `MOST_OBSERVED` nodes every second, third and so on is taken.
+    By default the observed stations are the nodes of a beam without the last one, which is the tip.  If there are more
+    than `MOST_OBSERVED` nodes, only every second or third node (and so on) is observed.
 
-    The loads are those of the scene along each axis of the body, those of hoists last; then the weight, unless a frame
-    moves the body; then the acceleration by extensions; then the acceleration fields of a moving frame.
+    The loads of the structure are, in this order:
+
+    - the loads of the scene along each axis of the body, with the loads of hoists last;
+    - the weight, unless a frame moves the body;
+    - the acceleration by extensions;
+    - the acceleration fields of a moving frame.
 
     Raises an `InputError` if the mesh can't be read or drawn or lacks a group, or if the model needs FEniCSx and that
     is not installed.

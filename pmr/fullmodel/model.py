@@ -62,7 +62,8 @@ def masses_of(model: StructuralModel, point_masses: Sequence[PointMass], M: PETS
     """Mass and centre of gravity of a `model` with the mass matrix M, and of its `point_masses`; collective.
 
     M has neither the `point_masses` nor any clamps.  None is returned for given matrices: supports inside them would
-    falsify the mass.  A coordinate of the centre of gravity that the model's motions do not show is 0.
+    falsify the mass.  The model's own centre of gravity counts as 0 in a direction that its motions do not show, such
+    as y for a planar beam.
     """
     if not is_assembled(model) and not isinstance(model, Mover):
         return None
@@ -336,7 +337,7 @@ def operators_of(model: StructuralModel, comm: MPI.Comm) -> Operators:
 
 
 def pad_pattern(A: sp.csr_matrix, other: sp.csr_matrix) -> sp.csr_matrix:
-    """Copy (n, n) of A with stored zeros where only `other` (n, n) has entries: its pattern contains both patterns."""
+    """Copy (n, n) of A with stored zeros where only `other` (n, n) has entries; the copy has the patterns of both."""
     A, other = A.tocoo(), other.tocoo()
     entries = np.concatenate([A.data, np.zeros(other.nnz)])
     places = np.concatenate([A.row, other.row]), np.concatenate([A.col, other.col])

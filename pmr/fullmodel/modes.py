@@ -124,9 +124,10 @@ class _Block:
 def _orthonormalise(W: Array, MW: Array, comm: MPI.Comm, most: int) -> _Block:
     """Return M-orthonormal vectors that span the columns of W (n_local, k), from M W, `MW` (n_local, k); collective.
 
-    Directions shorter than `SPANNED` times the longest are left out; of the others, at most the `most` longest are
-    taken.  `lengths` (k, k) of the result has a row for each direction, also for those left out, the shortest first:
-    the components of W's columns along it.
+    The vectors are principal directions of the columns.  Directions shorter than `SPANNED` times the longest are left
+    out.  Of the others, at most the `most` longest are taken.  `lengths` (k, k) of the result has a row for each
+    direction, from the shortest to the longest, including directions that are left out.  A row has the components of
+    the columns of W along its direction.
     """
     values, turned = np.linalg.eigh(inner(W, MW, comm))
     is_spanned = values > SPANNED**2 * np.max(values, initial=0.0)
@@ -275,9 +276,9 @@ def finish_modes(model: FullModel, s: float, omega2: Array, phi: Array, cut: boo
 def _residuals(model: FullModel, s: float, omega2: Array, phi: Array) -> Array:
     """Backward errors (k,) of k eigenpairs `omega2` (k,), `phi` (n_local, k) at path coordinate s in m; collective.
 
-    The error of a mode is the largest entry of its residual K phi - omega^2 M phi over (k + omega^2 m) p, with the
-    infinity norms k of K and m of M and the largest entry p of phi.  It is 0 if the divisor is 0.  The part of a
-    residual that is in equilibrium with forces on the rows does not count as an error.
+    The error of a mode is ||K phi - omega^2 M phi|| / ((||K|| + omega^2 ||M||) ||phi||) in infinity norms.  The error
+    is 0 if the divisor is 0.  The part of a residual that is in equilibrium with forces on the rows does not count as
+    an error.
     """
     comm = model.comm
     first, last = model.M.getOwnershipRange()

@@ -78,7 +78,7 @@ def solver_of(K: PETSc.Mat, elimination: Elimination, dense: bool) -> StaticSolv
     """Static solver of a stiffness K (n, n): by LAPACK if `dense`, else by a sparse factor; collective.
 
     `elimination` says which coordinates remain after the held ones are eliminated.  Raises a `SingularError` if the
-    stiffness on these is not positive definite.
+    stiffness on the remaining coordinates is not positive definite.
     """
     return (_DenseSolver if dense else _SparseSolver)(K, elimination)
 
@@ -189,7 +189,7 @@ class FrameAssembler:
         return parts[0]
 
     def _single_inertia(self, j: int, k: int) -> PETSc.Mat:
-        """Matrix A_jk (n, n), for j <= k, from whose multiples `inertia` adds up A_S; assembled once; collective."""
+        """Matrix A_jk (n, n) of `inertia`, for j <= k; assembled at the first call and stored.  Collective."""
         if (j, k) not in self._single_inertias:
             tensor, form = self._inertia_form
             tensor.value = np.outer(np.eye(3)[j], np.eye(3)[k])
@@ -283,9 +283,9 @@ class AccelerationField(NamedTuple):
 def acceleration_field(name: str, model: StructuralModel) -> AccelerationField:
     """Tensor S (3, 3) and rigid motion (k,) that give the acceleration field `name`, a key of `CONSTANT` or `LINEAR`.
 
-    The field is S, which has a single entry of 1, applied at each node to the displacement vector of the rigid motion.
-    The motion is 1 or -1 along or about one of the k directions of the model.  Both results are zero if the model lacks
-    all directions whose rigid motion could give the field.
+    The field at a point is S times the displacement vector of the rigid motion there.  S has a single entry, which is
+    1.  The motion is 1 or -1 along or about one of the k directions of the model.  If the model has none of the
+    directions whose rigid motion could give the field, both results are zero.
     """
     for S, along in (CONSTANT | LINEAR)[name]:
         if along in model.directions:
@@ -304,12 +304,12 @@ def cylinder_row(
     T: sp.csr_matrix,
     travel: tuple[float, float],
 ) -> Row:
-    r"""Constraint row of a luffing cylinder that holds a base: its elongation over the luffing angle, from -pi to pi.
+    r"""Constraint row of a luffing cylinder that holds a base, for all luffing angles from -pi to pi.
 
-    The cylinder goes from the foot on the machine to the lug on the boom.  At the luffing angle :math:`\varphi` the
-    unit vector from foot to lug, in the boom's axes, is :math:`d(\varphi)`.  The section of the boom at the lug is
-    displaced by u and turns by :math:`\theta`, and the lug is the height z above the boom's axis.  The cylinder gets
-    longer by
+    The row measures the cylinder's elongation as a function of the luffing angle.  The cylinder goes from the foot on
+    the machine to the lug on the boom.  At the luffing angle :math:`\varphi` the unit vector from foot to lug, in the
+    boom's axes, is :math:`d(\varphi)`.  The section of the boom at the lug is displaced by u and turns by
+    :math:`\theta`, and the lug is the height z above the boom's axis.  The cylinder gets longer by
 
     .. math:: c(\varphi)\, q = d_x(\varphi)\, (u_x + z\, \theta_y) + d_z(\varphi)\, u_z
 

@@ -232,7 +232,7 @@ def moving_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple
 def fixed_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
     """Row of a pad that stays at `pad.at`, constant over `travel` (m), on the coordinates z with q = T z.
 
-    The row equals that of a moving pad that has a station at its centre.  Raises an `InputError` if the pad leaves its
+    It is the row that a moving pad has when a station is at its centre.  Raises an `InputError` if the pad leaves its
     face.
     """
     mean = sp.csr_matrix(under_pad(pad, model, np.array([pad.at])) @ T)
@@ -262,11 +262,13 @@ def under_even_pad(pad: Pad, model: StructuralModel) -> sp.csr_matrix:
 
     .. math:: \frac{1}{L W} \int u \cdot n \, d\xi\, d\eta
 
-    L and W are length and width of the pad, which is centred at `pad.at`.  So a force on this row is an even pressure,
-    while one on that of `under_pad` is largest in the middle.  The row acts on the n coordinates of `model`; a beam's
-    row is a mean along its line.  Points of quadrature next to a side of the pad count by the part of a step that is
-    inside.  Sum, centroid and spread along the axis are those of the area but for round-off.  The spread across is off
-    by 0.2 %, or by 8 % if sides of the pad are on edges of the face.
+    L and W are length and width of the pad, which is centred at `pad.at`.  A force on this row is an even pressure.  A
+    force on the row of `under_pad` is a pressure that is largest in the middle.  The row acts on the n coordinates of
+    `model`; a beam's row is a mean along its line.
+
+    The weights of the quadrature points fall to zero over one step at the sides of the pad.  Sum, centroid and spread
+    (second moment) along the axis have no error but round-off.  The spread across has an error of 0.2 %, or of 8 % if
+    sides of the pad are on edges of the face.
 
     Raises an `InputError` if the pad leaves its face by more than `under_pad` allows.
     """
@@ -448,9 +450,9 @@ def _correct_weights(weights: Array, offsets: Array, ends: Indices, moments: Arr
     """Return `weights` (q,) times a parabola at each station, so that their moments are those of the exact integral.
 
     The parabola is a function of the offsets from the station.  At each station the result adds up to one, its centroid
-    is at the station, and its second moment along the axis is 1/6, which is that of the hat.  The correction is as
-    small as the error of the quadrature.  Uncorrected weights would make rows ripple for motions that have no ripple.
-    `weights`, `offsets` and `ends` are those of `_moments`, and `moments` (9, K) is its result.
+    is at the station, and its second moment along the axis is 1/6, as for the exact hat.  The correction is as small as
+    the error of the quadrature.  Without the correction, rows would ripple along the path for motions without a ripple.
+    `weights`, `offsets` and `ends` are the arguments of `_moments`, and `moments` (9, K) is its result.
     """
     targets = np.array([1.0, 0.0, 0.0, 1.0 / 6.0])
     parabolas = np.linalg.pinv(moments.T[:, _PRODUCTS], rcond=1e-12, hermitian=True) @ targets

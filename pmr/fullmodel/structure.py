@@ -244,7 +244,10 @@ def couple(structure: Structure) -> Coupling:
 
 
 def _centre(mass: PointMass) -> Array | None:
-    """Centre of gravity (3,) of a point mass in m; None, for the centroid of its place, if the scene gives none."""
+    """Centre of gravity (3,) in m that the scene gives for a point mass.
+
+    The result is None if the scene gives none; the mass is then at the centroid of its place.
+    """
     return None if mass.at is None else np.array(mass.at)
 
 
@@ -390,7 +393,7 @@ def _constrain_matrix(A: PETSc.Mat, T: sp.csr_matrix, addition: sp.csr_matrix) -
 
 
 def _position(output: Action | PadForce | Gauge, structure: Structure) -> float:
-    """Coordinate along x in m at which an output of the structure is measured; for a place, that of its centroid."""
+    """Coordinate along x in m at which an output of the structure is measured; for a place, its centroid's."""
     if isinstance(output, Gauge):
         return float(output.at[0])
     if isinstance(output, Action):

@@ -65,7 +65,10 @@ class PlateBody:
 
 @dataclass(frozen=True)
 class Ring:
-    """Pads that slide together by `span` in m, 0 if they do not move; `at` of each pad is its first position in m."""
+    """Pads that slide together, by the distance `span` in m; 0 if they do not move.
+
+    The `at` of each pad is its position in m before it slides.
+    """
 
     pads: tuple[Pad, ...]
     span: float = 0.0
@@ -92,8 +95,8 @@ def wall_compliance(
 ) -> WallCompliance:
     """Compute the walls' compliance (m, m) for m fixed pads and ends, and for rings of sliding pads; not collective.
 
-    `standing` are the fixed pads, and `ends` are pairs such as ``("tip", "y")``.  Bodies with equal sections share the
-    results, and so do later runs, by a file in the user's cache folder.
+    `standing` are the fixed pads, and `ends` are pairs such as ``("tip", "y")``.  The results are stored in a file in
+    the user's cache folder.  Equal bodies and later runs read them from there.
 
     Raises an `InputError` if a pad leaves its face.
     """
@@ -133,8 +136,9 @@ def _compliance_arrays(
 class HeldModel:
     """A model of a body and its static displacements under unit forces.
 
-    The clamps and rigid masses that keep the shape of its ends hold the model.  If they leave a rigid motion free, its
-    inertia holds the model, and the mass times a small shift is added to the stiffness.
+    The model is held by the clamps and rigid masses that keep the shape of the body's ends.  If these leave rigid
+    motions free, inertia forces of the body balance the load.  The mass times a small shift is then added to the
+    stiffness, so that it has a factor.
     """
 
     def __init__(self, model: StructuralModel, body: PlateBody) -> None:
@@ -177,8 +181,8 @@ class HeldModel:
     def _displacements(self, loaded_rows: sp.csr_matrix) -> Array:
         """Displacements (n, f) of the held model under a unit force on each of the f rows `loaded_rows` (f, n) alone.
 
-        If the model has free rigid motions, the load is the force less the inertia forces of the mean acceleration that
-        it causes, and the displacements have no part of these motions.
+        If the model has free rigid motions, a unit force accelerates it along them.  The inertia forces of this
+        acceleration then act beside the unit force, and the displacements have no part along these motions.
         """
         f = loaded_rows.T.toarray()
         x = self._factor.solve_columns(np.asfortranarray(f - self._MR @ self._solve_rigid(self._R.T @ f)))
@@ -244,7 +248,7 @@ def _smooth(values: Array) -> Array:
 
 
 def beam_of(body: PlateBody) -> Beam3D:
-    """Beam of a box in `ELEMENTS` elements, whose compliance and stress are subtracted from those of the shell."""
+    """Beam of a box in `ELEMENTS` elements; its compliance and stress are subtracted from those of the box's shell."""
     line = Beam3DBody(
         length=body.box.length, profile=body.profile, material=body.material, shear=True, elements=ELEMENTS
     )
@@ -267,8 +271,8 @@ AT_AN_END = ("y", "z", "rx")
 def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
     """Walls of a box modelled as a beam: under the pads of the beam and at its ends; collective.
 
-    Their compliance is computed on a shell with the cells of a shell model of the same body.  Left out are ends on
-    which nothing acts, ends that a clamp or rigid mass keeps in shape, and ends no softer than the beam's.
+    Their compliance is computed on a shell with the cells of a shell model of the same body.  An end is left out if
+    nothing acts on it, if a clamp or rigid mass keeps its shape, or if the shell is not softer there than the beam.
 
     Raises an `InputError` if a pad leaves its face, or the box can't be drawn with these cells.
     """

@@ -87,7 +87,10 @@ class ByPressure(NamedTuple):
 
 @dataclass(frozen=True)
 class RingStress:
-    """Local stresses of k pads, each with 1 N outwards alone, at P points on both faces of the walls around them."""
+    """Local stresses of k pads at P points on both faces of the walls around them.
+
+    Each pad acts alone, with 1 N outwards.
+    """
 
     points: Array  # (P, 3) m: x from the middle of the pads, y and z
     thickness: Array  # (P,) m
@@ -100,7 +103,10 @@ class RingStress:
         return replace(self, points=self.points * [-1.0, 1.0, 1.0], unit=self.unit * [1.0, 1.0, -1.0])
 
     def margin(self, point: int) -> float:
-        """Share of the largest stress that is added to its error bar, if point number `point` has this stress."""
+        """Share of the largest stress that is added to the error bar, if the largest stress is at this `point` number.
+
+        The share is larger at an edge where two walls meet.
+        """
         return EDGE_MARGIN if self.on_edge[point] else MARGIN
 
 
@@ -186,8 +192,8 @@ class SectionPiece:
     def factors(self, stress: RingStress) -> Array:
         """Return the stresses (P, 3, 6) in Pa at the points of `stress` per unit of each section force.
 
-        Section forces are in the order of `FORCES`.  The three stresses are those along the axis, across it in the
-        wall, which is zero, and the shear stress, with the signs of `RingStress`.
+        Section forces are in the order of `FORCES`.  The three stresses are the stress along the axis, the stress
+        across it in the wall (zero), and the shear stress.  Their signs are those of `RingStress`.
         """
         box, factors = self.section, np.zeros((len(stress.points), 3, len(FORCES)))
         section = section_of(box, self._bodies[0].material.poisson)
@@ -369,8 +375,9 @@ def _combined(
 ) -> Iterator[Array]:
     """Yield the von Mises stress (P,) in Pa at the points of `stress`, at each of the times with these `numbers`.
 
-    The stress is that of the section forces in `states`, with the `factors` of the section's piece, and the local
-    stress of the pads of `ring`, whose `pressure` is that with this number in `ByPressure`.
+    It is computed from the sum of two stresses: that of the section forces in `states`, by `factors`, and the local
+    stress under the forces of `ring`.  `pressure` is the number of the pressure under pads in `ByPressure`: 0 for
+    largest in the middle, 1 for even.
     """
     layers, layer = np.unique(stress.points[:, 0], return_inverse=True)
     for state in numbers:
@@ -392,10 +399,10 @@ class YieldForce:
 def yield_forces(scene: Scene) -> dict[str, YieldForce]:
     """Return the force of each pad of a joint at which the walls that it touches begin to yield, by the pad's name.
 
-    Names are such as ``fly tail bottom left``.  The force is the smallest one of both sections that the pad touches and
-    of up to `PLACES` places along its way.  Each pad acts alone: the stress of the whole section, of which bending is
-    the largest part, comes on top.  Left out are joints that touch a section without even walls
-    (`BoomSection.has_even_walls`) or without a yield stress, and pads on the ground.
+    A name is, for example, ``fly tail bottom left``.  The force is computed for both sections that the pad touches and
+    for up to `PLACES` places along its way; the smallest one is returned.  Each pad acts alone: the stress of the whole
+    section, which is mostly bending, is not included.  Joints are left out if one of their sections has no even walls
+    (`BoomSection.has_even_walls`) or no yield stress.  Pads on the ground are left out, too.
 
     Raises an `InputError` as `SectionPiece` and its method `stresses` do.
     """

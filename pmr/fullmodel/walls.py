@@ -101,8 +101,8 @@ class Walls:
     def compliance_under(self, pad: str, x: float) -> float:
         """Compliance in m/N of the wall under a pad by the pad's own force; 0 if the wall is rigid.
 
-        x (m) is the place of the pad's centre on the body.  It does not matter for a fixed pad; for a sliding pad that
-        is beyond its path the compliance is that at the nearer end.
+        x (m) is the place of the pad's centre on the body.  For a fixed pad x does not matter.  For a sliding pad whose
+        x is beyond its path, the compliance at the nearer end of the path is returned.
         """
         if pad in self.standing.pads:
             number = self.standing.pads.index(pad)
@@ -124,8 +124,8 @@ class Walls:
     def mass(self, size: int) -> sp.csr_matrix:
         """Mass (size, size) in kg of the walls on the body's `size` coordinates.
 
-        It has entries on the diagonal of the walls' own coordinates, which are the last ones.  An entry is the mass at
-        a pad or an end times k_0 and times the compliance there, which for a sliding pad is the mean over its path.
+        It has entries on the diagonal of the walls' own coordinates, which are the last ones.  The entry of a pad or an
+        end is its mass, times k_0, times its compliance.  For a sliding pad, the mean compliance over its path counts.
         """
         sizes = [np.diagonal(self.standing.compliance)]
         sizes += [np.diagonal(sliding.compliance, axis1=1, axis2=2).mean(axis=0) for sliding in self.sliding]
@@ -156,10 +156,10 @@ class Walls:
         return row
 
     def add_end_motion(self, motion: sp.csr_matrix, place: str | float, directions: tuple[str, ...]) -> sp.csr_matrix:
-        """Rows (k, n) of a `place` along or about k `directions`, with the motion of its walls.
+        """Rows (k, n) that measure a `place` along or about k `directions`, including the motion of its walls.
 
-        `motion` (k, n) are the rows without it, which are returned themselves unless the place is an end that gives way
-        in one of these directions.
+        `motion` (k, n) are the rows without the motion of walls.  If the place is no end that gives way in one of the
+        directions, `motion` itself is returned.
         """
         behind, pads = motion.shape[1] - self.count, len(self.standing.pads)
         ends = enumerate(self.standing.ends)
@@ -184,8 +184,8 @@ class Walls:
     def _sliding_factors(self) -> list[tuple[Array, Array, Array]]:
         """Factors A' (p, k, r) and V (r, m) of A = A' V, and the matrices S_m (p, k, k), for each `Sliding`.
 
-        The module's docstring has the equations.  Components V y_f whose columns of A' have no entry above `SHARED`
-        are left out: they hardly move the pads that slide.
+        The class's docstring has the matrices A and S_m.  V y_f has r components.  A component is left out if its
+        column of A' has no entry above `SHARED`, as it hardly moves the pads that slide.
         """
         inverse, factors = np.linalg.pinv(self._standing_root, rcond=SAME**0.5).T, []
         for sliding in self.sliding:
