@@ -170,7 +170,8 @@ def check_output_file(file: Path, *read: Path) -> None:
 def scene_file(path: Path) -> Path:
     """Return the scene file that `path` names: itself, `scene.toml` in this folder, or a workflow of this name.
 
-    Raises InputError if it is a study.  A file that is missing passes: the function that reads it says so.
+    Raises InputError if the file is a study.  A missing file is no error here: the function that reads it will raise
+    one.
     """
     file = _find_file(path, "scene.toml")
     if "kind" in tables_or_empty(file):
@@ -238,10 +239,10 @@ def summary_beside(model: Path) -> Any:
 
 
 def prepare_streams() -> None:
-    """Open all of standard input, output and error that are closed, and let standard output write any letter.
+    """Open standard input, output and error as far as they are closed, and let standard output write any letter.
 
-    Otherwise a file of results could get the number of a closed stream, and would contain what libraries print.
-    Letters that the encoding lacks are written as escapes, as on standard error.
+    If a stream stayed closed, a file of results could get its number, and would contain what libraries print.  Letters
+    that the encoding lacks are written as escapes, as on standard error.
     """
     for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
         try:

@@ -228,7 +228,7 @@ def simulate(model: Model, scene: MotionScene, out_dir: Folder = None, overrides
 
     The scene may differ from that of the file in paths, signals of loads (with the same names), time and simulators.
     Other bodies or joints are refused.  DIR then has summary.json, scene.json, trajectories.npz and tables/*.csv, as
-    after `pmr run`.  It must not be the folder of the model.
+    after `pmr run`.  DIR must not be the folder of the model.
 
     For example:
 

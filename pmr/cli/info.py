@@ -374,7 +374,7 @@ def schema(
 ) -> None:
     """Print the schema of a scene or study file, or explain a key.
 
-    An editor that knows TOML (Even Better TOML, Taplo) reads it from the first line of a file:
+    An editor that knows TOML (Even Better TOML, Taplo) finds the schema by the first line of a file:
 
         #:schema scene.schema.json
 

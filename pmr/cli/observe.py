@@ -85,9 +85,10 @@ def identify(
 ) -> None:
     """Fit keys of a scene to measured frequencies.
 
-    The measurements have columns by paths, or s for the only path, in m, then f1, f2 ... in Hz, and damping ratios d1,
-    d2 ... if you have them.  A place with 1 in the column held_out judges the fit.  DIR then has fitted.toml, the scene
-    with fitted values, and identify.json.
+    Each row of the measurements is a place.  Its columns are the coordinates in m of the paths, by their names, or s if
+    there is only one path; then the frequencies f1, f2 ... in Hz, and the damping ratios d1, d2 ... if you have them.
+    A place with 1 in the column held_out is not fitted but judges the fit.  DIR then has fitted.toml, the scene with
+    fitted values, and identify.json.
 
     For example:
 

@@ -47,8 +47,8 @@ def study(
     """Compute many runs and make one table of them.
 
     DIR then has runs.csv and runs.npz (one row for each run), seconds.csv and summary.json, or a folder of these for
-    each study of a collection.  After an interruption the same command computes what is missing, and tries runs again
-    that failed.  Results of another version of pmr are not reused.
+    each study of a collection.  After an interruption the same command computes what is missing, and repeats runs that
+    failed.  Results of another version of pmr are not reused.
 
     A run that fails is recorded with its reason and the others go on; the exit code is then 1.
 

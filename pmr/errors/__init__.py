@@ -99,9 +99,9 @@ class GrowthError(SimulationError):
     def refusal(self, step: float, rho_inf: float) -> InputError:
         """Return this error as an InputError that names the key to change.
 
-        The key is time.step; if rigid constraints move, it is time.rho_inf or, if `rho_inf` is 0 already,
-        reduction.flexibility.  `step` is the scene's time step in s, and `rho_inf` its spectral radius at infinite
-        frequency.
+        If no rigid constraint moves, the key is time.step.  If one moves, the key is time.rho_inf, or
+        reduction.flexibility if `rho_inf` is 0 already.  `step` is the scene's time step in s, and `rho_inf` its
+        spectral radius at infinite frequency.
         """
         key, value, allowed = "time.step", step, "a smaller one is allowed"
         if self.rigid_rows and rho_inf > 0.0:
@@ -164,7 +164,7 @@ def call_on_first_rank(comm: Any, make: Callable[[], Found]) -> Found | None:
 
 
 class FormerName(NamedTuple):
-    """Present name of an object that had another public name, and the version of pmr that removes this earlier name."""
+    """Present name of a public object that was renamed, and the version of pmr that removes its former name."""
 
     now: str
     until: str

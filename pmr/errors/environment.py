@@ -90,9 +90,9 @@ def plugin_versions() -> list[str]:
 def plugins_digest() -> str:
     """Return a digest of the versions and of all files of installed plug-ins, on which results depend.
 
-    The digest covers the packages or modules that entry points name, the modules in the same folder as a module of a
-    single file, and the files that the plug-ins' distributions list as installed.  Files are read once in a process, as
-    their code is imported once.
+    The digest covers the packages or modules that entry points name, and the files that the plug-ins' distributions
+    list as installed.  If an entry point names a module of a single file, the modules in its folder count, too.  Files
+    are read once in a process, as their code is imported once.
     """
     return _code_digest(tuple(sys.path))
 
@@ -194,7 +194,7 @@ def import_package(name: str) -> Any:
     """Import and return the optional package `name`, or a module in it, at the time when it is needed.
 
     Raises InputError if the package, or a library that it loads, is missing.  The message says what the package does
-    and how to install it, for which the package has to be one of `_NEEDED`.
+    and how to install it.  Therefore the package has to be one of `_NEEDED`.
     """
     try:
         return importlib.import_module(name)

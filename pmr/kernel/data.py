@@ -235,9 +235,10 @@ def _body_arrays(rows: Arrangement, split: Outputs) -> Arrays:
 def _contact_arrays(system: System, rows: Arrangement, split: Outputs) -> Arrays:
     """Constant arrays of the contacts by their names in the kernel's block.
 
-    They are the constant parts C, F, H, X of the rows; clearances, 0 for contacts that hold both ways, and the mask of
-    contacts that only push; the range of modes that each row touches; the ends of each path's range; and derivatives of
-    the compliance by the paths that lengthen ropes.  `split` says which outputs are reactions of supports.
+    They are the constant parts C, F, H, X of the rows; the clearances, 0 for contacts that hold both ways; the mask of
+    contacts that only push; the range of modes that each row touches; the ends of each path's range; and the
+    derivatives of the compliance by the paths that lengthen ropes.  `split` says which outputs are reactions of
+    supports.
     """
     m, moments = len(system.contacts), len(rows.F) - len(system.contacts)
     clearance = np.pad(system.clearance, (0, moments), constant_values=np.nan)

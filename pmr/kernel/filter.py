@@ -233,8 +233,8 @@ def find_stuck(values: Array, step: float) -> NDArray[np.bool_]:
     """Mask (T, p) of the measurements at which a sensor is stuck.
 
     `values` (T, p) are the measurements of p sensors at T steps of `step` s; NaN stands for none.  A measurement is
-    marked if it ends a row of three or more equal ones that began at least `STUCK` s before it.  Steps without a
-    measurement are passed over, and never marked.
+    marked if it is at least the third of successive equal measurements, the first of which was at least `STUCK` s
+    before.  Steps without a measurement are passed over, and never marked.
     """
     stuck = np.zeros(values.shape, bool)
     for column, marked in zip(values.T, stuck.T, strict=True):
@@ -318,10 +318,11 @@ def find_drift(mean: Array, deviation: Array, step: float, growth: float) -> NDA
     """Mask (T,) of the steps at which a payload's estimate has changed over `CHANGED` s by more than chance explains.
 
     `mean` (T,) in kg are estimates of a constant payload at steps of `step` s, and `deviation` (T,) in kg their
-    standard deviations.  No step of the first `CHANGED` s is marked.  The change that chance explains has the variance
-    by which the estimate's variance has fallen in this time, plus the variance of a random walk, which grows by
-    `growth` in kg^2/s.  A change of more than `DRIFT` times the root of this sum is a drift, as by a force sensor whose
-    error grows slowly.  Innovations do not show such an error, because the estimate of the payload follows it.
+    standard deviations.  No step of the first `CHANGED` s is marked.  Two variances explain a change by chance.  The
+    first is the amount by which the estimate's variance has fallen in this time; the second is that of a random walk,
+    which grows by `growth` in kg^2/s.  Their sum counts as at least the square of a fifth of the `deviation`.  A change
+    of more than `DRIFT` times the root of this sum is a drift, as by a force sensor whose error grows slowly.
+    Innovations do not show such an error, because the estimate of the payload follows it.
     """
     lag, drifts = max(1, round(CHANGED / step)), np.zeros(len(mean), bool)
     variance = deviation[:-lag] ** 2 - deviation[lag:] ** 2 + growth * lag * step

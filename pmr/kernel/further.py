@@ -62,9 +62,9 @@ def support_arrays(
     """Arrays from which the kernel computes those parts of support reactions that rates of modes and terms cause.
 
     ``reaction_rates`` (r, width) holds the reaction per rate of each of r modes.  For each term of the system,
-    ``support_first`` holds the number of its first entry.  ``support_entries`` (e, 2) holds the number of the reaction
-    and of the mode of each entry; r is added to the mode's number if the entry is multiplied by the mode's rate.
-    ``support_values`` (e,) holds the entries; negligible ones are left out.
+    ``support_first`` holds the number of its first entry.  ``support_entries`` (e, 2) holds, for each entry, the number
+    of its reaction and the number of its mode.  If the entry is multiplied by the mode's rate, r is added to the number
+    of the mode.  ``support_values`` (e,) holds the entries; negligible ones are left out.
 
     `supports`, the modal `forms` and `modes` have an item for each body; `modes` are the slices of the bodies' modes,
     padding included.  `width` is the number of reactions, padding included.

@@ -57,7 +57,7 @@ class DriverSizes:
 
 
 class Kernel(StateSizes, DriverSizes):
-    """A system in memory, which any number of states in any number of threads only read."""
+    """A system in memory.  It does not change, so any number of states in any number of threads may use it."""
 
     def __init__(self, block: bytes | bytearray) -> None:
         """Copy and open a block; an InputError is raised if the bytes are no block of this kernel, or damaged."""
@@ -86,8 +86,8 @@ class Kernel(StateSizes, DriverSizes):
         """Kernel of a system whose bodies have these modal forms, by name (`pmr.simulation.modal.modal_form`).
 
         If there is a moving `frame` (`pmr.simulation.moving.MovingFrame`), the motions of the frame drive the system.
-        Without a frame, paths, loads and amplitudes of terms do.  `reduced` is the system in modes with combined rings
-        if the caller has it; the kernel then computes no reactions of supports.  Errors as
+        Without a frame, paths, loads and amplitudes of terms do.  A caller that already has the system in modes with
+        combined rings passes it as `reduced`; the kernel then computes no reactions of supports.  Errors as
         `pmr.kernel.data.system_data`.
         """
         data = system_data(system, forms, frame, reduced)

@@ -97,12 +97,12 @@ class ContactSearch:
 class FixedPoint:
     """Iteration of x (n,) to a fixed point x = phi(x), accelerated by generalized conjugate residuals.
 
-    If phi is linear, it takes as many iterates as the derivative of phi has distinct eigenvalues, even if these are
-    large.
+    If phi is linear, the number of iterates is the number of distinct eigenvalues of the derivative of phi.  The
+    iteration converges even if the eigenvalues are large.
     """
 
     def __init__(self, size: int, most: int = 32, add_up: Callable[[float], float] | None = None) -> None:
-        """Begin without iterates, for n = `size` numbers on this rank; `most` is the largest number of directions kept.
+        """Begin without iterates, for n = `size` numbers on this rank; at most `most` earlier directions are stored.
 
         If each rank has a part of the iterates, ``add_up(value)`` returns the sum of `value` over all ranks.
         """

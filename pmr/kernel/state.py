@@ -52,8 +52,8 @@ class Record:
     """Recorded arrays of T steps by name, one row for each step; quantities that are not in `names` are not recorded.
 
     The numbers of substeps are in `parts` (T,), which is empty if they are not recorded.  The array `ends` is about the
-    last step alone.  It has a row (3 + N,) for each of its substeps: a free extension with its first and second rate,
-    and the N drivers, at the substep's end.  The kernel fills it for a free extension alone.
+    last step alone.  It has a row (3 + N,) for each substep of this step: a free extension with its first and second
+    rate, and the N drivers, at the substep's end.  The kernel fills it only if there is a free extension.
     """
 
     FIELDS = ("z", "v", "multipliers", "impulses", "peaks", "energy", "friction", "outputs", "drivers", "hoist")
@@ -158,10 +158,10 @@ class State:
     ) -> None:
         """Begin at t = 0 under drivers u (N,): at rest, with given z and v (modes,), or at rest in equilibrium.
 
-        `kind` says which of the three; z and v count for ``given`` alone.  With the `rates` (P,) of the paths in m/s, v
-        is corrected by the change of least kinetic energy, so that rigid contacts move with their paths.  A StepError
-        is raised if nothing holds the bodies, or if contacts depend on each other; an InputError for numbers that are
-        not finite.
+        `kind` says which of the three; z and v have an effect only with ``given``.  With the `rates` (P,) of the paths
+        in m/s, v is corrected by the change of least kinetic energy, so that rigid contacts move with their paths.  A
+        StepError is raised if nothing holds the bodies, or if contacts depend on each other; an InputError for numbers
+        that are not finite.
         """
         drivers = self._check_array("u", u, self.kernel.drivers)
         moving = None if rates is None else self._check_array("rates", rates, self.kernel.paths)

@@ -21,7 +21,7 @@ __all__ = ["Excitation", "InitialState", "Progress", "SystemSimulator", "TimeSte
 
 
 class SystemSimulator(Protocol):
-    """Function that integrates a system of bodies over time: `native.systems.simulate`, `exudyn.simulate_system`."""
+    """Function that integrates a system of bodies over time, such as `native.systems.simulate`."""
 
     def __call__(
         self,

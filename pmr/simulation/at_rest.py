@@ -66,7 +66,7 @@ def scene_at_rest(
     slewing: Array | float,
     loads: Mapping[str, float],
 ) -> Scene:
-    """Scene at rest in P postures: at its times 0, 1 ... P - 1 it is in the posture with this number.
+    """Scene at rest in P postures: at the times 0, 1 ... P - 1 s it is in the posture with the number of the time.
 
     The weight acts in full.  The base keeps its constant inclination; its motions are removed.  In the returned scene
     all angles are in the unit of its frame, rad or degrees.
@@ -100,7 +100,7 @@ def scene_at_rest(
 
 
 def constant_inclination(base: BaseMotion | None) -> BaseMotion | None:
-    """Base with the constant angles of `base` alone; None if no angle is constant."""
+    """Base that keeps only those angles of `base` that are constant in time; None if there are none."""
     angles = {} if base is None else {key: base.motions.get(key) for key in ("rx", "ry", "rz")}
     constant = {key: angle for key, angle in angles.items() if isinstance(angle, Constant)}
     return BaseMotion(**constant) if constant else None

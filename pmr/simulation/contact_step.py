@@ -179,7 +179,7 @@ class StepParts:
 
     @classmethod
     def for_contacts(cls, stepping: TimeStepping, omega: float) -> StepParts:
-        """Numbers of parts in the schedule of `stepping`; without one, the number that `omega` in rad/s needs.
+        """Numbers of parts in the schedule of `stepping`; without a schedule, the number that `omega` in rad/s needs.
 
         `omega` is the circular frequency of contacts that only push.  If it is 0, each step has one part.
         """

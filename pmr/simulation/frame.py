@@ -155,9 +155,9 @@ class FrameAmplitude(FrameSignal):
     def highest_frequency(self, start: float, end: float) -> float:
         """Highest frequency in Hz of the amplitude from `start` to `end` in s, an estimate.
 
-        The amplitude has squares and products of angles, gravity and paths, so the estimate is twice their highest
-        frequency.  A load or an acceleration of the base is multiplied with them: if one of these has tones, the
-        estimate is at least the sum of both highest frequencies.
+        The amplitude has squares and products of angles, gravity and paths, so the estimate is twice the highest
+        frequency of these.  A load or an acceleration of the base is multiplied by angles, gravity and paths.  If it
+        has tones, the estimate is at least the sum of the highest frequencies of both groups.
         """
         slow, fast = (
             max((signal.highest_frequency(start, end) for signal in signals), default=0.0)
@@ -196,8 +196,9 @@ def load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
 def rope_load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
     """Signals by name of the forces of a hoist's rope on a section, while the payload hangs at rest.
 
-    Along the boom the rope pulls with the weight divided by the number of its falls.  Simulators that compute the
-    payload's motion take the rope's actual forces instead.  The result is empty without a hoist or without gravity.
+    Along the boom the rope pulls with the payload's weight divided by the number of the rope's falls.  Simulators that
+    compute the payload's motion take the rope's actual forces instead.  The result is empty without a hoist or without
+    gravity.
     """
     signals, hoist, gravity = dict[str, SignalBase](), scene.hoist, scene.gravity
     if hoist is None or gravity is None:

@@ -203,9 +203,9 @@ class SectionMoments:
 def accelerations(boom: Boom, motion: FrameMotion, extended: Extensions, driven: Array) -> Array:
     """Accelerations y (S, 4, 3), less gravity, of points at rest in each of S sections.
 
-    For each section, y has the acceleration of its tail and the slopes of the acceleration over x, y and z (second
-    axis), along x, y and z (last axis).  `driven` (6 + P,) are the linear and the angular acceleration of the frame,
-    and the second rates of the paths.
+    The second axis has, for each section, the acceleration of its tail, then the slopes of the acceleration over x, y
+    and z.  The last axis has the components along x, y and z.  `driven` (6 + P,) are the linear and the angular
+    acceleration of the frame, and the second rates of the paths.
     """
     y, spin, S = np.empty((len(boom.masses), 4, 3)), skew(motion.omega), len(boom.masses)
     gradient = spin @ spin + skew(driven[3:6])
@@ -267,9 +267,9 @@ def base_equations(
 class FreeBase:
     """Inertia of a boom of S sections on n coordinates, in the order of `pmr.system.assembly.Assembly`.
 
-    Raises InputError for planar sections, for a body that is not reduced, for a scene without a frame that turns the
-    boom out of its vertical plane, and if points of a body are clamped, so that the work of its loads on rigid motions
-    is not known.
+    Raises InputError if the scene has no frame that turns the boom out of its vertical plane, or if a body is planar or
+    not reduced.  Also if points of a body are clamped, because the work of its loads on rigid motions is then not
+    known.
     """
 
     def __init__(self, scene: Scene, system: System, assembly: Assembly | None = None) -> None:
@@ -335,9 +335,10 @@ class FreeBase:
         )
 
     def weight(self, upwards: Array, count: int) -> Array:
-        """Loads (i,) in N by the weight of the boom, on all i = `count` inputs; zero on inputs other than of inertia.
+        """Loads (i,) by the weight of the boom, on all i = `count` inputs.
 
-        `upwards` (3,) in m/s^2 is minus the acceleration of gravity, in the axes of the boom.
+        Inputs of inertia have accelerations in m/s^2 as their loads; the loads on all other inputs are zero.  `upwards`
+        (3,) in m/s^2 is minus the acceleration of gravity, in the axes of the boom.
         """
         loads = np.zeros(count)
         for (_, over, along), column in self.fields.items():

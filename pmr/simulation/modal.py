@@ -168,9 +168,9 @@ def _refine_modes(M: Array, K: Array, X: Array) -> Modes:
     Products are in the precision of M and K (r, r).  The correction E has two parts.  Its antisymmetric part A turns
     modes, and has the couplings divided by gaps between eigenvalues.  Its symmetric part scales modes by half the
     defect from orthonormality.  Gaps between rigid motions are round-off, so couplings are made symmetric before the
-    division.  An asymmetric part by round-off, divided by the gap, would cause an error of 1e-11 in X^T M X.  The
-    factor I + E would cause an error A^T A in X^T M X, and A may be as large as 1 / CLOSE; the factor I + E + E^2 / 2
-    causes A^4 / 4.
+    division.  Otherwise their asymmetric part, divided by such a gap, would cause an error of 1e-11 in X^T M X.  The
+    modes are multiplied by I + E + E^2 / 2, which causes an error of A^4 / 4 in X^T M X.  The factor I + E would cause
+    A^T A, and A may be as large as 1 / CLOSE.
     """
     X = X.astype(M.dtype)
     defect = np.asarray(symmetric_part(np.eye(len(M)) - product(X.T, product(M, X))), float)  # of X^T M X from I
@@ -189,7 +189,8 @@ def modal_damping(D: Array, remainder: Array, omega2: Array, X: Array, rayleigh:
     """Matrix X^T D X (r, r) for r modes X (n, r), exactly diagonal if damping is Rayleigh's or couples no modes.
 
     Couplings that are round-off count as none.  `omega2` (r,) are the squared frequencies of the modes.  `remainder`
-    (n, n) is D - alpha M - beta K of the `rayleigh` damping; all of D (n, n) if `rayleigh` is None.
+    (n, n) is D - alpha M - beta K, with alpha and beta of the `rayleigh` damping.  If `rayleigh` is None, `remainder`
+    is D itself.
     """
     classical = np.zeros_like(omega2) if rayleigh is None else rayleigh.modal_damping(omega2)
     if np.linalg.norm(remainder) <= CLASSICAL * np.linalg.norm(D):

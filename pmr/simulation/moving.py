@@ -107,8 +107,8 @@ def read_scene(system: System, source: str, free: bool = False) -> StoredScene:
 def _read_body_scene(scene: Mapping[str, Any], system: System) -> StoredScene:
     """Stored scene of a single body, from the keys of `scene` that files of all versions have.
 
-    Raises KeyError, TypeError or ValueError if a key is missing or has a wrong value, and ValueError unless there is
-    one load for each input of the system.
+    Raises KeyError, TypeError or ValueError if a key is missing or has a wrong value.  Raises ValueError unless there
+    is one load for each input of the system.
     """
     loads = [_SIGNAL.validate_python(load["signal"]) for load in scene["loads"]]
     weight = Gravity.model_validate(scene["gravity"]) if scene.get("gravity") else None
@@ -334,7 +334,7 @@ def _products(
     """Products of each of the inputs or terms `names`, in this order, from its signal in `signals`.
 
     A signal that is no `FrameAmplitude` is a load itself; `loads` maps each name to the name of this load.  A signal
-    that is a sum of no products gets one product that is zero.  Raises InputError if a name has no signal.
+    without products gets one product, which is zero.  Raises InputError if a name has no signal.
     """
     products = list[Products]()
     for name in names:

@@ -164,8 +164,8 @@ def with_pivot_force(scene: Scene, response: Response) -> Response:
 def with_luffing_cylinder(scene: Scene, response: Response) -> Response:
     """Return the response with the luffing cylinder's force in N, positive in compression.
 
-    A cylinder with a stiffness has the force of its contact.  The force of any other one follows from the moment at the
-    pivot.  The response is returned unchanged without a cylinder, or if this moment is not known.
+    If the cylinder has a stiffness, its force is that of its contact.  Otherwise its force follows from the moment at
+    the pivot.  The response is returned unchanged without a cylinder, or if this moment is not known.
     """
     if scene.frame is None or scene.frame.cylinder is None:
         return response
@@ -186,10 +186,11 @@ def with_force_of_pin(scene: Scene, response: Response) -> Response:
 
     The sum is over the pin's supports along and across the boom and the support that stands for the luffing cylinder in
     the model; :math:`\lambda_k` is the force on support k along n_k.  The cylinder's thrust F acts on the boom along d
-    and on the machine along -d.  What is left of the sum of forces on the machine is the pin's force.  The two outputs
-    that held the forces on the pin's supports now hold the pin's force along and across the boom.  This is the
-    force of a pin at the pivot, about which the frame turns, even if the model has its pin elsewhere.  The response is
-    unchanged if the base is held in another way, or if a force is unknown.
+    and on the machine along -d.  Pin and cylinder together exert the sum of the supports' forces on the machine, so the
+    pin's force is this sum without the cylinder's part -F d.  The two outputs that held the forces on the pin's
+    supports now hold the pin's force along and across the boom.  This is the force of a pin at the pivot, about which
+    the frame turns, even if the model has its pin elsewhere.  The response is unchanged if the base is held in another
+    way, or if a force is unknown.
     """
     held = pin_and_cylinder(scene)
     if held is None or CYLINDER not in response.other_names or not set(held.pin) <= set(response.other_names):

@@ -59,8 +59,8 @@ def consistent_start(
 ) -> dict[str, InitialState]:
     """Initial state of each body by its name, in all its coordinates; at rest and undeformed where `initial` has none.
 
-    Velocities that violate rigid contacts or supports are changed with the least kinetic energy, in new arrays: those
-    in `initial` stay.  If `initial` is empty, nothing is checked.
+    Velocities that violate rigid contacts or supports are changed with the least kinetic energy.  The changed
+    velocities are in new arrays; those in `initial` stay.  If `initial` is empty, nothing is checked.
 
     Parameters
     ----------
@@ -75,8 +75,8 @@ def consistent_start(
     Raises
     ------
     InputError
-        If `initial` names no body, a size is wrong, a position violates a rigid contact or support, or rigid contacts
-        that stop a velocity depend on each other.
+        If `initial` has a name that no body has, a size is wrong, a position violates a rigid contact or support, or
+        rigid contacts that stop a velocity depend on each other.
     """
     system, bodies = assembly.system, assembly.system.bodies
     starts = complete_states({name: body.size for name, body in bodies.items()}, initial)
@@ -293,7 +293,7 @@ def needs_of(system: BodySystem[Body], rigid: Mask, x: Array, rho_inf: float) ->
     rigid : (m,) mask
         True for rigid contacts.
     x : (T, sides) array, m
-        Positions of the sides of all contacts; a contact moves if one of its sides is not always where it is at first.
+        Positions of the sides of all contacts; a contact moves if one of its sides changes its position.
     rho_inf : float
         Spectral radius at infinite frequency.
     """

@@ -62,7 +62,8 @@ class TimeStepping:
         the number of parts that these contacts need (`pmr.simulation.contact_step`).  Without such contacts a step is
         not divided.
     schedule : tuple of int
-        Number of parts of each step, used instead of `parts`: a power of two that another simulation has chosen.
+        Number of parts of each step, used instead of `parts`.  The numbers are powers of two that another simulation
+        has chosen.
 
     Raises
     ------
@@ -197,7 +198,7 @@ def _describe_needed_step(f: float) -> str:
 
 
 def _overshoot(signal: SignalBase, stepping: TimeStepping) -> list[float]:
-    """Largest overshoot of a signal at its breaks beyond its values at the neighbouring steps, with the time in s.
+    """Largest overshoot of a signal at a break beyond its values at the neighbouring steps, and the break's time in s.
 
     The overshoot is a share of the signal's whole range.  Both are 0 if the values beside the breaks show that this
     share is at most `UNSEEN`.
@@ -294,8 +295,8 @@ def energy_surplus(stored: Array, work: Array, least: float = 0.0, since_start: 
     least : float, J
         If the energy never exceeds this, it is round-off and the surplus is 0.
     since_start : bool
-        Whether the rise is measured from the first step instead of from the lowest value before: contacts that open and
-        close between steps lose energy and gain it back.
+        Whether the rise is measured from the first step instead of from the lowest value before.  Set it if contacts
+        open and close between steps, because they lose energy and gain it back.
     """
     if not (np.isfinite(stored).all() and np.isfinite(work).all()):
         return np.inf

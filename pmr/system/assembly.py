@@ -194,16 +194,16 @@ class Assembly:
     def contact_rows(self, x: Array, effects: bool = True) -> ContactRows:
         """Rows of the contacts with their places at x (sides,) in m, as `System.side_coordinates` returns them.
 
-        If `effects` is false, H and X of the result are empty.  These are the effects of inputs on contacts, and of
-        contacts on outputs, by the residual flexibility.
+        H and X of the result are the effects of inputs on contacts, and of contacts on outputs, by the residual
+        flexibility.  They are empty if `effects` is false.
         """
         return self.contact_rows_over_time(x[None], effects).at_time(0)
 
     def contact_rows_over_time(self, x: Array, effects: bool = True) -> ContactRows:
         """Rows of the contacts with their places at x (T, sides) in m, at T times.
 
-        Entries of the flexibility that are only round-off are zero, which marks rigid contacts.  Without `effects`, H
-        and X are empty, which takes a fraction of the time.
+        Entries of the flexibility that are only round-off are zero, which marks rigid contacts.  If `effects` is false,
+        H and X are empty, which takes a fraction of the time.
         """
         system, T, m = self.system, len(x), len(self.system.contacts)
         i, o = (_count(self.input_slices), _count(self.output_slices)) if effects else (0, 0)
@@ -374,8 +374,8 @@ class Assembly:
         """Lowest modes with every contact closed, omega ascending.
 
         The modes are normalised to phi^T M phi = 1.  `rows` are the contacts' rows at one time.  The number f of modes
-        is `count`, or less if the assembly has fewer.  Of the stiffness of terms with amplitudes c (k,), the symmetric
-        part counts; at the buckling load and beyond, omega is 0.
+        is `count`, or less if the assembly has fewer.  The terms have amplitudes c (k,), and only the symmetric part of
+        their stiffness counts.  At the buckling load and beyond, the lowest omega is 0.
         """
         M, stiffness, Z = self.M.toarray(), self.stiffness(c).toarray(), free_motions(rows.C[rows.rigid])
         K = add_springs((stiffness + stiffness.T) / 2.0, rows) + SHIFT * M
@@ -397,7 +397,7 @@ class Assembly:
 
         D is without terms that vary in time.  Columns are in the order of ascending frequencies, and NaN beyond the
         last mode.  A mode without stiffness, whose omega is zero, has the ratio infinity, or NaN without damping.  If a
-        ratio is small, a logarithmic decrement or a half-power width gives the same.
+        ratio is small, it agrees with what a logarithmic decrement or a half-power width gives.
         """
         ratios, D = np.full((len(x), count), np.nan), self.damping()
         for of_place, at in zip(ratios, x, strict=True):

@@ -156,8 +156,8 @@ def _residual_inertia(model: ReducedModel, reactions: Reactions, of_largest: Arr
     """Work (h, K + i) on the motions of h supports, by the inertia of responses to unit loads.
 
     The unit loads are those on K carriers, then on i inputs.  `of_largest` (h, K + i) is this work if all modes of the
-    largest basis are coordinates; `reactions` are those of the `model`, whose enrichment modes respond to the loads,
-    too.
+    largest basis are coordinates.  The enrichment modes of the `model` are no coordinates, so their responses are added
+    here.  `reactions` are those of the `model`.
     """
     modes = model.enrichment
     if modes is None or model.carriers is None:

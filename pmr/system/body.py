@@ -38,7 +38,7 @@ RowsOnCarriers: TypeAlias = CarrierRows | SharedCarriers
 def kinds_of(body: Body) -> tuple[str, ...]:
     """Kind and direction of each output, such as ``"tip z"`` (`pmr.results.response`).
 
-    If the body does not have them, as in models of earlier versions, they are derived from names and units.  Without
+    If the body does not state them, as in models of earlier versions, they are derived from names and units.  Without
     units, all outputs are displacements of the beam, and the last one is the displacement of the tip.
     """
     if body.output_kinds:
@@ -63,8 +63,8 @@ def units_of(body: Body) -> tuple[str, ...]:
 def _kind_of_earlier_version(name: str, unit: str) -> str:
     """Kind and direction of an output in a model of an earlier version, from the output's name and unit.
 
-    In m, "z at 2 m" has the kind ``beam z``, and "tip z" has ``tip z``.  In N the kind is ``pad``, in any other unit
-    ``probe``.
+    For the unit m, the name "z at 2 m" gives ``beam z``, and "tip z" gives ``tip z``.  For the unit N the kind is
+    ``pad``, for any other unit ``probe``.
     """
     if unit != "m":
         return "pad" if unit == "N" else "probe"
@@ -217,7 +217,7 @@ class FullBody(FullOrderBody):
         """Reactions of the h rows that are fixed (`Row.is_fixed`); None if there are none.
 
         Each of the h motions of the reactions changes the value of one fixed row by 1 and leaves the others unchanged.
-        Of all such motions, the shortest ones are taken.
+        Of all motions that do so, those with the least sum of squares are taken.
         """
         numbers = self.rows.fixed
         if not numbers:

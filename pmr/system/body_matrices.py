@@ -164,9 +164,9 @@ def describe_misfit(part: Any, sizes: Mapping[str, int], prefix: str = "") -> st
     """Description of what is wrong with arrays, names and tables of the dataclass `part`; None if nothing is.
 
     ``part.AXES`` has a letter for each axis of a field, such as ``{"rows": "mr"}`` for values (m, r).  The size of a
-    letter is taken from `sizes`, or else from the first axis with this letter.  Fields that are None are not checked;
-    fields that are dataclasses with ``AXES`` of their own are.  Only the first fault is described.  `prefix` begins the
-    names of the fields in the description.
+    letter is taken from `sizes`, or else from the first axis with this letter.  Fields that are None are not checked.
+    Fields that are dataclasses with ``AXES`` of their own are checked by these.  Only the first fault is described.
+    `prefix` begins the names of the fields in the description.
     """
     sizes = dict(sizes)
     for name, axes in part.AXES.items():
@@ -276,9 +276,11 @@ def natural_frequencies(M: Array, V: Array | None, K: Array) -> Array:
     """Frequencies omega (n,) in rad/s, ascending, of M q'' + V q' + K q = 0, with matrices (n, n).
 
     M and K are symmetric, M is positive definite, and V is antisymmetric, or None for zero.  Directions in which K is
-    not positive have omega = 0.  With the coordinates z of the modes of K, and z' and omega z as unknowns, the
-    equations have the antisymmetric matrix (0, W; -W, -V), W = diag(omega).  So round-off is relative to the largest
-    omega, not to its square.
+    not positive have omega = 0.
+
+    The equations are solved for W z and z', with the coordinates z of the modes of K and the diagonal matrix W of these
+    modes' frequencies.  In these unknowns they have the antisymmetric matrix (0, W; -W, -V).  So round-off is relative
+    to the largest omega, not to its square.
     """
     if V is None or not np.any(V):
         return np.sqrt(np.maximum(scipy.linalg.eigh(K, M, eigvals_only=True), 0.0))
@@ -296,8 +298,8 @@ TAKES_PART = 1e-2
 class Dependence:
     """Result of a test whether rows depend on each other: `measure` is 1 for orthogonal rows, 0 for dependent ones.
 
-    `names` are rows that take part in the combination of rows closest to zero: their share in it is at least
-    `TAKES_PART` of the largest share.
+    `names` are the rows that take part in the combination of rows that is closest to zero.  A row takes part if its
+    share in this combination is at least `TAKES_PART` of the largest share.
     """
 
     measure: float

@@ -106,8 +106,8 @@ class EnrichmentModes:
     """The first c modes phi that a model truncates, M-orthonormal, with ascending frequencies omega.
 
     The model has r coordinates, i inputs and o outputs.  The flexibility of these modes is part of the model's tables,
-    their values on the carriers are `CarrierRows.enrichment`.  The error of the model is estimated with them as
-    coordinates, and `pmr.system.truncation` makes them coordinates.
+    and their values on the carriers are `CarrierRows.enrichment`.  The function `pmr.system.truncation.extend` makes
+    the modes coordinates again.  So does the estimate of the model's error.
     """
 
     AXES = {"stiffness": "c", "damping": "c", "B": "ci", "outputs": "oc"}
@@ -258,7 +258,7 @@ class CarrierRows:
 
     @cached_property
     def _sparse_values(self) -> sp.csr_matrix:
-        """The array `values` as a sparse matrix; it is the carriers of each row that the method `row` returns."""
+        """The array `values` as a sparse matrix: the carriers of all rows that the method `row` returns."""
         return sp.csr_matrix(self.values)
 
     def polynomials(self, breaks: Array) -> RowPolynomials:

@@ -271,8 +271,8 @@ class Friction:
     def from_contacts(cls, contacts: Sequence[Contact]) -> Friction | None:
         """Friction of a system's contacts; None if no contact has friction.
 
-        The cylinder of a joint is the contact of the kind ``cylinder`` whose inner place is on the section that slides,
-        or else the contact that `pmr.scene.keys.cylinder_name` names.
+        The cylinder of a joint is the contact of the kind ``cylinder`` whose inner place is on the section that slides.
+        If there is none, it is the contact with the name that `pmr.scene.keys.cylinder_name` returns.
         """
         driving = {contact.inner.body: k for k, contact in enumerate(contacts) if contact.kind == "cylinder"}
         numbers = {contact.name: k for k, contact in enumerate(contacts)}  # in files of earlier versions all are pads
@@ -343,7 +343,7 @@ class Friction:
         """Energy (...) in J that cylinders store because of friction, beyond lambda^2 / 2 k.
 
         k is a cylinder's stiffness, and lambda the part of its force that reaches the sections.  The pads have the
-        `friction` (..., n) in N.  `forces` (..., m) in N are those of all contacts; the forces of cylinders among them
+        `friction` (..., n) in N.  `forces` (..., m) in N are those of all contacts, in which the forces of cylinders
         include the friction.
         """
         total = self.joint_totals(friction)

@@ -111,7 +111,7 @@ def _joint_contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> It
     """Yield the contacts of the joint in which section `number` slides; `bodies` are all bodies by name.
 
     The pads at the tail and at the mouth come first, then rows that keep a rigid overlap straight, then the cylinder.
-    Joints without a rigid overlap or a cylinder have no such contacts.
+    A joint without a rigid overlap has no such rows, and a joint without a cylinder has no such contact.
     """
     joint, inner, outer = scene.sections[number].joint, scene.names[number], scene.names[number - 1]
     assert joint is not None  # as the scene's checks say
@@ -350,8 +350,8 @@ class _BodyRows:
     def measures(self, names: Sequence[str]) -> Array | None:
         """Values (rows, any) of the rows with these `names` on modes, flexibility and inputs, for comparing the rows.
 
-        None is returned if the rows have different breaks or degrees.  Random sums stand for many coefficients: only
-        the dependence of rows on each other matters.
+        None is returned if the rows have different breaks or degrees.  Where there are many coefficients, the values
+        are random sums of these, which show just as well whether rows depend on each other.
         """
         rows = [self._row(name) for name in names]
         if not all(np.array_equal(row.breaks, rows[0].breaks) for row in rows):

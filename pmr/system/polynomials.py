@@ -37,7 +37,7 @@ def evaluate(table: PPoly, s: ArrayLike, derivative: int = 0, label: str = "slid
     """Values ``(*s.shape, *shape)`` of a table at s in m, or of its derivative with the order `derivative`.
 
     `shape` is the shape of the table's values.  Where s is outside the table's breaks by round-off, the values are
-    those at the nearest end; further outside, a ValueError that names `label` is raised.
+    those at the nearest end.  If s is further outside, a ValueError that names `label` is raised.
     """
     return np.asarray(table(clip_to_domain(s, table.x[0], table.x[-1], label), nu=derivative))
 
@@ -216,8 +216,8 @@ def refine_table(table: PPoly, breaks: Array, degree: int | None = None) -> PPol
 def shift_powers(c: Array, x: Array) -> Array:
     """Coefficients (powers, ...) of polynomials in t - x, from their coefficients c (powers, ...) in t.
 
-    Highest powers come first.  The shape of x is broadcast to that of ``c[0]``.  By repeated synthetic division (Knuth,
-    TAOCP 2, 4.6.4).
+    Highest powers come first.  The shape of x is broadcast to that of ``c[0]``.  The method is repeated synthetic
+    division (Knuth, TAOCP 2, 4.6.4).
     """
     c = c.copy()
     for last in range(len(c), 1, -1):

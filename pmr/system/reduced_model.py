@@ -225,7 +225,7 @@ class ReducedModel:
     def ensure_whole(self, source: str) -> None:
         """Raise an InputError about `source` if this is a section of a boom with rows for its joints to other sections.
 
-        A section none of whose joints has a row can be used by itself.
+        A section can be used by itself if none of its joints has a row.
         """
         if self.section is not None and set(self.row_names) & set(self.section.joints):
             allowed = f"the model of a whole body is allowed: this is a section of {self.section.boom!r} without what "

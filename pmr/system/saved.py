@@ -80,8 +80,8 @@ _HEADER = TypeAdapter(_Header)
 def write(path: Path, system: StoredSystem) -> None:
     """Write a system to a file; an existing file is replaced only once the new one is complete.
 
-    A body may have a second model, without cylinder modes and without modes without inertia (`on_modes`).  Arrays that
-    both models have in common are stored once.
+    A body may have a second model in `on_modes`, which has neither cylinder modes nor modes without inertia.  Arrays
+    that both models have in common are stored once.
     """
     arrays = dict[str, NDArray[Any]]()
     for number, body in enumerate(system.bodies.values()):

@@ -234,8 +234,8 @@ def friction_on_body(system: BodySystem[Body], name: str, forces: Array, frictio
     """Moments (S, rows) in N m and forces along the boom (S, rows) in N of friction on the rows of a body.
 
     The keys are ``friction_moments`` and ``friction_forces``, as in the `BodyStates` of the body called `name`.
-    `forces` (S, m) in N are those of all contacts, `friction` (S, n) in N that of all pads.  The result is empty if no
-    contact has friction or `friction` is None.
+    `forces` (S, m) in N are the forces of all contacts, `friction` (S, n) in N the friction forces of all pads.  The
+    result is empty if no contact has friction or `friction` is None.
     """
     rubbing = Friction.from_contacts(system.contacts)
     if rubbing is None or friction is None:

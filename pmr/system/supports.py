@@ -58,7 +58,7 @@ class SupportForces:
         """Forces of the supports in ``body.reactions``.
 
         The result has no forces, h = 0, if ``body.reactions`` is None or `include` is false.  `on_path` says whether
-        all contacts of the body are at one path coordinate.  If they are not, the result has forces only if the body
+        all contacts of the body are at one path coordinate.  If it is false, the result has forces only if the body
         stores how its supports bear forces on its carriers (`Reactions.carried`).
         """
         reactions, n = body.reactions, body.size

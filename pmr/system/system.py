@@ -363,7 +363,7 @@ class System(BodySystem[SlidingBody]):
 
     @property
     def modal(self) -> dict[str, ReducedModel]:
-        """Reduced bodies by their names: the model in `on_modes`, or that in `reduced` where `on_modes` has none.
+        """Reduced bodies by their names: the models in `on_modes`, and those in `reduced` of all other bodies.
 
         The models in `on_modes` have neither cylinder modes nor modes without inertia.  An InputError is raised if a
         body is not reduced.

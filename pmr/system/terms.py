@@ -52,7 +52,7 @@ RAISED = (f"{HOIST}raised x", f"{HOIST}raised z")
 class Term:
     """Forces -c(t) (V q' + G q) on one or two bodies; q (n,) are the bodies' coordinates, stacked as in `bodies`.
 
-    An InputError is raised if the term has no matrix, or if it does not name one body or two different bodies.
+    An InputError is raised if the term has no matrix, or if its bodies are not one body or two different ones.
     """
 
     name: str
@@ -121,7 +121,7 @@ class TermSum:
     """Sum A + sum_k c_k A_k of sparse matrices (n, n) for any amplitudes c_k of terms k.
 
     A_k is the stiffness or damping of term k, zero if the term has none.  The entries of all matrices are stored in one
-    array, as SciPy's overhead for each sum takes far longer than the sum.
+    array, because adding SciPy's matrices would take far longer.
     """
 
     def __init__(self, A: sp.csr_matrix, terms: Sequence[Term], key: str) -> None:
@@ -166,8 +166,8 @@ def terms_of(
 ) -> tuple[Term, ...]:
     """Terms of a scene with matrices from the models of its bodies, which `bodies` has by name.
 
-    `which` are the terms to make.  None stands for all terms of a moving frame with second order; a scene that has no
-    frame, or a frame of first order, has none.
+    `which` are the terms to make.  None stands for all terms of the scene: those of a moving frame with second order.
+    A scene without a frame, or with a frame of first order, has no terms.
     """
     return tuple(_build_term(scene, term, bodies) for term in (frame_terms(scene) if which is None else which))
 
@@ -199,7 +199,7 @@ def _build_term(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]
 def _clear_without_inertia(body: SlidingBody, matrix: sp.csr_matrix | Array) -> sp.csr_matrix | Array:
     """Return `matrix` (n, n) with zeros in the rows and columns of the body's coordinates without inertia.
 
-    The result is a dense copy; without such coordinates it is `matrix` itself.
+    The result is a dense copy.  If all coordinates have inertia, it is `matrix` itself.
     """
     if not len(body.quasi_static):
         return matrix

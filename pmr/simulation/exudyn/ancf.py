@@ -214,8 +214,9 @@ def energy(cable: Cable, motion: CableMotion) -> Energy:
 def _settings(cable: Cable, stepping: TimeStepping) -> exu.SimulationSettings:
     """Solver settings for a cable: modified Newton, which rarely needs a new Jacobian, and a tolerance above round-off.
 
-    Axial forces follow from differences of positions, which are of the order of the length L, over the length h of an
-    element.  With the machine precision eps, their round-off is eps EA L / h in N.
+    The tolerance is above the round-off eps EA L / h in N of axial forces, with the machine precision eps.  Axial
+    forces follow from differences of positions over the length h of an element, and positions are as large as the
+    cable's length L.
     """
     chosen = solver_settings(stepping, exu.LinearSolverType.EigenSparse)
     newton = chosen.timeIntegration.newton

@@ -35,9 +35,10 @@ ENTRIES = 1_000_000
 
 
 class Contacts:
-    """Contacts of a system, rigid or not, and forces of m' contacts that give way, some of which may only push.
+    """Contacts of a system, and the forces of those that give way, some of which may only push.
 
-    Sizes: n coordinates, i inputs, m contacts, each with one or two sides; x (sides,) are positions of sides on bodies.
+    Sizes: n coordinates, i inputs, m contacts, of which m' give way.  A contact has one or two sides; x (sides,) are
+    positions of sides on bodies.
     """
 
     def __init__(self, equations: Equations, inputs: Inputs) -> None:
@@ -108,7 +109,7 @@ class Contacts:
 class Motion:
     """Motion of a system at N times: side positions x (N, sides) m, coordinates q and rates v (N, n), loads f (N, i).
 
-    `forces` (N, m) in N are those of the contacts, c (N, K) the amplitudes of terms.
+    `forces` (N, m) in N are the contact forces, c (N, K) the amplitudes of terms.
     """
 
     x: Array
@@ -319,8 +320,8 @@ class Pads:
     def stiffness(self, rows: PadRows, state: PadState) -> Array:
         """Stiffness (n, n) in N/m of closed contacts and of pads in a `state`: the derivative by q of C^T lambda - w.
 
-        C are the contact `rows`, lambda the contact forces and w the generalised forces of friction.  The `state` has
-        to be the one computed last, as the closed contacts are those of the last computation.
+        C are the contact `rows`, lambda the contact forces and w the generalised forces of friction.  `state` has to be
+        the state computed last, because only its closed contacts are stored.
         """
         law, multipliers, m = self.law, state.multipliers, len(self.gives)
         F, C, M = np.zeros((m, m)), np.zeros_like(rows.slopes), np.zeros((m, m))

@@ -41,7 +41,7 @@ from pmr.system.system import System
 class Equations:
     """Equations of a system on the n coordinates that its supports leave free, at any positions of contact sides.
 
-    A contact has one or two sides, each on a body; x (sides,) in m are their positions along these.
+    A contact has one or two sides, each on a body; x (sides,) in m are the positions of the sides along their bodies.
     """
 
     def __init__(self, system: System) -> None:
@@ -108,7 +108,7 @@ class Equations:
         """Consistent initial state of each body on the coordinates that supports leave free.
 
         `s` and `rates` are the path coordinates and their rates at the start, in m and m/s, by name.  `initial` are the
-        states asked for, by body.  Errors are raised as by `consistent_start`.
+        states of bodies, by name, that are to be made consistent.  Errors are raised as by `consistent_start`.
         """
         free = self.assembly.free_coordinates
         states = consistent_start(self.assembly, self.side_positions_on(s)[0], self.system.side_rates(rates), initial)

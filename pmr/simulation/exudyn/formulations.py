@@ -254,10 +254,10 @@ def add_with_callbacks(mbs: exu.MainSystem, equations: Equations, inputs: Inputs
 
 
 def zero_jacobian(equations: Equations, steps: Steps) -> Callable[..., exu.MatrixContainer]:
-    """User function for the Jacobian of forces other than K q and D q', which is zero: Exudyn adds K and D itself.
+    """User function for the Jacobian of forces other than K q and D q': zero, because Exudyn adds K and D itself.
 
-    Without it Exudyn would differentiate K q numerically.  The function also checks, by `steps`, that the step has been
-    updated.
+    Without this function Exudyn would differentiate K q numerically.  The function also checks, by `steps`, that the
+    step has been updated.
     """
     no_more = equations.matrix(sp.csr_matrix(equations.K.shape))
 

@@ -266,8 +266,8 @@ class Base:
     def split(self, t: float, z: Array) -> Coordinates:
         """Coordinates of the base (k,), the boom (n,) and the m paths at the time t in s.
 
-        z (k + n + m,) are those of the nodes of base, boom and paths as a marker returns them.  z includes reference
-        values, which are subtracted.
+        z (k + n + m,) are the coordinates of the nodes of base, boom and paths, as a marker returns them.  They include
+        reference values, which are subtracted.
         """
         k, n, x = self.count, self.boom.size, z.copy()
         x[:k] -= self.reference

@@ -60,7 +60,8 @@ def add_hook(mbs: exu.MainSystem, items: SystemItems, loads: tuple[str, str, str
     items : SystemItems
         The items that `simulator.add_system` returned, with its argument `on`.
     loads : three str
-        Names of inputs along x, y and z of the boom at one point, ``fly.hook x`` and so on; their signals still act.
+        Names of inputs along x, y and z of the boom at one point, ``fly.hook x`` and so on.  The loads' own signals
+        still act, besides the force of the hook.
     mass : float
         Mass of the hook itself in kg.  Its weight, by the gravity of the scene in the argument `on` of
         `simulator.add_system`, acts along -Z of the mbs.

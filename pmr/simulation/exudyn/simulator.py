@@ -158,9 +158,10 @@ def simulate_system(
     own names.
 
     The initial accelerations are Exudyn's, which leave out the terms of moving rows (2 s' C' v and more).  These
-    accelerations are exact if paths start at rest, or bodies undeformed and at rest; otherwise the method is still of
-    second order.  A contact that only pushes opens as in Exudyn's generalized-alpha: the effect of its force on the
-    next step is not removed.  So the motion agrees with the compiled one in the limit of small steps.
+    accelerations are exact if the paths start at rest, or if the bodies start undeformed and at rest.  Otherwise they
+    are not exact, but the method is still of second order.  A contact that only pushes opens as in Exudyn's
+    generalized-alpha: the effect of its force on the next step is not removed.  So the motion agrees with the compiled
+    one in the limit of small steps.
     """
     start = systems.start_of(system, excitation) if initial is None else initial
     return SystemRun(system, excitation, start, formulation).trajectory(progress)
@@ -169,9 +170,9 @@ def simulate_system(
 def step_parts(system: System, excitation: Excitation, initial: Mapping[str, InitialState]) -> StepParts:
     """Numbers of parts into which steps are divided: 1 for each step, unless contacts only push.
 
-    If contacts only push, they are the numbers of the excitation.  If it has none, the compiled simulator chooses them
-    by a run from the `initial` states; for bodies too large for it, a step has enough parts to resolve the contacts.
-    Raises the errors of `contact_frequency` and of this run.
+    If contacts only push, they are the numbers that the excitation states.  If it states none, the compiled simulator
+    chooses them by a run from the `initial` states.  If the bodies are too large for this simulator, a step has enough
+    parts to resolve the contacts.  Raises the errors of `contact_frequency` and of this run.
     """
     if np.isnan(system.clearance).all():
         return StepParts.for_contacts(excitation.stepping, 0.0)
@@ -213,9 +214,10 @@ class SystemRun:
         self._of_contacts = None if connector is None else add_force_sensor(self._mbs, connector)
 
     def trajectory(self, progress: Progress | None) -> SystemTrajectory:
-        """Take all steps and return the trajectory, once; errors as `pmr.simulation.SystemSimulator`.
+        """Take all steps and return the trajectory; to be called once.
 
-        `progress`, if not None, is called with the share of the run that is done.
+        `progress`, if not None, is called with the share of the run that is done.  Errors as
+        `pmr.simulation.SystemSimulator`.  An InputError is also raised if Exudyn refuses a setting of Newton's method.
         """
         linear = exu.LinearSolverType.EigenSparse if self._equations.sparse else exu.LinearSolverType.EigenDense
         chosen = solver_settings(self._excitation.stepping.divide(self._lengths.finest), linear)

@@ -101,7 +101,7 @@ def solve(
     Raises
     ------
     SimulationError
-        If a step fails; with its time and path coordinates.
+        If a step fails; the message has its time and path coordinates.
     """
     if progress is not None:
         _report(mbs, chosen.timeIntegration, progress)
@@ -156,8 +156,8 @@ def read_sensor(
 ) -> Array:
     """Values (N, c) that a sensor stored, a row of c for each step or part of a step, t = 0 included.
 
-    Raises SimulationError if steps are missing, or, with the time and the text that `place` returns for it, if a value
-    is not finite.
+    Raises SimulationError if steps are missing or a value is not finite.  In the second case the message has the time,
+    and the text that `place` returns for this time.
     """
     values = mbs.GetSensorStoredData(sensor)[:, 1:]
     if len(values) != stepping.steps + 1:

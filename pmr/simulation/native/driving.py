@@ -142,8 +142,9 @@ class Drivers:
     def take_paths(self, s: Values) -> None:
         """Take path coordinates; one that is up to `BEYOND_ENDS` of its range beyond an end is set to this end.
 
-        A warning is logged, once for each path, if it jumps in a step.  Raises InputError if a coordinate is farther
-        beyond, if a rate would cross more than the whole range in a step, or if a path is missing at the start.
+        If a path jumps in a step, a warning is logged, once for each path.  Raises InputError if a coordinate is
+        farther beyond an end, if a path with its rate would cross more than its whole range in a step, or if a path is
+        missing at the start.
         """
         if type(s) is dict and self._take_at_once(s, self._limits):
             return

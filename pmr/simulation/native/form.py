@@ -95,8 +95,8 @@ class SystemForm:
     def frame(self) -> MovingFrame | None:
         """Frame of the system's scene; None without a scene or a frame.
 
-        It is None, too, if the scene can't be read by this version, or does not drive all inputs and terms of the
-        system.
+        The result is None, too, if this version can't read the scene, or if the scene does not drive all inputs and
+        terms of the system.
         """
         try:
             return MovingFrame.from_system(self.system)

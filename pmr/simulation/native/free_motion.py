@@ -320,10 +320,10 @@ class LuffingRun(MachineRun):
 def prepare_stepping(system: System, source: str) -> tuple[System, StoredScene | None, MovingFrame | None]:
     """Prepare a system for steps one by one; return it with its scene and the frame that moves it.
 
-    Scene and frame are None if there are none.  A luffing angle or an extension of the scene may be free.  With a free
-    luffing angle, all modes of the returned system have inertia.  Raises the errors of `MovingFrame.from_system`.  An
-    InputError that names `source` is also raised for a free angle on a base that is displaced, and for a system with
-    terms whose scene has no frame.
+    If the system has no scene, both are None; if the scene has no frame, only the frame is None.  A luffing angle or an
+    extension of the scene may be free.  With a free luffing angle, all modes of the returned system have inertia.
+    Raises the errors of `MovingFrame.from_system`.  An InputError that names `source` is also raised for a free angle
+    on a base that is displaced, and for a system with terms whose scene has no frame.
     """
     stored = read_scene(system, source, free=True) if "scene" in system.provenance else None
     if stored is not None and stored.luffs_freely:

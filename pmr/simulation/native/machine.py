@@ -244,7 +244,8 @@ def _path_rates(scene: Scene, frame: MovingFrame, t: Array) -> Array:
 def base_motions(scene: Scene, t: Array) -> Array:
     """Prescribed motion of the machine at t (T,) in s: values, rates, second rates (T, 3, 6) in m and rad.
 
-    In a held direction this is the motion of the machine, in another the motion of the ground below its springs.
+    In a held direction this is the motion of the machine; in any other direction it is the motion of the ground below
+    the machine's springs.
     """
     still, base = Constant(amount=0.0), scene.present_frame.base
     motions = {} if base is None else base.motions

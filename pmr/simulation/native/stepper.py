@@ -74,10 +74,10 @@ class Stepper:
         system has no scene.  If the scene has a frame, name loads as the scene does, gravity included; their components
         in the moving frame are computed (`pmr.simulation.moving`).
     rho_inf : float
-        Spectral radius at infinite frequency.  If rigid rows move, take at most 0.9: near 1 their multipliers (index 3)
-        grow from step to step, the sooner the faster they move.  The stepper does not check the energy, so try the
-        fastest path that you expect with `systems.simulate`, which does (docs/time_integration.md).  A model with
-        residual flexibility has no such multipliers.
+        Spectral radius at infinite frequency.  If rigid rows move, take at most 0.9: near 1 the multipliers of these
+        rows (index 3) grow from step to step, and sooner if the rows move faster.  The stepper does not check the
+        energy, but `systems.simulate` does: try the fastest path that you expect with it (docs/time_integration.md).  A
+        model with residual flexibility has no such multipliers.
     outputs : sequence of int or str, optional
         The outputs that `step` returns: numbers in `output_names`, or names from it, which include forces of contacts.
         By default all outputs of the bodies.

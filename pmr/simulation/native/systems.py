@@ -137,10 +137,10 @@ class March:
     def run(self, take: Callable[[int, Steps], None], progress: Progress | None = None) -> SimulationEnd:
         """Take all steps, and check the energy at the end; return the solver's time and the surplus of energy.
 
-        `take` is called for some consecutive steps at a time, with the number of the first one and their `Steps`.
-        `progress`, if it is not None, is called with the share of steps that are done.  Raises GrowthError if more than
-        the share `pmr.simulation.stepping.GROWN` of the largest energy comes from neither loads nor contacts that
-        travel.
+        ``take(first, steps)`` is called for blocks of consecutive steps: `first` is the number of the first step.
+        `progress`, if it is not None, is called with the share of steps that are done.  Raises GrowthError if too much
+        energy comes from neither loads nor contacts that travel: more than the share `pmr.simulation.stepping.GROWN` of
+        the largest energy.
         """
         paths, inputs, least = self.form.kernel.paths, self.form.kernel.inputs, 0.0
 

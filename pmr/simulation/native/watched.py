@@ -91,9 +91,9 @@ def watched_limits(system: System, names: Collection[str]) -> list[Limit]:
 def pulled_pads(scene: Scene, contacts: Sequence[Contact], no_force: float = NO_FORCE) -> Iterator[Limit]:
     """Yield a limit for each pad that holds both ways: it does not pull by more than `no_force` in N.
 
-    The advice says which key to set if the pad can only push.  With a computed motion, pads that only push are refused,
-    so the advice is then to leave out faces.  For a single body only pads in rings have a limit, because points that
-    hold a planar beam both ways are meant to pull.
+    The advice says which key to set if the pad can only push.  A scene with a computed motion must not have pads that
+    only push, so the advice there is to leave out faces.  For a single body only pads in rings have a limit, because
+    points that hold a planar beam both ways are meant to pull.
     """
     computed, faces, keys = _computed_motion(scene), pads_on_faces(scene), dict[str, str]()
     if len(scene.sections) == 1:
@@ -212,7 +212,10 @@ def _supplies(scene: Scene) -> Iterator[Limit]:
 
 
 def _ground(scene: Scene) -> Iterator[Limit]:
-    """Yield a limit in N m for each margin against tipping, then one in N for each outrigger, which may lift off."""
+    """Yield a limit in N m for each margin against tipping, then one in N for each outrigger.
+
+    A margin must not be negative.  The force of an outrigger has to be above zero, or the outrigger lifts off.
+    """
     names, prefix = ground_outputs(scene), force_name("outrigger ")
     for name in names:
         if name.startswith(TIPPING_MARGIN):

@@ -115,7 +115,7 @@ class _Run:
         self._lengths = StepParts.for_contacts(excitation.stepping, omega)
 
     def history(self, progress: Progress | None, checkpoint: Checkpoint | None) -> History:
-        """Take all steps, or, if `checkpoint` has a file, the steps after that; return the history.
+        """Take all steps, or only those after the `checkpoint` if its file exists; return the history.
 
         `progress`, if not None, is called with the share of the run that is done; `checkpoint` may be None.
         """

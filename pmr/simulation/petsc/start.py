@@ -260,8 +260,8 @@ def starting_state(
 ) -> State:
     """State at t = 0, under the paths, loads and terms `at`; collective.
 
-    `mass` is a factor of M; None if nothing acts or moves and no contact only pushes: then all forces and accelerations
-    are zero.  Velocities that violate rigid contacts are changed with the least kinetic energy.
+    `mass` is a factor of M.  It may be None if nothing acts or moves and no contact only pushes, because all forces and
+    accelerations are then zero.  Velocities that violate rigid contacts are changed with the least kinetic energy.
 
     Raises
     ------
@@ -314,7 +314,7 @@ def stacked_start(system: FullSystem, initial: Mapping[str, InitialState]) -> In
     Raises
     ------
     InputError
-        If `initial` names no body of the system, or a size is wrong.
+        If `initial` has a name that no body of the system has, or a size is wrong.
     """
     states = complete_states({name: model.size for name, model in system.bodies.items()}, initial).values()
     return InitialState(*(np.concatenate([getattr(state, part) for state in states]) for part in ("q", "v")))
@@ -360,8 +360,9 @@ class _HeldMass:
     def impulse(self, start: InitialState) -> Array:
         """This rank's rows (n_local,) of the velocity in `start` minus the consistent velocity; zero if both agree.
 
-        The consistent velocity taken is the one nearest to that in `start` in kinetic energy.  Raises InputError if the
-        position violates a rigid contact, or if rigid contacts depend on each other.
+        Of all consistent velocities, the one is taken whose difference from the velocity in `start` has the least
+        kinetic energy.  Raises InputError if the position violates a rigid contact, or if rigid contacts depend on each
+        other.
         """
         drift = start_drift(self._C, self._turning, start, self._names)
         if drift is None:

@@ -192,8 +192,8 @@ class _Contacts:
         - its strain energy exceeds round-off;
         - no contact is on the wrong side.
 
-        The energy may be negative only if the caller knows that the equilibrium is `stable`: rigid contacts with a
-        clearance add work of their own.
+        The energy may be negative if `stable` is true: the caller then knows that the equilibrium is stable, and rigid
+        contacts with a clearance add work of their own.
         """
         q, closed, forces = state.q, state.closed, state.forces.copy()
         if self._clearance[closed].any():  # energy as if these contacts had been closed from the start

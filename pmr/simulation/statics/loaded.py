@@ -281,7 +281,8 @@ class Form:
     def buckling_forces(self, load: float) -> Array:
         """Contact forces (m,) of the first buckling shape under `load`, scaled to a largest absolute value of 1.
 
-        Their common sign has no meaning.  Forces of open contacts are zero, and all if the structure is not `held`.
+        The sign that all forces have in common has no meaning.  Forces of open contacts are zero.  All forces are zero
+        if the structure is not `held`.
         """
         if not self.held:
             return np.zeros(len(self.closed))

@@ -78,8 +78,8 @@ class PostureSet:
     def positions_on_base(self, scene: Scene, distances: Array) -> Array:
         """Position (P, 3) in m from the pivot of a point of the undeformed boom in each posture, in axes of the base.
 
-        These are X, Y and Z of the ground unless the base is inclined.  `distances` (P,) in m are those of the points
-        from the tail of the base section.
+        The axes of the base are X, Y and Z of the ground unless the base is inclined.  `distances` (P,) in m are the
+        distances of the point from the tail of the base section.
         """
         place = np.array(scene.present_frame.tail_position) + distances[:, None] * np.eye(3)[0]
         return np.einsum("pij,pj->pi", boom_rotation(self.luffing, self.slewing), place)
@@ -194,7 +194,7 @@ class UnitLoads:
     def from_scene(cls, scene: Scene, system: System, postures: PostureSet) -> UnitLoads:
         """Loads of a scene made by `with_hook` on a system in these postures.
 
-        f and c of a load of the scene are what one unit of this load adds to f and c of the boom's weight alone.
+        For a load of the scene, f and c are what one unit of this load adds to the f and c of the boom's weight.
         """
         assert scene.gravity is not None
         names = load_names(scene)
