@@ -245,8 +245,9 @@ def _none_if_unknown(errors: Mapping[str, float]) -> dict[str, float | None]:
 def accuracy_warnings(choice: Choice) -> list[str]:
     """Warnings that an error of the chosen model exceeds the tolerance of the scene.
 
-    Compared are the error of reduction and step, that of the mesh, and the sum of both.  The list is empty if each is
-    within the tolerance and the error of the step is settled, or if the scene has no tolerance.
+    Three errors are compared with the tolerance: that of reduction and step, that of the mesh, and the sum of both.
+    The list is empty if all three are within the tolerance and the error of the step is settled.  It is also empty if
+    the scene has no tolerance.
     """
     accuracy, trial = choice.scene.accuracy, choice.trial
     if accuracy is None:

@@ -169,8 +169,12 @@ def _stop_spans(t: Array, stop: Array, histories: Mapping[str, Array]) -> list[d
     """Spans in which a stop is pressed in, as `extension_part` describes them, in the order of time.
 
     t (T,) in s are the times, and `stop` (T,) in m is how far the stop gives way, or 0.  `histories` (T,) have the
-    cylinder's ``length`` in m and ``speed`` in m/s.  A span has its first and last time, ``start`` and ``end``, its
-    number of ``steps``, ``length`` and ``give`` in m where the stop gives way most, and the ``speed`` just before it.
+    cylinder's ``length`` in m and ``speed`` in m/s.  A span has the keys:
+
+    - ``start`` and ``end``: its first and its last time in s,
+    - ``steps``: the number of its steps,
+    - ``length`` and ``give``: the length, and how far the stop gives way, where it gives way most,
+    - ``speed``: the speed just before the span.
     """
     spans = list[dict[str, float]]()
     for first, last in _spans(stop != 0.0):

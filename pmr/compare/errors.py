@@ -209,9 +209,9 @@ def compared_pairs(
 def _other_pairs(response: Response, reference: Response, force: float) -> dict[str, Pair]:
     """Pairs (signal, reference), (T,) each, of further outputs that both responses have, by the outputs' names.
 
-    Further outputs are probes, reactions and the like.  A signal or reference is replaced by zeros if it does not
-    exceed `RELATIVE_FLOOR` times the largest output in the same unit.  In N and N m it is also replaced if it does not
-    exceed `force`, the round-off of forces, or `ROUND_OFF` times the largest output in N or N m.
+    Further outputs are probes, reactions and the like.  A signal or reference is replaced by zeros if it is round-off.
+    This is so up to `RELATIVE_FLOOR` times the largest output in the same unit.  In N and N m it is also so up to
+    `force`, the round-off of forces, and up to `ROUND_OFF` times the largest output in N or N m.
     """
     units = dict(zip(response.other_names, response.other_units, strict=True))
     common = [name for name in units if name in reference.other_names]
@@ -316,8 +316,8 @@ def force_errors(
 def band_limit(y: Array, step: float) -> float:
     """Frequency in Hz above which signals y (T, o) have 1 % of their RMS; 0 if all are constant.
 
-    The mean of each of the o signals is removed, its ends are faded out by a Hann window, and the RMS is that of all
-    signals together.  So all signals have to be in one unit.  `step` is the time between samples in s.
+    The mean of each signal is removed first, and its ends are faded out by a Hann window.  The RMS is that of all
+    signals together, so all have to be in one unit.  `step` is the time between samples in s.
     """
     from scipy.fft import next_fast_len  # imported here: it is slow to import and rarely needed
 

@@ -152,9 +152,9 @@ def _evaluate(system: System, part: SystemTrajectory) -> Response:
 def _residuals(body: SlidingBody, motion: Trajectory, part: SystemTrajectory) -> Array:
     """Violation in m of the equation of each of m rows at T steps, and its rate in m/s, as one array (2, T, m).
 
-    For rows that only push, the violation is the difference to the clearance if they press, and the overlap otherwise.
-    The rates of all rows are NaN if any row gives way, since such a row has no equation at velocity level, and if path
-    rates are not known.
+    The violation of a row that only pushes is its difference to the clearance while it presses, and the overlap while
+    it does not.  The rates of all rows are NaN if any row gives way: such a row has no equation at velocity level.
+    They are also NaN if path rates are not known.
     """
     q, v, s, multipliers = motion.q, motion.v, motion.s, motion.multipliers
     violation = body.apply_rows(s, q) - body.row_compliance * multipliers

@@ -31,10 +31,11 @@ from pmr.system.system import System
 def forces_part(scene: Scene, system: System, response: Response) -> SummaryPart:
     """Entries ``pads``, ``cylinders``, ``reactions`` and ``supports`` of summary.json: extremes of each force.
 
-    Each has its time and place.  Pads have the largest mean ``pressure`` in Pa too, the size of their force over length
-    times width, and the ``allowed_pressure`` of their ring if it states one.  Cylinders also have the largest
-    ``friction`` in N to be overcome, the energy in J ``dissipated`` by friction, and their impulses at ``kinks``.
-    Warnings name forces and reactions that are not known, and kinks of paths at which cylinders take impulses.
+    Each extreme has its time and place.  Pads have their largest mean ``pressure`` in Pa, too: the absolute force
+    divided by length times width of the pad.  If their ring states an ``allowed_pressure``, they also have this.
+    Cylinders also have the largest ``friction`` in N to be overcome, the energy in J ``dissipated`` by friction, and
+    their impulses at ``kinks``.  Warnings name forces and reactions that are not known, and kinks of paths at which
+    cylinders take impulses.
     """
     joined, along, figures = len(scene.sections) > 1, scene.path_positions(response.t), dict[str, Any]()
     if joined or scene.pads:

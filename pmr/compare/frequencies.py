@@ -121,8 +121,8 @@ def _characteristic(x: Array | float, share: float) -> Any:
 def frequency_part(response: FrequencyResponse | None) -> SummaryPart:
     """Entry ``frequency_response`` of summary.json; nothing if `response` is None.
 
-    For each load and each position s in m it has the ``static`` gain, the ``largest`` gain (None without damping), and
-    the frequency ``at`` which that occurs, in Hz.
+    For each load and each position s in m it has the ``static`` gain and the ``largest`` gain.  ``at`` is the frequency
+    in Hz at which the largest gain occurs.  Without damping, the largest gain is None.
     """
     if response is None:
         return SummaryPart()

@@ -166,11 +166,12 @@ def evenly_spaced_steps(excitation: Excitation) -> list[int]:
 def model_budget(scene: Scene, motion: Motion, richer: Motion, richer_name: str) -> dict[str, Any]:
     """Entry ``budget.model`` of summary.json: differences of `motion` to the motion `richer` of a richer model.
 
-    `richer_name` is the name of the richer model.  The differences are relative.  The value of a kind of displacements
-    is None if the richer model's displacements are round-off, and that of ``largest`` is None if the richer model does
-    not move.  ``frequency`` includes the error of the frequencies of `motion`, and is None if both models have rigid
-    motions alone.  Kinds of outputs that the two models do not have in common are missing.  ``frequencies`` are the
-    lowest ones of both models in Hz, and ``not_covered`` names the kinds of outputs that the entry says nothing about.
+    `richer_name` is the name of the richer model.  The differences are fractions by kind of output; kinds that only one
+    of the two models has are missing.  The difference in a kind of displacements is None if the richer model's
+    displacements are round-off.  ``largest`` is None if the richer model does not move.  ``frequency`` includes the
+    error of the frequencies of `motion`; it is None if both models have rigid motions alone.  ``frequencies`` are the
+    lowest frequencies of both models in Hz.  ``not_covered`` names the kinds of outputs about which the entry says
+    nothing.
     """
     shares, displacements = dict[str, float | None](), list[Array]()
     still = max(motion.response.round_off, richer.response.round_off)

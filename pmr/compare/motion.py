@@ -78,9 +78,9 @@ def output_rates(model: ReducedModel, trajectory: Trajectory, excitation: Excita
         \dot y = O \dot p + W \dot f - X \dot z - \dot s X' z, \qquad
         (G + 1/k)\, \dot z = C \dot p + \dot s C' p + H \dot f + \dot s H' f - \dot s G' z
 
-    The outputs are y, the coordinates p, the loads f, the path coordinate s, and z are the contact forces, under which
-    the residual part (what the modes leave out) deforms at once.  The rows C(s) have the stiffnesses k, and O is the
-    output matrix.  Tables of the residual flexibility are W (`direct`), X(s) (`outputs`), H(s) (`inputs`) and G(s)
+    The outputs are y, the coordinates p, the loads f, the path coordinate s and the contact forces z.  Under these
+    forces the residual part (what the modes leave out) deforms at once.  The rows C(s) have the stiffnesses k, and O is
+    the output matrix.  Tables of the residual flexibility are W (`direct`), X(s) (`outputs`), H(s) (`inputs`) and G(s)
     (`rows`).  A prime is the derivative with respect to s (docs/moving_residual_flexibility.md, section 5).  Without
     residual flexibility only :math:`O \dot p` is left.
 
@@ -88,10 +88,9 @@ def output_rates(model: ReducedModel, trajectory: Trajectory, excitation: Excita
     without mass.  On smooth paths the rates of the residual part make velocities more accurate, on paths of straight
     ramps less so (section 5 has numbers).
 
-    The damping of the residual part acts on the coordinates through the forces of the rows, but the outputs contain
-    only the static deformation of the residual part.  With damping D = beta K the deformation x = R (B f - C^T z), with
-    the residual flexibility R, lags behind its forces, and the forces are shared differently between rows that give
-    way.  The outputs leave out
+    The residual part has damping, too.  It acts on the coordinates through the forces of the rows, but the outputs
+    contain only the static deformation x = R (B f - C^T z), with the residual flexibility R.  With damping D = beta K
+    this deformation lags behind its forces, and rows that give way share the forces differently.  The outputs leave out
 
     .. math::
         \Delta y = -\beta\,(O \dot x - X \bar G^{-1} C \dot x), \qquad \bar G = G + 1/k
@@ -111,9 +110,9 @@ def output_rates(model: ReducedModel, trajectory: Trajectory, excitation: Excita
 def displacement_rates(system: System, run: SystemTrajectory, excitation: Excitation, displacement: Array) -> Array:
     r"""Rates (T, o) in m/s of the displacements `displacement` (T, o) in m, at all steps of the excitation.
 
-    For a body on one path with tables of residual flexibility they are `output_rates`.  In all other cases (such as
-    several bodies, attachment modes, or a hoist, whose rope's pulls have no rates) they are :math:`O \dot q` plus
-    central differences of y - O q, with the displacements y, the output matrix O and the coordinates q.
+    For a body on one path with tables of residual flexibility the rates are `output_rates`.  In all other cases they
+    are :math:`O \dot q` plus central differences of y - O q, with the displacements y, the output matrix O and the
+    coordinates q.  Such cases are several bodies, attachment modes, and a hoist, whose rope's pulls have no rates.
     """
     tables = not system.hoist and all(map(_has_rate_tables, system.bodies.values()))
     if system.on_one_path and tables:

@@ -198,11 +198,13 @@ BESIDE_KINK = 2.0
 def boom_quantities(excitation: Excitation, response: Response) -> Mapping[str, ResponseFunction]:
     """Functions of a response, by key, that return the quantities (T, k) in which models of a boom are compared.
 
-    The key ``tip`` has the displacements in m of the last section's tip, ``beam`` those of all sections, and each kind
-    of forces in `response`, such as ``pad_force``, its forces in N.  If an extension has a kink before the end, a
-    further key ``<kind>_between_kinks`` has the forces of a kind at those times only that are more than `BESIDE_KINK`
-    steps away from every kink.  A force at a kink has no limit: it grows as the step gets shorter or the cylinder
-    stiffer.  If no time is far enough from all kinks, this key is left out.
+    The key ``tip`` has the displacements in m of the last section's tip, and ``beam`` those of all sections.  Each kind
+    of forces in `response`, such as ``pad_force``, is the key of its forces in N.
+
+    A force at a kink of an extension has no limit: it grows as the step gets shorter or the cylinder stiffer.  So if an
+    extension has a kink before the end, there is a further key for each kind of forces, ``<kind>_between_kinks``.  It
+    has the forces at times more than `BESIDE_KINK` steps away from every kink.  If there are no such times, this key is
+    left out.
     """
     last = response.outputs[len(response.output_names) - 1].body
     away = away_from_kinks(excitation, response.t, excitation.stepping.step)
@@ -221,7 +223,8 @@ def _forces_at_steps(kind: str, steps: slice | NDArray[np.bool_], response: Resp
     """Forces (S, k) in N of the k contacts of one kind at S `steps`; those of negligible contacts are set to 0.
 
     `steps` are a slice of all T steps, or a mask (T,).  A contact is negligible if its largest force in all T steps is
-    at most `RELATIVE_FLOOR` times that of any contact of any kind, as for a cylinder that holds still.
+    at most `RELATIVE_FLOOR` times the largest force of all contacts of all kinds.  A cylinder that holds still is an
+    example.
     """
     which = np.array(force_kinds(response)) == kind
     size = np.abs(response.slider_force).max(axis=0)

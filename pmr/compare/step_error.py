@@ -81,8 +81,9 @@ class ConvergenceSeries(Generic[Compared]):
     def remainder(self) -> float:
         """Sum of all differences that further halvings would add, computed as a geometric series.
 
-        The sum is a fraction, as the differences are.  The sum is 0 if the last difference is at most `NO_DIFFERENCE`,
-        and infinite if there are fewer than two differences or the last one is more than `ROUGH` times the one before.
+        The sum is a fraction, as the differences are.  With fewer than two differences it is infinite.  Otherwise it is
+        0 if the last difference is at most `NO_DIFFERENCE`.  It is infinite if the last difference is more than `ROUGH`
+        times the one before.
         """
         if len(self.differences) < 2:
             return np.inf
@@ -130,8 +131,8 @@ class ConvergenceSeries(Generic[Compared]):
     def halvings_needed(self, limit: float) -> int | None:
         """Number of halvings of the first run's step after which the estimated error, a fraction, is at most `limit`.
 
-        The number is 0 if the first run's error is at most `limit`, and None if the differences have not settled, or if
-        no run of the series has so small an error.
+        The number is 0 if the first run's error is at most `limit`.  It is None if the differences have not settled, or
+        if no run of the series has so small an error.
         """
         if not self.is_settled:
             return None

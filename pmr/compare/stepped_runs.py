@@ -52,8 +52,8 @@ UNDAMPED = 0.95
 def reference_rho(system: System, rho_inf: float) -> float:
     """Spectral radius rho_inf of the runs with which a run with `rho_inf` is compared: not less than `UNDAMPED`.
 
-    The result is `rho_inf` itself if the system has rows without residual flexibility, as these can grow with less
-    damping, or contacts that only push, as these would bounce.
+    In two cases the result is `rho_inf` itself.  If the system has rows without residual flexibility, motions can grow
+    with less damping.  If it has contacts that only push, these would bounce.
     """
     parts = [body if system.on_one_path else body.carriers for body in system.bodies.values()]
     flexible = all(getattr(part, "flexibility", None) is not None for part in parts)

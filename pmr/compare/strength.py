@@ -36,12 +36,12 @@ KINDS = ("pad", "support", "reaction", RESULTANT, "cylinder", "outrigger", "tipp
 def dynamic_factors_part(scene: Scene, system: System | SystemForm, response: Response) -> SummaryPart:
     """Entry ``dynamic_factors`` of summary.json: the largest value of each kind of `KINDS`, and its value at rest.
 
-    Each row has the ``name`` and the ``kind`` of the output with the largest magnitude, its value ``largest`` at the
-    time ``t`` in s, and its value ``rest`` of the boom at rest.  Forces are in N.  The kind ``resultant`` is the force
-    of a support, all its directions together, with the name that it has in ``supports``.  The boom at rest has the
-    posture and the loads of this time, and its full weight.  A kind is left out if one of both values is within the
-    round-off, or if nothing holds the boom at rest under these loads.  Forces at the pivot and on the ground are left
-    out, as supports and outriggers share them.
+    A row is about the output of its ``kind`` with the largest magnitude, which has the ``name``.  ``largest`` is its
+    value at the time ``t`` in s, and ``rest`` its value in the boom at rest.  The boom at rest has the posture and the
+    loads of this time, and its full weight.  Forces are in N.  The kind ``resultant`` is the force of a support, all
+    its directions together, with the name that it has in ``supports``.  A kind is left out if one of both values is
+    within the round-off, or if nothing holds the boom at rest under these loads.  Forces at the pivot and on the ground
+    are left out, as supports and outriggers share them.
 
     The entry is missing for scenes without a frame, with a hoist or with ``frame.base``, and for those that compute the
     motion of their machine, luffing angle or extension.

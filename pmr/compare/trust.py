@@ -332,8 +332,8 @@ def alternating_share(signal: Array) -> float:
 def ringing_share(signal: Array, reference: Array | None = None) -> float:
     """RMS of the part of a signal (T, o) that alternates from step to step, divided by the RMS of `reference` (T, o).
 
-    If `reference` is None, the divisor is the RMS of the signal itself.  With several columns, the share is the mean of
-    the shares of those that move in the reference (`relative_error`).  A signal of at most eight steps has the share 0.
+    If `reference` is None, the divisor is the RMS of the signal itself.  With several columns, the share is a mean over
+    all columns that move in the reference, as in `relative_error`.  A signal of at most eight steps has the share 0.
     """
     reference = signal if reference is None else reference
     return relative_error(reference + signal - _without_alternation(signal), reference)
@@ -342,8 +342,8 @@ def ringing_share(signal: Array, reference: Array | None = None) -> float:
 def is_ringing(signal: Array, reference: Array) -> bool:
     """Whether the error of a signal (T, o) against a reference is due to ringing of the reference.
 
-    Ringing is the cause if the error is above `RINGING_SHARE`, and if the alternating part of the difference and that
-    of the reference are each more than half of the error.
+    Ringing is the cause if the error is above `RINGING_SHARE`, and if two shares (`ringing_share`) are each more than
+    half of the error: that of the reference, and that of the difference between signal and reference.
     """
     error = relative_error(signal, reference)
     alternating = min(ringing_share(reference), ringing_share(signal - reference, reference))

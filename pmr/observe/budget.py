@@ -19,10 +19,11 @@ def output_errors(summary: Summary, motion: LinearMotion, run_step: float | None
     """Errors of a linear model's outputs, as fractions of their RMS: by part of the error budget, then by output.
 
     The parts are the keys of `PARTS`.  `summary` is the content of a run's ``summary.json``, and `run_step` the run's
-    time step in s.  If the model `motion` has another step, the error of the step is scaled by the square of the ratio
-    of both, since the scheme is of second order; None leaves the error as it is.  An output that a part does not cover
-    is missing in that part.  Accelerations and velocities have the errors of velocities, or those of displacements if
-    the part does not cover velocities.  The result is empty if the summary has no error budget.
+    time step in s.  If the model `motion` has another step, the error of the step is multiplied by the square of the
+    ratio of the two steps, since the scheme is of second order.  If `run_step` is None, the error stays as it is.  An
+    output that a part does not cover is missing in that part.  Accelerations and velocities have the errors of
+    velocities, or those of displacements if the part does not cover velocities.  The result is empty if the summary has
+    no error budget.
     """
     errors = dict[str, dict[str, float]]()
     for part, keys in PARTS.items():

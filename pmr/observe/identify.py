@@ -226,13 +226,17 @@ class FrequencyTable:
 
     @classmethod
     def read(cls, file: Path) -> FrequencyTable:
-        """Read a CSV table: columns named by paths, or ``s``, then ``f1``, ``f2`` ... in Hz, lowest first.
+        """Read a CSV table: columns named by paths, or ``s``, then ``f1``, ``f2`` ...  in Hz, lowest first.
 
-        Each row is a place, by its coordinates on the paths in m, or in rad for a luffing angle.  Damping ratios of the
-        lowest modes may follow in columns ``d1``, ``d2`` ...  A column ``held_out`` may have 1 for places that serve to
-        judge the fit and are not used for it, and a column ``deviation`` the relative standard deviations of the
-        frequencies.  Without these columns all places are used for the fit, with the deviation of
-        `MeasuredFrequencies`.  Raises InputError for another table.
+        Each row is a place, by its coordinates on the paths in m, or in rad for a luffing angle.  Further columns may
+        follow:
+
+        - ``d1``, ``d2`` ...: damping ratios of the lowest modes,
+        - ``held_out``: 1 for places that serve to judge the fit and are not used for it,
+        - ``deviation``: relative standard deviations of the frequencies.
+
+        Without the last two columns all places are used for the fit, with the deviation of `MeasuredFrequencies`.
+        Raises InputError for another table.
         """
         table = read_table(file)
         names, values = table.names, table.values

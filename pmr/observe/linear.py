@@ -159,8 +159,8 @@ def select_outputs(scene: Scene, system: System, targets: Sequence[str]) -> Sele
 
     The outputs are in the order of `targets`, each once; a key stands for all outputs of its kinds.  Words before the
     name of a displacement choose its rates: ``velocity of``, ``acceleration of`` or, for an accelerometer, which feels
-    gravity, ``specific force of``.  Raises InputError for a name that the system does not have, for a key without an
-    output, and for such words before the name of another quantity than a displacement.
+    gravity, ``specific force of``.  Raises InputError for a name that the system does not have, and for a key without
+    an output.  It is also raised if such words stand before the name of an output that is no displacement.
     """
     available = (*system.output_names, *map(force_name, system.contact_names))
     units = (*system.output_units, *("N",) * len(system.contact_names))

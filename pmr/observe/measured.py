@@ -255,8 +255,8 @@ def read_measurements(file: Path, units: Mapping[str, str] | None = None) -> dic
 
     The first column is ``t``, the times.  Units in brackets after a name are not part of it.  An empty cell is NaN:
     nothing was measured.  `units` are the allowed units by name (`Observer.units`); None allows all.  Raises an
-    InputError as `read_table`, for a table without times or with fewer than two lines of numbers, for times that do not
-    grow, and for another unit.
+    InputError as `read_table` does.  It is also raised if the table has no times, fewer than two lines of numbers,
+    times that do not grow, or a unit that is not allowed.
     """
     table = read_table(file)
     table.check_units(file, {**(units or {}), TIME: "s"})

@@ -197,9 +197,10 @@ class Observer:
     Raises
     ------
     InputError
-        For a sensor or load that the model lacks, for standard deviations that are not allowed, for two unknowns of one
-        name, and for an unknown with the name of an output.  For a payload whose load is no force, or whose
-        `acceleration` is an output of another kind or of another place than the load's.
+        If there is no sensor, for a sensor or load that the model lacks, and for numbers that are not allowed.  If two
+        unknowns have one name, or an unknown has the name of an output.  For a payload whose load is no force, or whose
+        `acceleration` is an output of another kind or of another place than the load's.  If sensitivities of a
+        parameter have another shape than the model's outputs.
     """
 
     model: LinearMotion

@@ -293,10 +293,10 @@ def _frequencies(system: System | None, x: Array, count: int, c: Array) -> Array
 def _lanczos_frequencies(full_system: FullSystem, places_of: Array, count: int, c: Array) -> Array | None:
     """Return the f = `count` lowest frequencies (S, f) in Hz, by Lanczos iterations, on rank 0; None on other ranks.
 
-    The unknowns of the iterations are coordinates and contact forces.  The sides of the contacts are at `places_of` (S,
-    sides) in m at S positions of the system, where its k terms have the amplitudes c (S, k).  Of terms that act on
-    rates only the antisymmetric, gyroscopic part is taken; it is projected on the lowest modes of the system without
-    it.
+    The unknowns of the iterations are coordinates and contact forces.  `places_of` (S, sides) in m are the path
+    coordinates of the contacts' sides at S positions of the system.  The system's k terms have the amplitudes c (S, k)
+    there.  Of terms that act on rates only the antisymmetric, gyroscopic part is taken; it is projected on the lowest
+    modes of the system without it.
     """
     system = full_system.with_supports()
     gathered = {id(model): model.gather() for model in dict((id(model), model) for model in system.models).values()}

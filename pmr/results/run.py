@@ -78,7 +78,7 @@ class Frequencies:
 
     `models` has arrays (S, f) by the model: ``reduced``, ``full`` and ``closed_form``, which is a uniform beam that is
     pinned at 0 and held by one slider.  All contacts are closed.  `resting` is the lowest frequency of the reduced
-    system without those pads that are open at rest under the loads of the positions; it is None if no pad only pushes,
+    system without those pads that are open at rest under the loads of the positions.  It is None if no pad only pushes,
     and NaN where no equilibrium is found.  `along` are the positions in the sense of `RunResult.abscissa`, `paths` are
     the coordinates of all P paths.  `over_joints` is None unless exactly two joints move, each on its own path.  With
     effects of second order, the system has the stresses that it has in the run at the times `t` (S,) in s.  At these

@@ -126,9 +126,9 @@ def input_directions(member: Member, load: Load) -> dict[str, Direction]:
     """Return the axis of the body along or about which each input of a load acts, by the names of the inputs.
 
     A load along an axis of the body is one input, with the load's name.  A load along an axis of the ground becomes one
-    input ``"NAME AXIS"`` for each axis of the body that the frame may turn towards the axis of the ground, if the model
-    can move along it.  Wind becomes one input ``"NAME AXIS NUMBER"`` for each Legendre polynomial along the body
-    and each axis.
+    input ``"NAME AXIS"`` for each axis of the body along which it may act as the frame turns; axes along which the
+    model can't move are left out.  Wind becomes one input ``"NAME AXIS NUMBER"`` for each Legendre polynomial along the
+    body and each axis.
     """
     if load.acts == "wind":
         pressed: tuple[Direction, ...] = tuple(axis for axis in PRESSED if axis in motion_directions(member))

@@ -54,7 +54,7 @@ OPEN = 1.0
 def unused_friction_keys(sliding: float, at_rest: float, key_at_rest: str) -> dict[str, str]:
     """Return the keys of a friction law that have no effect, with the reason.
 
-    `sliding` and `at_rest` are the friction in sliding and at rest; `key_at_rest` is the key of the latter.
+    `sliding` and `at_rest` are the friction in sliding and at rest; `key_at_rest` is the key of the friction at rest.
     """
     falls = f"it has an effect with {key_at_rest} alone, from which the friction falls"
     unused = {} if at_rest else {"stribeck_speed": falls}

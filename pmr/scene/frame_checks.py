@@ -88,10 +88,15 @@ JUMP = 1e-9
 def check_frame(scene: Scene) -> None:
     """Refuse a moving frame whose motions jump or have kinks, or that contradicts other settings of the scene.
 
-    Such settings are angles of more than a turn without a unit, gravity with a direction of its own, given matrices,
-    and planar models if the boom leaves its vertical plane.  With second order, an extension has to be above 0, the
-    base held along x at its tail, and each load along the boom at a tip.  What a luffing cylinder, a machine, a
-    computed motion and a ground need is checked, too.  A scene without a frame passes.
+    A scene without a frame passes.  Contradictions are:
+
+    - angles of more than a turn without a unit,
+    - gravity with a direction of its own,
+    - given matrices,
+    - planar models, if the boom leaves its vertical plane.
+
+    With second order, an extension has to be above 0, the base held along x at its tail, and each load along the boom
+    at a tip.  What a luffing cylinder, a machine, a computed motion and a ground need is checked, too.
     """
     frame = scene.frame
     if frame is None:

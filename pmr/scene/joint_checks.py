@@ -248,10 +248,10 @@ def _check_drive(scene: Scene, number: int) -> None:
 
 
 def _check_flexible_drive(scene: Scene, number: int) -> None:
-    """Refuse a rigid drive of section `number` if this section follows a flexible one, and friction with some drives.
+    """Refuse a rigid drive of section `number` if this section follows one with a flexible drive.
 
-    Friction is refused if the section's drive changes its length, if the drive is flexible and other sections follow
-    this section, or if this section follows one with a flexible drive.
+    Friction of the section's pads is refused in three cases: the section's drive changes its length; the drive is
+    flexible and other sections follow this section; or this section follows one with a flexible drive.
     """
     if not has_driven_tail(member_at(scene, number)):
         return  # no drive holds the section along the boom
@@ -341,7 +341,7 @@ def _check_ground_supports(scene: Scene, number: int) -> None:
 def check_extension(scene: Scene, number: int) -> None:
     """Refuse extensions that bring section `number` behind the tail of the next outer section, or out of that section.
 
-    The section has to reach the pads at the mouth, its own pads must not leave the outer section, and pads of tail and
+    The section has to reach the pads at the mouth.  Its own pads must not leave the outer section.  Pads of tail and
     mouth must not overlap on a face.
 
     A carriage, without pads at a mouth, may go wherever its own pads are on the next outer section (`_check_pads`).

@@ -39,9 +39,9 @@ class Interval(NamedTuple):
 class Strand:
     """Curve over time in pieces p(x) + a sin(q(x)), with polynomials p and q of the time x since the piece began.
 
-    The first piece also holds before it begins, and the last one for ever.  Let u(t) be the value of the pieces.  A
-    strand without a `spread` stands for u itself.  With a `spread` h > 0 it stands for (u'(t + h/2) - u'(t - h/2)) / h,
-    from t = 0 on only, and with a negative `spread` for the second rate u''.
+    The first piece also holds before it begins, and the last one for ever.  Let u(t) be the value of the pieces.
+    Without a `spread`, the strand is u itself.  With a `spread` h > 0 it is (u'(t + h/2) - u'(t - h/2)) / h, from t = 0
+    on only.  With a negative `spread` it is the second rate u''.
     """
 
     breaks: Array  # (k,) s: where each piece begins
