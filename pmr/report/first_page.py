@@ -81,9 +81,9 @@ def _left_out_rows(result: RunResult) -> Rows:
     """Yield a row for each subject, such as pads, with the effects that the scene's model leaves out.
 
     The effects are those of `pmr.scene.hints.effects_left_out`, and some that depend on the run.  For example, pads
-    that lift off are added if frequencies or a buckling factor were computed with every pad closed.  Behind an effect,
-    or behind several with the same check, stands what checks it.  If a run in a frame leaves out effects of second
-    order, the last row says so.
+    that lift off are added if frequencies or a buckling factor were computed with every pad closed.  Each effect is
+    followed by what checks it, such as ``pmr chart`` or ``by hand``; effects with the same check are listed together.
+    If a run in a frame leaves out effects of second order, the last row says so.
     """
     in_walls, recovery = wall_stress(result.summary) is not None, result.scene.recovery
     effects = effects_left_out(result.scene, in_walls=in_walls)

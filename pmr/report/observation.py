@@ -119,8 +119,8 @@ def _estimate_caption(name: str, figures: Summary) -> str:
 def _sensor_grid(figures: Summary, innovations: Mapping[str, Array]) -> Grid:
     """Table of the sensors: values, share of innovations within the lines, p-value, and first alarm.
 
-    `innovations` (T,) are those of each sensor over their standard deviations, by the sensor's name; NaN where nothing
-    was measured.  `figures` are the contents of ``observe.json``.
+    `innovations` has the innovations (T,) of each sensor, divided by their standard deviations, by the sensor's name.
+    They are NaN where nothing was measured.  `figures` are the contents of ``observe.json``.
     """
     rows = []
     for name, of in innovations.items():

@@ -261,8 +261,9 @@ def size_rows(result: RunResult) -> Rows:
 def _section_size_rows(result: RunResult) -> Rows:
     """Yield a row for each section with its coordinates in full and reduced model, such as ``4 212 → 8 + 3``.
 
-    The number after the plus are coordinates beyond the section's key ``coordinates``; a last row says what they are
-    for.  In a run with a tolerance no number has a plus, as the tolerance decides the number of coordinates.
+    The key ``coordinates`` of a section sets the number before the plus.  The number after it is that of further
+    coordinates; a last row says what these are for.  In a run with a tolerance there is no plus, as the tolerance
+    decides the number of coordinates.
     """
     more, is_sized = False, "accuracy" in result.summary  # a tolerance sizes sections without regard to their keys
     for row in result.summary.get("sections", ()):

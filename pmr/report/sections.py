@@ -392,7 +392,7 @@ def _format_cycles(value: float | None) -> str:
 
 
 def _drawn_measurements(measured: Sequence[Measured]) -> list[Measured]:
-    """Choose of `measured` what is drawn: one component of each of the first `MOST_DRAWN` quantities.
+    """Choose which of `measured` are drawn: one component of each of the first `MOST_DRAWN` quantities.
 
     It is the component with the largest absolute value.
     """

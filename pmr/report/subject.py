@@ -265,7 +265,11 @@ def abscissa_label(result: RunResult) -> str:
 
 
 def shown_force_name(name: str) -> str:
-    """Name of the force `name` on pages; the luffing cylinder has one name there, as a contact and at the pivot."""
+    """Name of the force `name` on pages.
+
+    The luffing cylinder's force has two names in results, as a contact and at the pivot.  Pages have one name for it.
+    All other names are returned unchanged.
+    """
     return LUFFING_CYLINDER if name.endswith((f" {LUFFING_CYLINDER}", f"{AT_PIVOT} cylinder")) else name
 
 

@@ -96,8 +96,8 @@ def trust_table(result: RunResult) -> Table:
 def certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
     """Yield rows (name, text) in brief on the errors of stresses, tip, forces and frequencies, all sources added up.
 
-    Errors that are not known, and those of reactions that are all 0, have no row.  The last row is on changes by
-    another play of pads, if a run had it.
+    A run with stresses has a row on their error even if it is not known.  Other errors that are not known have no row,
+    and reactions that are all 0 have none.  The last row is on changes by another play of pads, if a run had it.
     """
     summed, reactions = summed_errors(result.summary), result.summary.get("reactions", ())
     without_play = ", without play of pads" if play_summary(result).get("gap") else ""
@@ -236,7 +236,7 @@ class SummedErrors:
         return f"by {_list_names(self.sources[key])}{self.lacking_clause(key)}"
 
     def lacking_clause(self, *keys: str) -> str:
-        """Clause that names the sources that are not in the sum of one of several quantities, given by their `keys`.
+        """Clause that names the sources that are missing in the sum of at least one of the quantities `keys`.
 
         The clause is empty if no source is missing.
         """

@@ -193,8 +193,8 @@ class DutyTable:
     def csv(self, names: Sequence[str]) -> str:
         """Return the table as text in CSV; `names` are the names of the limits.
 
-        Each boom length has columns for load, lower bound, and the limits of the two; their cells are empty at radii
-        that it does not reach.
+        Each boom length has four columns: the load, its lower bound, and the names of the limits that govern the two.
+        Cells are empty at radii that the boom does not reach.
         """
         heads = ["radius [m]"]
         for name in self.column_names:

@@ -103,9 +103,9 @@ class Timeline:
     def difference_clause(self, signals: Mapping[str, Array]) -> str:
         """Clause that says that the differences of `signals` (T,), by simulator, to the reference are drawn below.
 
-        The clause is empty if there is no reference, or if all differences are 0.  Let a ratio be the largest
-        difference divided by the largest value of the signals.  If this ratio is at most the error of the time step in
-        displacements, the clause says so.
+        The clause is empty if there is no reference, or if all differences are 0.  It also says if the differences are
+        slight: if the largest one, as a share of the largest value of the signals, is at most the error of the time
+        step in displacements.
         """
         if not (apart := largest_of(self.differences(signals))):
             return ""
@@ -256,8 +256,8 @@ def line_figure(
 def output_figure(result: RunResult, outputs: Sequence[Output]) -> Figure:
     """Draw one or more outputs of one unit over time in one panel.
 
-    Names in the legend are without the words that all of them begin with, and directions are in words; a single output
-    has no legend.
+    If all names of outputs begin with the same words, the legend leaves these words out.  Directions are in words.  A
+    single output has no legend.
     """
     words, response = [output.name.split(" ") for output in outputs], result.responses["reduced"]
     shared, unit = len(commonprefix(words)), outputs[0].unit

@@ -66,7 +66,7 @@ class LoadChart:
     `place` (E, A, 2) is the position of the tip in m, as radius and height from the pivot.  `load` (E, A) is the load
     in kg, 0 where the boom passes a limit even without a load, and NaN where no limit is reached.  `which` (E, A) is
     the number of the governing limit in `names`, or -1 if no limit governs.  `up_to` in kg is the load at which the
-    search ends.  `extensions` (E,) are texts that tell reaches of one length apart.
+    search ends.  `extensions` (E,) are texts such as ``3.2 + 0``, which tell reaches of equal length from each other.
     """
 
     place: Array

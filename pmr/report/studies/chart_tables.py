@@ -219,7 +219,7 @@ def terminal_grid(results: StudyResults, rows: int) -> Grid:
     """Build the terminal's table of a chart, with a row for each of at most `rows` extensions.
 
     A row has the extensions, the boom length, the range of the radius, and the least and the largest allowed load.  The
-    caption says where more is, or how many extensions are still missing.
+    caption names the files that have more, or says how many extensions are still missing.
     """
     names = list(dict.fromkeys(name for run in results.done for name in run.parameters))
     lines, empty = [], False
@@ -372,8 +372,8 @@ def case_grid(study: FinishedStudy) -> Grid:
 def _format_amount(limit: Mapping[str, object], amount: float | None) -> str:
     """Format the amount of a limit with its unit.
 
-    A limit without an amount, None, is ``none``.  If it limits pads, their allowed pressures are its amounts, which the
-    remark on the limit states: then the text is ``of each pad``.
+    If the amount is None, the text is ``none``.  For a limit on pads it is ``of each pad`` instead, as each pad has its
+    own allowed pressure.
     """
     if amount is None:
         return "of each pad" if limit["of"] == "pad" else "none"

@@ -360,7 +360,7 @@ def _row_name(name: str, base: str) -> str:
 def _span(run: RunRecord, name: str) -> list[float]:
     """The least and the largest value called `name` of a run, in this order.
 
-    The list has one entry if the run has a single value of this name, and fewer if it has none.
+    If the run has a single value of this name, the list has this value alone.  If the run has none, the list is empty.
     """
     values = (number_of(run.figures.get(key)) for key in (f"{name}.min", f"{name}.max", name))
     return [value for value in values if value is not None]

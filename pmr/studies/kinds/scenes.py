@@ -182,9 +182,9 @@ def motion_figures(scene: Scene, response: Response, s: Array, frequencies: Arra
     - ``reactions.<support>.{min,...}`` in N and ``moments.<support>.{min,...}`` in N m of rigid supports.
     - ``probes.<name>.{min,...}`` in the probe's unit, with ``range``, the range of the largest load cycle.
     - ``path.{s_min,s_max}`` in m.
-    - ``frequencies.{s_min,s_middle,s_max}.<i>``: the i-th in Hz at the least, the middle and the largest path
-      coordinate; None if the model has fewer.  Of several postures at one coordinate, that with the lowest frequency
-      counts.
+    - ``frequencies.{s_min,s_middle,s_max}.<i>``: the i-th frequency in Hz at the least, the middle and the largest path
+      coordinate; None if the model has fewer.  If several postures have one coordinate, the posture with the lowest
+      frequency counts.
     """
     path, record = scene.path_positions(response.t), dict[str, Scalar]()
     if forces := force_extremes(response, path):
