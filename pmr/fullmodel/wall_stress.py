@@ -44,8 +44,6 @@ PIECE = 3.0
 #: Cells along and across a pad, which are taken times the fineness of each mesh, the coarser one first.
 ALONG, ACROSS = 4, 2
 FINENESS = (1.0, 2.0)
-#: Length on both sides of pads, over that of a pad, where cells are as long as under the pads; beyond it they grow.
-AROUND = 0.25
 #: Order with which the largest stress converges as cells get smaller.
 ORDER = 2
 #: Shares of the stress that its error bar has on top, within a wall and at an edge where two walls meet: for where pads
@@ -53,8 +51,6 @@ ORDER = 2
 MARGIN, EDGE_MARGIN = 0.01, 0.08
 #: Points are stored at which the stress of a pad alone is at least this share of its largest one.
 STORED = 0.3
-#: Places on a piece that differ by less than this length in m are the same.
-SAME = 1e-9
 
 
 class Estimate(NamedTuple):
@@ -97,11 +93,6 @@ class RingStress:
     unit: Array  # (2, k, P, 3) Pa/N: along, across and shear, by the pressure in the order of `ByPressure`
     on_edge: Array  # (P,): 1 where two walls meet, else 0
 
-    @property
-    def mirrored(self) -> RingStress:
-        """Stresses of the same pads on walls that are mirrored along the axis."""
-        return replace(self, points=self.points * [-1.0, 1.0, 1.0], unit=self.unit * [1.0, 1.0, -1.0])
-
     def margin(self, point: int) -> float:
         """Share of the largest stress that is added to the error bar, if the largest stress is at this `point` number.
 
@@ -129,13 +120,10 @@ def _largest(on_coarse: Array, on_fine: Array, fine: RingStress) -> Estimate:
 
 
 class SectionPiece:
-    """A piece of a section around pads of one size, as shells on two meshes, and the local stresses of pads on it.
-
-    The cells are fine around the pads, so that each place of the pads has its own meshes.
-    """
+    """A piece of a section around pads of one size, as a shell on two meshes, and the local stresses of pads on it."""
 
     def __init__(self, part: BoomSection, length: float, width: float) -> None:
-        """Choose the sizes of cells for pads of this `length` and `width` in m.
+        """Choose the meshes for pads of this `length` and `width` in m.
 
         Raises an `InputError` if the walls change along the section, or the cells would be too many.
         """
@@ -144,16 +132,19 @@ class SectionPiece:
             raise InputError("scene", "body.box", None, "walls that stay the same along the section are allowed")
         self._code = environment.computing_digest()
         self.section, self.length = box, min(box.length, length + PIECE * max(box.width, box.height))
-        self._around = (0.5 + AROUND) * length * (1.0 + SAME)  # round-off does not decide the number of cells
         piece = box.model_copy(update={"length": self.length})
         meshes = [boom_of_box(piece, width / (f * ACROSS), length / (f * ALONG)) for f in FINENESS]
-        self._bodies = [PlateBody(mesh, piece, part.body.material, part.body.shear_correction) for mesh in meshes]
-        self._meshes = dict[tuple[float, int], PieceMesh]()  # by place and number of the mesh
+        self.bodies = [PlateBody(mesh, piece, part.body.material, part.body.shear_correction) for mesh in meshes]
 
     @cached_property
-    def _beam(self) -> PieceBeam:
-        """Beam of the piece, which all meshes are compared with."""
-        return PieceBeam(self._bodies[0])
+    def beam(self) -> PieceBeam:
+        """Beam of the piece, which both meshes are compared with."""
+        return PieceBeam(self.bodies[0])
+
+    @cached_property
+    def meshes(self) -> list[PieceMesh]:
+        """Models of the piece on the coarser and the finer mesh."""
+        return [PieceMesh(body, self.beam) for body in self.bodies]
 
     def place(self, x: Array) -> Array:
         """Return the places (...) in m on the piece that stand for places x (...) in m on the section.
@@ -169,23 +160,17 @@ class SectionPiece:
         The pads' own places `at` are not used.  Stresses are stored in the user's cache folder, and read from there if
         they were computed before.  Raises an `InputError` if a pad leaves its face.
         """
-        if place > self.length / 2.0 + SAME:  # the mirror image of a place near the other end
-            return [of_mesh.mirrored for of_mesh in self.stresses(pads, round(self.length - place, 9))]
-        fine = (place - self._around, place + self._around)
         ring = [
             Pad("pad", pad.on, place, pad.across, length=pad.length, width=pad.width, stiffness=1.0) for pad in pads
         ]
 
-        def compute(number: int, body: PlateBody) -> dict[str, Array]:
-            if (place, number) not in self._meshes:
-                self._meshes[place, number] = PieceMesh(body, self._beam)
-            return npz.record_arrays(self._meshes[place, number].stress(ring), "")
+        def compute(number: int) -> dict[str, Array]:
+            return npz.record_arrays(self.meshes[number].stress(ring), "")
 
         result = []
-        for number, even in enumerate(self._bodies):
-            body = replace(even, box=replace(even.box, fine=fine))
+        for number, body in enumerate(self.bodies):
             request = repr((body, ring, self._code))
-            arrays = npz.stored_or_computed("wall-stress", request, partial(compute, number, body))
+            arrays = npz.stored_or_computed("wall-stress", request, partial(compute, number))
             result.append(npz.record_from_arrays(RingStress, arrays, ""))
         return result
 
@@ -196,17 +181,17 @@ class SectionPiece:
         across it in the wall (zero), and the shear stress.  Their signs are those of `RingStress`.
         """
         box, factors = self.section, np.zeros((len(stress.points), 3, len(FORCES)))
-        section = section_of(box, self._bodies[0].material.poisson)
+        section = section_of(box, self.bodies[0].material.poisson)
         factors[:, 0] = axial_stress_factors(section, stress.points[:, 1:])
         factors[:, 2] = -torsion_stress_factors(box, stress.thickness)  # along x and clockwise
         return factors
 
     def destroy(self) -> None:
         """Free the memory of the models, if they were made."""
-        if self._meshes:
-            self._beam.destroy()
-        for mesh in self._meshes.values():
-            mesh.destroy()
+        if "meshes" in self.__dict__:
+            self.beam.destroy()
+            for mesh in self.meshes:
+                mesh.destroy()
 
 
 class PieceBeam:

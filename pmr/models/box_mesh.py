@@ -192,8 +192,6 @@ MOST_RECTANGLES = 100_000
 THINNEST = 1e-4
 #: Largest cosine of an angle that counts as a right one.
 SQUARE = 1e-6
-#: Length of a layer of cells over that of the layer before, on the way out of `BoxBoom.fine`.
-GROWTH = 1.5
 
 
 @dataclass(frozen=True)
@@ -213,8 +211,6 @@ class BoxBoom:
     frames: tuple[float, ...] = ()  # coordinates x at which a transverse plate stiffens a shell all around
     frame_depth: float = 0.0  # depth of these plates inwards from the walls; infinite: they close the section
     parts: tuple[Stretch, ...] = ()  # stretches along x; by default a single one with these sides
-    # stretch in m whose layers have the ordinary length; away from it each is `GROWTH` times as long as the one before
-    fine: tuple[float, float] = (0.0, np.inf)
 
     def __post_init__(self) -> None:
         thinnest, around = THINNEST * self.layer, sum(side.length for side in self.sides)
@@ -250,34 +246,19 @@ class BoxBoom:
     def layers(self, start: float, end: float) -> list[float]:
         """Ends of the layers of cells between the stations `start` and `end` (m), as shares of their distance.
 
-        All layers within `fine` have the same length, which is about `layer`.  Beyond `fine` layers are longer: away
-        from it, each is `GROWTH` times as long as the one before.  A boom with a `tail_layer` is an exception if
-        `start` is 0: the first layer has this short length, and each further layer is twice as long as the one before.
-        This ends when a layer would have the ordinary length, or when half of the distance would be filled.
+        Layers have about the length `layer`, and all have the same length.  A boom with a `tail_layer` is an exception
+        if `start` is 0: the first layer has this short length, and each further layer is twice as long as the one
+        before.  This ends when a layer would have the ordinary length, or when half of the distance would be filled.
         """
-        thin: list[float] = []
+        fine: list[float] = []
         if start == 0.0 and self.tail_layer:
             thickness = self.tail_layer
-            while thickness < 0.999 * self.layer and sum(thin) + thickness < (end - start) / 2.0:
-                thin.append(thickness)
+            while thickness < 0.999 * self.layer and sum(fine) + thickness < (end - start) / 2.0:
+                fine.append(thickness)
                 thickness *= 2.0
-        before, after = (self._growing_layers(x) for x in (self.fine[0] - start, end - self.fine[1]))
-        before = [*thin, *before[::-1]]
-        count = max(1, round((end - start - sum(before) - sum(after)) / self.layer))
-        even = np.linspace(start + sum(before), end - sum(after), count + 1) - start
-        ends = np.concatenate([np.cumsum([0.0, *before])[:-1], even, even[-1] + np.cumsum(after)])
+        count = max(1, round((end - start - sum(fine)) / self.layer))
+        ends = np.concatenate([np.cumsum([0.0, *fine])[:-1], np.linspace(start + sum(fine), end, count + 1) - start])
         return [float(x) for x in ends[1:] / (end - start)]
-
-    def _growing_layers(self, length: float) -> list[float]:
-        """Lengths (m) of the layers that fill a `length` (m) beside `fine`; the layer next to `fine` is the first.
-
-        The list is empty if `length` is less than half of `layer`.
-        """
-        if length < self.layer / 2.0:
-            return []
-        count = round(np.log1p(length / self.layer * (1.0 - 1.0 / GROWTH)) / np.log(GROWTH))
-        sizes = GROWTH ** np.arange(max(1, count))
-        return [float(size) for size in sizes * length / sizes.sum()]
 
     @property
     def stations(self) -> list[float]:

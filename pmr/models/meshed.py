@@ -31,7 +31,7 @@ from pmr.fem.compat import (
     tabulation_space,
     unrolled_cell_dofs,
 )
-from pmr.fem.distributed import free_objects, local_csr, share, sparse, without_zeros
+from pmr.fem.distributed import free_objects, local_csr, share, sparse
 from pmr.files.arrays import Array, Indices
 from pmr.models import DIRECTIONS, FiniteElementModel, StructuralModel, is_assembled, rigid_motions
 from pmr.models.mesh_nodes import Nodes, number_nodes
@@ -351,7 +351,6 @@ class Assembler:
         Zeros are stored in the pattern of the matrix only if `zeros`.  Collective.
         """
         A, size = assemble(form), len(self._order) if self._projection is None else self._projection.shape[1]
-        A = A if zeros else without_zeros(A)  # before all that follows, as most entries of a mass are zero
         low, high = (int(number) for number in share(size, self.comm))
         if self._projection is None:
             change = PETSc.IS().createGeneral(self._order[low:high].astype(PETSc.IntType), comm=A.comm)

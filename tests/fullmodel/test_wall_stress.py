@@ -127,43 +127,6 @@ def test_cells_two_thirds_as_large_give_a_stress_within_the_bar(
     assert on_smaller.error < on_its_cells.error
 
 
-@pytest.mark.slow
-def test_long_cells_away_from_the_pads_change_the_stress_by_less_than_its_margin(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Pads at the end and in the middle, under both pressures, against cells that are as fine all along the piece."""
-    part, of_places = section(), list[list[ByPressure]]()
-    for fine_all_along in (False, True):
-        if fine_all_along:
-            monkeypatch.setattr(wall_stress, "AROUND", 100.0)
-        piece = SectionPiece(part, 0.16, 0.05)
-        of_places.append(
-            [estimates_of_pads(*piece.stresses([pad()], float(piece.place(np.array(x)))))[0] for x in (0.08, 0.6)]
-        )
-        piece.destroy()
-    for growing, even in zip(*of_places, strict=True):
-        for of_pressure, expected in zip(growing, even, strict=True):
-            assert of_pressure.value == pytest.approx(expected.value, rel=wall_stress.MARGIN)
-            assert of_pressure.value != expected.value
-
-
-@pytest.mark.slow
-def test_pads_near_the_other_end_have_the_mirror_image_of_the_stress(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same points, and unit stresses as on cells that are made for that end."""
-    piece, pads = SectionPiece(section(), 0.16, 0.05), [pad(), replace(pad(), on="left", across=-0.03)]
-    place = float(piece.place(np.array(1.12)))
-    mirrored = piece.stresses(pads, place)
-    monkeypatch.setattr(wall_stress, "SAME", np.inf)  # no place has an image
-    for image, direct in zip(mirrored, piece.stresses(pads, place), strict=True):
-        orders = [np.lexsort([*of.unit[:, 0, :, 0].round(2), *of.points.T.round(6)]) for of in (image, direct)]
-        for key, size in (("points", 0.1), ("thickness", 0.01), ("on_edge", 1.0)):
-            first, second = (getattr(of, key)[order] for of, order in zip((image, direct), orders, strict=True))
-            np.testing.assert_allclose(first, second, atol=1e-9 * size)
-        first, second = (of.unit[:, :, order] for of, order in zip((image, direct), orders, strict=True))
-        np.testing.assert_allclose(first, second, atol=1e-8 * np.abs(second).max())
-    piece.destroy()
-
-
 def clamped_strip(
     width: float, t: float, nu: float, along: Array, across: Callable[[Array], Array], period: float
 ) -> float:

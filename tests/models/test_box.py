@@ -72,20 +72,6 @@ def test_layers_double_from_the_tail(tmp_path: Path) -> None:
     assert np.all(np.abs(np.diff(ends)[4:] - 0.225) < 1e-6)
 
 
-@pytest.mark.parametrize(
-    ("fine", "counts"),
-    [((0.4, 0.7), (3, 5, 3)), ((-0.2, 0.3), (0, 5, 4)), ((0.9, 1.4), (4, 5, 0)), ((0.02, 0.3), (0, 5, 4))],
-)
-def test_layers_grow_away_from_the_fine_stretch(fine: tuple[float, float], counts: tuple[int, int, int]) -> None:
-    """A boom of 1.2 m with layers of 0.06 m; each is half as long again as the one before, but beside half a layer."""
-    ends = 1.2 * np.array([0.0, *boom(length=1.2, size_along=0.06, fine=fine).layers(0.0, 1.2)])
-    before, within, after = np.split(np.diff(ends), np.cumsum(counts)[:2])
-    assert len(after) == counts[2] and ends[-1] == pytest.approx(1.2)
-    assert within == pytest.approx(np.full(counts[1], within[0])) and within[0] == pytest.approx(0.06, rel=0.1)
-    for growing in (before[::-1], after):
-        assert growing[1:] == pytest.approx(1.5 * growing[:-1]) and np.all(abs(growing[:1] / 0.09 - 1.0) < 0.25)
-
-
 @pytest.mark.parametrize("hexahedra", [True, False])
 @pytest.mark.parametrize("radius", [0.0, 0.04])
 def test_a_solid_has_the_volume_of_its_wall(tmp_path: Path, hexahedra: bool, radius: float) -> None:
