@@ -92,10 +92,10 @@ def extension_part(scene: Scene, response: Response) -> SummaryPart:
     """Entry ``extension_cylinder`` of summary.json: extremes of the drive of a computed extension, and its ``stops``.
 
     Lengths are extensions in m.  ``stops`` lists the spans in which a stop is pressed in.  A span has ``start`` and
-    ``end`` in s, the number of ``steps``, and the ``speed`` in m/s with which the stop was met; ``length`` is the
-    extension in m where the stop gives way most, and ``give`` how far it does in m.  There is a warning about each stop
-    that is met.  Further warnings name pressures that are higher than that of the supply (`supply_warnings`).  The part
-    is empty unless an extension was computed.
+    ``end`` in s, the number of ``steps``, and the ``speed`` in m/s with which the stop was met.  ``give`` in m is how
+    far the stop gives way at most: above 0 at the greatest extension, below 0 at the smallest.  ``length`` in m is the
+    extension at this time.  There is a warning about each stop that is met.  Further warnings name pressures that are
+    higher than that of the supply (`supply_warnings`).  The part is empty unless an extension was computed.
     """
     computed = {name: path for name, path in scene.paths.items() if isinstance(path, ComputedMotion)}
     if (name := next(iter(computed), None)) is None:
@@ -168,8 +168,9 @@ def _stop_warnings(name: str, end: str, spans: list[dict[str, float]]) -> list[s
 def _stop_spans(t: Array, stop: Array, histories: Mapping[str, Array]) -> list[dict[str, float]]:
     """Spans in which a stop is pressed in, as `extension_part` describes them, in the order of time.
 
-    t (T,) in s are the times, and `stop` (T,) in m is how far the stop gives way, or 0.  `histories` (T,) have the
-    cylinder's ``length`` in m and ``speed`` in m/s.  A span has the keys:
+    t (T,) in s are the times, and `stop` (T,) in m is how far the stop gives way: above 0 at the greatest length, below
+    0 at the smallest, else 0.  `histories` (T,) have the cylinder's ``length`` in m and ``speed`` in m/s.  A span has
+    the keys:
 
     - ``start`` and ``end``: its first and its last time in s,
     - ``steps``: the number of its steps,

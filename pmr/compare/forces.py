@@ -85,8 +85,8 @@ def history_by_name(scene: Scene, response: Response) -> History:
 def _pad_rows(scene: Scene, loads: Mapping[str, Extremes]) -> Iterator[dict[str, Any]]:
     """Yield rows of ``pads`` in summary.json from the extremes `loads` of the pads' forces, by name.
 
-    The row of a pad on a face has its largest ``pressure`` in Pa, too, and the ``allowed_pressure`` if the scene has
-    one.
+    The row of a pad on a face also has the pad's largest ``pressure`` in Pa, and the ``allowed_pressure`` if the scene
+    has one.
     """
     on_faces = pads_on_faces(scene)
     for name, extremes in loads.items():
@@ -277,9 +277,9 @@ def _kink_warnings(kinks_of_cylinders: Mapping[str, Sequence[Mapping[str, float]
 def rope_forces(scene: Scene, response: Response) -> dict[str, Array]:
     r"""Force (T,) in N on each section that has a rope, follows another or is followed, by name; positive pushes out.
 
-    Section k has the extension :math:`s_k = r_k s_j + c_k`, with the ratio r_k and the offset c_k, if it is moved by a
-    rope that the joint j drives.  Let :math:`F_k` be the force along the boom between section k and the next outer one
-    if each section had a cylinder of its own.  By virtual work
+    If a rope that the joint j drives moves section k, its extension is :math:`s_k = r_k s_j + c_k`, with the ratio r_k
+    and the offset c_k.  Let :math:`F_k` be the force along the boom between section k and the next outer one if each
+    section had a cylinder of its own.  By virtual work
 
     .. math::
         T_j = F_j + \sum_{k\ \mathrm{follows}\ j} r_k T_k
@@ -301,10 +301,10 @@ def rope_forces(scene: Scene, response: Response) -> dict[str, Array]:
 def ropes_part(scene: Scene, response: Response) -> SummaryPart:
     """Entry ``ropes`` of summary.json, a row for each section in `rope_forces`: extremes of the ``force`` in N.
 
-    A row has the ``name`` of the section and the section that it ``follows``, or None.  A section that follows no other
-    also has the ``power`` in W: that for moving it and all its followers.  A rope with a stiffness EA also has its
-    largest ``length`` in m on the way, and the ``stiffness`` in N/m of all its strands together at that length.  The
-    part is empty without such sections.
+    A row has the ``name`` of the section and the section that it ``follows``, or None.  If a section follows no other,
+    its row has the ``power`` in W for moving this section and all its followers.  If a rope has a stiffness EA, its row
+    has the rope's largest ``length`` in m on the way, and the ``stiffness`` in N/m of all strands together at that
+    length.  The part is empty without such sections.
     """
     if len(scene.sections) < 2:
         return SummaryPart()

@@ -252,9 +252,9 @@ def frequencies_on_way(scene: Scene, system: System, excitation: Excitation, poi
 def _resting_frequencies(scene: Scene, system: System, points: WayPoints, c: Array) -> Array | None:
     """Lowest natural frequency (S,) in Hz in S positions, without the pads that are open in equilibrium there.
 
-    The loads are those of the times `points.t`, with the full weight; the terms have the amplitudes c (S, k).  A pad
-    that touches without a force is closed.  The result is NaN where no equilibrium is found, and None if no pad only
-    pushes.
+    The equilibrium is that under the full weight and the loads of the times `points.t`; the terms have the amplitudes c
+    (S, k).  A pad that touches without a force counts as closed.  The result is NaN where no equilibrium is found, and
+    None if no pad only pushes.
     """
     if np.isnan(system.clearance).all():
         return None
@@ -377,9 +377,9 @@ def _follows_other(boom: Scene, name: str) -> bool:
 def published_part(boom: Scene, frequencies: Frequencies) -> SummaryPart:
     """Entry ``published_frequencies`` of summary.json: first frequency at each published reach, published and by model.
 
-    Frequencies of models are interpolated in the reach.  Of several postures with equal reach, as of a boom that luffs
-    at one length, the lowest frequency counts.  Published values beyond this boom's reach are left out, and a warning
-    says so.
+    Frequencies of models are interpolated over the reach.  If several postures have the same reach, as in a boom that
+    luffs at one length, the lowest frequency counts.  Published values beyond this boom's reach are left out, and a
+    warning says so.
     """
     published = boom.published.frequencies if boom.published else ()
     low, high, slack = frequencies.along[0], frequencies.along[-1], BESIDE * frequencies.along[-1]

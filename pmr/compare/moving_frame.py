@@ -283,7 +283,7 @@ class _Moments:
 class _EnergyBalance:
     """Balance at T times: `energy` (T,) in J, and work `drives` and `others` (T - 1,) in J in each step between them.
 
-    Bodies are added first, then terms of second order, then momenta.
+    The methods are called in this order: `add_fields` for bodies, `add_term` for terms of second order, `add_momentum`.
     """
 
     def __init__(self, scene: Scene, run: SystemTrajectory) -> None:

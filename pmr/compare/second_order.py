@@ -68,7 +68,7 @@ class SecondOrderEffect:
     def t_least_factor(self) -> float:
         """Time in s at which the buckling factor first comes within a relative 1e-9 of its smallest value.
 
-        A boom at rest keeps its factor, so that among later times round-off alone would decide.
+        The tolerance is for a boom at rest, whose factor stays the same: without it, round-off would choose the time.
         """
         return float(self.t[np.argmax(self.factors <= self.least_factor * (1.0 + 1e-9))])
 
@@ -140,7 +140,7 @@ def _second_order_steps(excitation: Excitation) -> NDArray[np.int64]:
     """Ascending numbers (S,) of the steps at which second order is computed, at most `STRESSED_TIMES`.
 
     Steps near a kink of an extension are left out: the acceleration of the kink lasts one step and is no lasting load.
-    If all of them are near kinks, as with an extension from a table of short straight pieces, none is left out.
+    If all steps are near kinks, as with an extension from a table of short straight pieces, no step is left out.
     """
     steps = np.unique(np.linspace(0, excitation.stepping.steps, STRESSED_TIMES).astype(np.int64))
     kinks = [t for path in excitation.paths.values() for t in path.kinks(excitation.stepping.end)]

@@ -231,8 +231,8 @@ HINGES = ("frame.cylinder.foot", "frame.cylinder.lug")
 def _mechanism_differences(recorded_scene: Mapping[str, object], scene: Scene) -> Iterator[Difference]:
     """Yield the differences between `recorded_scene`, the keys of a model's scene, and `scene` in their mechanism.
 
-    The keys are `MECHANISM`, `HINGES` if a free luffing angle or a cylinder makes these matter, and a winch's place on
-    a section.  Raises an InputError if one of the two scenes alone has a frame, a cylinder or a hoist.
+    The keys are `MECHANISM` and a winch's place on a section.  `HINGES` are added if a free luffing angle or a cylinder
+    makes them matter.  Raises an InputError if only one of the two scenes has a frame, a cylinder or a hoist.
     """
     on_section = scene.hoist is not None and scene.hoist.winch.section
     holds = scene.frame is not None and (scene.frame.luffing == "free" or scene.holding_cylinder is not None)

@@ -122,7 +122,7 @@ class ConvergenceSeries(Generic[Compared]):
 
         `part` is the difference in only some of the outputs; the error of these outputs is then returned, with a
         proportional share of the remainder.  None stands for all outputs.  If differences don't decrease, the
-        difference itself is returned, which is the least that the error may be.
+        difference to the last run is returned alone; the error is at least as large.
         """
         difference, remainder = self.difference_to_last, self.remainder
         part = difference if part is None else part

@@ -117,8 +117,8 @@ BEYOND = 0.05
 def highest_mode_frequency(model: ReducedModel, stepping: TimeStepping, count: int | None = None) -> float:
     """Frequency in Hz with which time stepping shows the highest of the first `count` enrichment modes (None: of all).
 
-    The frequency is arctan(omega h / 2) / (pi h) with the step h of `stepping`, less than the natural frequency
-    (`effects_not_covered`).  The model must have enrichment modes.
+    The frequency is arctan(omega h / 2) / (pi h), with the step h of `stepping` and the mode's circular frequency
+    omega.  It is less than the natural frequency (`effects_not_covered`).  The model must have enrichment modes.
     """
     assert model.enrichment is not None
     omega = float(np.sqrt(model.enrichment.stiffness[:count][-1]))
@@ -206,7 +206,7 @@ FAR = 0.1
 
 
 def stated_quantities(scene: Scene, response: Response) -> list[str]:
-    """Keys of the quantities, other than displacements, for which a run's results contain values.
+    """Keys of the quantities, other than displacements, that a run's results state.
 
     The keys are the kinds of forces and reactions in the response, such as ``pad_force``.  A kind is left out if all of
     its forces are zero, or round-off compared with the largest of all kinds.  ``frequency`` is always among the keys,

@@ -101,7 +101,8 @@ class StressRows:
     def by_cell(self, values: Array, cells: int) -> dict[str, Array]:
         """Return the largest of values (S, P) at P points in each of `cells` cells, (S, cells), by name of the face.
 
-        A cell without a point on a face has its largest value on any face; a cell without points has minus infinity.
+        If a cell has no point on a face, its largest value on any face is taken; a cell without points has minus
+        infinity.
         """
         largest_anywhere = _largest_by_cell(values, self.cell, cells)
         largest = {}

@@ -259,8 +259,8 @@ class RunResult:
         """Fields of each body that has some, and the distance (F,) in m that it has slid along x, by the body's name.
 
         The distance is given at the F times of the fields.  A section of a boom slides out of the base by the sum of
-        the extensions up to its own.  A body alone slides by -s into the pads that hold it; a body along which points
-        slide does not slide itself.
+        the extensions up to its own.  A body alone that pads hold slides by -s into these pads.  If points slide along
+        a body, the body itself has the distance 0.
         """
         t, tails = self.responses["reduced"].t, self.tails
         if self.reach is None and not self.scene.points:

@@ -109,7 +109,10 @@ class Stretch:
         return interpolate_profile(self.first, self.last, (x - self.start) / (self.end - self.start))
 
     def sub_range(self, start: float, end: float) -> Stretch:
-        """Return the part of this stretch from `start` to `end`, m along the box; a uniform one is returned whole."""
+        """Return the part of this stretch from `start` to `end`, m along the box.
+
+        A stretch whose profile stays the same is returned whole.
+        """
         return self if self.first is self.last else Stretch(start, end, self.profile_at(start), self.profile_at(end))
 
     @property

@@ -131,7 +131,7 @@ def convex_hull(points: Sequence[Corner]) -> list[Corner]:
     """
 
     def half(ordered: Sequence[Corner]) -> list[Corner]:
-        """Return the corners on the right of the way through the `ordered` points, without the last point."""
+        """Return the hull's corners on the right of the way through the `ordered` points, without the last corner."""
         chain = list[Corner]()
         for point in ordered:
             while len(chain) > 1 and polygon_area((chain[-2], chain[-1], point)) <= 0.0:

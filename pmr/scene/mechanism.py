@@ -103,7 +103,7 @@ def cylinder_force_names(scene: Scene) -> tuple[str, ...]:
 
 
 def pin_and_cylinder(scene: Scene) -> PinAndCylinder | None:
-    """Return a base's pin and the support that stands for the luffing cylinder; None unless just these hold it.
+    """Return a base's pin and the support that stands for the luffing cylinder; None unless these two alone hold it.
 
     The pin consists of rigid supports along x and along z at one place of the base.  The other support is the only
     further one that holds z; it is at the cylinder's lug, or else holds z alone.  The result is None if the base has a

@@ -69,8 +69,8 @@ class RopePlace(NamedTuple):
 class Member:
     """Section `number` of a scene with all inputs of its full model.
 
-    The pads of both joints that touch the section are among these inputs.  All pads have one path coordinate s, the
-    position of pads along the section.
+    The pads of both joints that touch the section are among these inputs.  All pads share one path coordinate s, their
+    position along the section.
     """
 
     scene: Scene
@@ -164,9 +164,10 @@ class Member:
 
     @property
     def bounds(self) -> Interval:
-        """Least and largest s in m over the simulated time; for a section of a boom, s of all pads of its joints.
+        """Least and largest path coordinate s in m over the simulated time.
 
-        Positions in which the longest pad would not be wholly on the section are left out.
+        For a section of a boom, these are the positions of all pads of its joints.  Positions in which the longest pad
+        would not be wholly on the section are left out.
         """
         return self._reach if self.has_joint else self.scene.path_bounds
 

@@ -450,7 +450,8 @@ class Scene(SectionTables):
     def without_loads(self) -> Self:
         """Return the scene with zero loads of sections, full weight at t = 0 and no recovery of stresses.
 
-        Scenes that differ only in these three have the same modes; for all of them equal scenes are returned.
+        Scenes that differ only in loads, weight and recovery have the same modes.  This method returns equal scenes for
+        all of them.
         """
         gravity = self.gravity.with_keys(rise=0.0) if self.gravity else None
         return self.vary_sections(
