@@ -516,7 +516,7 @@ def _scalar_parts(space: FunctionSpace) -> list[FunctionSpace]:
 def _table(dofmap: DofMap) -> Indices:
     """Local degrees of freedom (cells, d) of each cell that this rank knows, from a `dofmap`.
 
-    The components of a block have one common number, unless `dofmap` is that of a single component.
+    The components of a block have one common number, unless `dofmap` belongs to a single component.
     """
     table = dofmap.list
     if VERSION < (0, 7):

@@ -109,9 +109,9 @@ def subtract(X: Array, A: Array, B: Array) -> None:
 def fix_signs(local: Array, comm: MPI.Comm) -> Array:
     """This rank's rows (n_local, k) of a matrix, with each column times 1 or -1, from its rows `local`; collective.
 
-    The entry of largest magnitude of each column becomes positive.  Of all entries within `SIGN_TOLERANCE` of the
-    largest one, the first in the model's order decides, so that round-off can't choose between the two ends of a
-    symmetric mode.
+    The entry of largest magnitude of each column becomes positive.  If several entries are within `SIGN_TOLERANCE` of
+    the largest one, the first of them in the model's order decides.  So round-off can't choose between the two ends of
+    a symmetric mode.
     """
     size = np.abs(local)
     largest = np.max(comm.allgather(size.max(axis=0, initial=0.0)), axis=0)

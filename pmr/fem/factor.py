@@ -75,8 +75,8 @@ class _PetscFactor:
 class Factor(_PetscFactor):
     """Factor L L^T of a distributed matrix by MUMPS; collective.
 
-    The memory for the factor is known before the factor is computed.  A factor that does not fit into the free memory
-    is kept in files, in the folder named by the environment variable MUMPS_OOC_TMPDIR, and a warning is logged.
+    The memory for the factor is known before the factor is computed.  If the factor does not fit into the free memory,
+    it is stored in files, and a warning is logged.  The environment variable MUMPS_OOC_TMPDIR names the folder.
 
     Raises a `NotDefiniteError` if the matrix, called `name`, is not positive definite.  Raises an `InputError` if its
     factor does not fit into the memory even with files, or if MUMPS fails for another reason.
@@ -132,7 +132,7 @@ def product(A: PETSc.Mat, x: Array) -> Array:
 
 
 class SequentialFactor(_PetscFactor):
-    """Factor on one rank by CHOLMOD, whose solve with a single right-hand side takes half as long as that of MUMPS.
+    """Factor on one rank by CHOLMOD.  A solve with a single right-hand side takes half as long as by MUMPS.
 
     Raises a `NotDefiniteError` if CHOLMOD finds that the matrix, called `name`, is not positive definite; a small
     indefinite matrix may have a factor L D L^T all the same.  Raises an `InputError` if CHOLMOD fails for another

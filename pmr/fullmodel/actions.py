@@ -161,8 +161,12 @@ class Gauge:
 def gauges(part: OneBody, model: StructuralModel) -> list[Gauge]:
     """Gauges of all probes of a body, in their order, one for each component that a probe measures.
 
-    Raises an `InputError` if a probe's point is off the body, if a group or face does not exist, if the model has no
-    stresses that a probe measures, or if the body is given by matrices.  The list is empty if the body has no probes.
+    The list is empty if the body has no probes.  Raises an `InputError` in these cases:
+
+    - a probe's point is off the body;
+    - a group or face does not exist;
+    - a probe measures stresses, and the model has none;
+    - the body is given by matrices.
     """
     if not part.probes:
         return []

@@ -192,7 +192,7 @@ class SlepcEigenSolver:
 
     A single Krylov sequence finds only one vector of each multiple eigenvalue, so modes may be missing at first.  By
     Sylvester's law of inertia, the number of negative pivots of K - x M is the number of modes with omega^2 below x.
-    If this number is larger than that of the modes found, the solver runs again in the complement of these modes.
+    If fewer modes were found, the solver runs again in the complement of the modes found.
     """
 
     def __init__(self, model: FullModel) -> None:
@@ -249,9 +249,8 @@ class SlepcEigenSolver:
 class OneFactorEigenSolver:
     r"""Eigensolver by block Lanczos with shift-and-invert, on one factor for all path coordinates.
 
-    The matrix to invert consists of F = K + sigma M, which is factorised once, and of m rows C(s), which change it by a
-    low rank.  Their compliances are the diagonal matrix 1/k, which is zero for rigid rows.  The inverse that is applied
-    to vectors is
+    The matrix F = K + sigma M is factorised once.  The m rows C(s) change it by a low rank.  The rows' compliances are
+    the diagonal matrix 1/k, which is zero for rigid rows.  The inverse that is applied to vectors is
 
     .. math::
         \bigl(F + C^T k\, C\bigr)^{-1} = F^{-1} - F^{-1} C^T \bigl(1/k + C F^{-1} C^T\bigr)^{-1} C F^{-1}

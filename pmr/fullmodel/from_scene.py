@@ -242,8 +242,8 @@ def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBo
     """Read the mesh of a body from its file; without a file, draw its box by gmsh.  Runs on this rank only.
 
     `kinds` are the kinds of cells that are allowed.  `write` writes the drawn boom to a file of gmsh, which is then
-    read.  Raises an InputError about a file that can't be read or whose mesh is not where the boom is, or about the key
-    of the scene that keeps the box from being drawn.
+    read.  Raises an InputError about the file if it can't be read or its mesh is not where the boom is.  If the box
+    can't be drawn, the InputError is about the key of the scene that is the reason.
     """
     if member.part.mesh.file is not None:
         groups = member.part.mesh.groups

@@ -84,7 +84,7 @@ def masses_of(model: StructuralModel, point_masses: Sequence[PointMass], M: PETS
 
 
 def _gram_matrix(R: Array, M: PETSc.Mat) -> Array:
-    """Product R^T M R (k, k) for k motions R (n, k), of which every rank has all rows; collective."""
+    """Product R^T M R (k, k) for k motions R (n, k); every rank passes all rows of R.  Collective."""
     x, f = M.createVecRight(), M.createVecLeft()
     mine, columns = R[slice(*M.getOwnershipRange())], []
     for motion in mine.T:

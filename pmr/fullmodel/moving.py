@@ -175,8 +175,8 @@ class FrameAssembler:
     def inertia(self, S: Array) -> PETSc.Mat:
         """Matrix A_S (n, n) of the model without point masses, for a tensor S (3, 3) other than zero; collective.
 
-        The matrix is the sum of S_jk A_jk, where A_jk belongs to the tensor with the single entry 1 in row j and column
-        k, and is the transpose of A_kj.  Each A_jk with j <= k is assembled at most once.
+        The matrix is the sum of S_jk A_jk.  A_jk belongs to the tensor whose single entry, 1, is in row j and column k.
+        As A_jk is the transpose of A_kj, only matrices with j <= k are assembled, each at most once.
         """
         parts = []
         for j, k in np.argwhere(S).tolist():

@@ -181,12 +181,12 @@ class Restraints:
 def restrain(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Restraints:
     """Rows and springs of all pads, supports and sliders on the coordinates z of a structure, with q = T z.
 
-    Springs are the pads and supports that do not move, have a stiffness and hold both ways; all others are rows.  Rows
-    of fixed pads and of supports come first, then those of sliding points, moving pads, places that another body holds,
-    the luffing cylinder and straight stretches.  The coordinates of walls that give way are the last ones of z.
+    Springs are the pads and supports that do not move, have a stiffness and hold both ways; all others are rows.  The
+    order of rows is: fixed pads, supports, sliding points, moving pads, places that another body holds, the luffing
+    cylinder, straight stretches.  The coordinates of walls that give way are the last ones of z.
 
-    Raises an `InputError` if a face does not exist, if a pad leaves its face somewhere on its travel, or if the model
-    lacks the direction of a support or a clamp holds its place already.
+    Raises an `InputError` if a face does not exist, or if a pad leaves its face somewhere on its travel.  An
+    `InputError` is also raised if the model lacks the direction of a support, or a clamp holds its place already.
     """
     staying = [
         *(pads.walls.pad_row(fixed_pad(pad, model, T, pads.travel), pad.at) for pad in pads.fixed),
@@ -447,7 +447,7 @@ def _moments(weights: Array, offsets: Array, ends: Indices) -> Array:
 
 
 def _correct_weights(weights: Array, offsets: Array, ends: Indices, moments: Array) -> Array:
-    """Return `weights` (q,) times a parabola at each station, so that their moments are those of the exact integral.
+    """Return `weights` (q,) times a parabola at each station, which gives them the moments of the exact integral.
 
     The parabola is a function of the offsets from the station.  At each station the result adds up to one, its centroid
     is at the station, and its second moment along the axis is 1/6, as for the exact hat.  The correction is as small as

@@ -84,7 +84,7 @@ class SlidingCompliance:
 
 
 class WallCompliance(NamedTuple):
-    """The walls' compliance under m fixed pads and ends, and that of each ring of sliding pads."""
+    """The walls' compliance under m fixed pads and ends, and the compliance under each ring of sliding pads."""
 
     standing: Array  # (m, m) m/N, of ends that turn rad/N and rad/(N m)
     sliding: list[SlidingCompliance]
@@ -109,11 +109,11 @@ def wall_compliance(
 def _compliance_arrays(
     body: PlateBody, standing: tuple[Pad, ...], ends: tuple[tuple[str, str], ...], rings: tuple[Ring, ...]
 ) -> dict[str, Array]:
-    """Compute the compliance of a body's walls under the pads `standing` and those of the `rings` that slide.
+    """Compute the compliance of a body's walls under the fixed pads `standing`, at `ends` and under sliding `rings`.
 
-    The compliance is the difference between that of the shell and that of the beam of the body.  `ends` are pairs such
-    as ``("tip", "y")``: a group at an end, and the direction of its mean motion.  The result has the array ``standing``
-    and, with the number of the ring before their names, the fields of `SlidingCompliance`.
+    It is the compliance of the body's shell minus the compliance of its beam.  `ends` are pairs such as
+    ``("tip", "y")``: a group at an end, and the direction of its mean motion.  The result has the array ``standing``
+    and the fields of `SlidingCompliance` for each ring.  Their keys begin with the ring's number, such as ``0.u``.
     """
     box, line = body.box, beam_of(body)
     shell, beam = HeldModel(shell_of(body), body), HeldModel(line, body)
@@ -192,8 +192,8 @@ class HeldModel:
     def under_pads(self, pads: Sequence[Pad]) -> Array:
         """Displacements (c, 2 k) of the model's own c coordinates under 1 N outwards on each of k pads alone.
 
-        In the first k columns the pressure is largest in the middle of the pad, as that of
-        `pmr.fullmodel.pads.under_pad`; in the last k it is even.  Raises an `InputError` if a pad leaves its face.
+        In the first k columns the pressure is largest in the middle of the pad (`pmr.fullmodel.pads.under_pad`).  In
+        the last k columns it is even (`under_even_pad`).  Raises an `InputError` if a pad leaves its face.
         """
         even = sp.vstack([under_even_pad(pad, self._model) for pad in pads]) @ self._T
         return np.asarray(self._T @ self._displacements(sp.vstack([self.pads(pads, np.zeros(1)), even], "csr")))
@@ -212,8 +212,8 @@ class HeldModel:
     def compliance_along(self, pads: Sequence[Pad], u: Array, fixed_rows: sp.csr_matrix) -> Array:
         """Compliance (p, k + m, k) under 1 N on each of k pads that have slid by each of p distances `u` (p,) m.
 
-        The first k entries along the second axis are the displacements in m under these pads, and the last m the values
-        in m or rad of the `fixed_rows` (m, n).
+        The second axis has what is measured: first the displacements in m under the k pads, then the values in m or rad
+        of the `fixed_rows` (m, n).
         """
         rows, p, k = self.pads(pads, u), np.arange(len(u)), len(pads)
         of_pads, of_fixed = np.split(self.compliance(rows, sp.vstack([rows, fixed_rows], "csr")), [rows.shape[0]])
@@ -356,9 +356,9 @@ def _wall_volume(pad: Pad, box: Box) -> float:
 def _end_volume(box: Box, direction: str) -> float:
     """Volume in m^3 of the last piece of a box's walls at a free end, whose mass moves with the end.
 
-    `direction` is that of the end's motion.  For the rotation ``rx`` the volume is multiplied by an arm squared, so
-    that it is in m^5.  The piece is as long as a quarter of the larger of width and height; the arm is half the
-    diagonal of the box.
+    The piece is as long as a quarter of the width or the height, whichever is larger.  `direction` is the direction of
+    the end's motion.  For the rotation ``rx`` the result is in m^5: the volume times the square of half the box's
+    diagonal.
     """
     arm = (box.width**2 + box.height**2) / 4.0 if direction == "rx" else 1.0
     return sum(side.thickness * side.length for side in box.sides) * max(box.width, box.height) / 4.0 * arm

@@ -306,11 +306,12 @@ class WallPeak:
 def wall_peak(part: BoomSection, states: SectionStates, rings: Sequence[LoadedRing]) -> WallPeak | None:
     """Return the largest von Mises stress in the walls at the pads of a section at all times.
 
-    The time of each ring's peak is found with the ring at the nearest of up to `PLACES` places along its way, and with
-    the pressure largest in the middle of the pads.  The stress at this time is then computed with the ring at its true
-    place, under both pressures.  The result has the largest stress of all rings under each pressure.  Its `state` and
-    `position` belong to the pressure that is largest in the middle.  None is returned if there are no pads.  Not
-    collective.
+    The stress of a ring is computed in two steps.  First the time of its peak is searched for, under the pressure that
+    is largest in the middle of the pads.  For this search, the ring is at the nearest of up to `PLACES` places along
+    its way.  Then the stress at this time is computed with the ring at its true place, under both pressures.
+
+    The result has the largest stress of all rings under each pressure.  Its `state` and `position` belong to the
+    pressure that is largest in the middle.  None is returned if there are no rings.  Not collective.
 
     Raises an `InputError` as `SectionPiece` and its method `stresses` do.
     """
@@ -435,8 +436,9 @@ class PadStress:
 def largest_pad_stresses(scene: Scene, number: int) -> Iterator[PadStress]:
     """Yield the largest stress of each pad of a scene on section `number`, at each of up to `PLACES` places.
 
-    The places are spread evenly over the range along which the pad slides on this section, but lie at least half a
-    pad's length from the ends of the section.  Places that stand for the same one on the section's piece count once.
+    The places are spread evenly over the range along which the pad slides on this section.  A place that is less than
+    half a pad's length from an end of the section is moved to this distance.  Places that `SectionPiece.place` maps to
+    the same place on the section's piece count once.
 
     Raises an `InputError` as `SectionPiece` and its method `stresses` do.
     """
@@ -452,7 +454,7 @@ def largest_pad_stresses(scene: Scene, number: int) -> Iterator[PadStress]:
 
 
 def _seated_rings(member: Member) -> Iterator[SeatedRing]:
-    """Yield the rings of pads on faces of a section: those of its joints, or those on the ground if it has no joint.
+    """Yield the rings of pads on faces of a section: rings of its joints, and rings on the ground if it has no joint.
 
     Rings of joints without faces are left out.
     """

@@ -70,8 +70,10 @@ class Walls:
     """Walls of a body that give way: under fixed pads and at ends, then under sliding pads.
 
     The coordinates y of the walls are the last ones of the body, in this order, each with the strain energy k_0 y^2 /
-    2.  The dents of m fixed pads and ends are S_f y_f, with S_f S_f^T = k_0 C_ff and their compliance C_ff.  The dents
-    of k sliding pads are A y_f + S_m y_m, with A S_f^T = k_0 C_mf and S_m^2 = k_0 C_mm - A A^T.
+    2.  C_ff is the walls' compliance under m fixed pads and ends, and C_mm the compliance under k sliding pads.  C_mf
+    are the dents of sliding pads under forces on fixed ones.  The dents of fixed pads and ends are S_f y_f, with S_f
+    S_f^T = k_0 C_ff.  The dents of sliding pads are A y_f + S_m y_m, with A S_f^T = k_0 C_mf and S_m^2 = k_0 C_mm - A
+    A^T.
     """
 
     standing: Standing = Standing()

@@ -83,7 +83,7 @@ class Beam(FiniteElementModel, ABC):
     @property
     @abstractmethod
     def node_transformations(self) -> Array:
-        """Matrices (K, d, d), one per section, from a node's coordinates of the model to those of the space."""
+        """Matrices (K, d, d), one per section, that turn a node's d coordinates into those of the function space."""
 
     @abstractmethod
     def shape_functions(self, h: Array, X: Array, number: Indices) -> Array:
@@ -156,9 +156,9 @@ class Beam(FiniteElementModel, ABC):
     def bending_load(self, direction: str, gradient: float) -> sp.csr_matrix:
         r"""Row (1, n) of the load by an initial strain whose gradient along `direction`, y or z, is `gradient` in 1/m.
 
-        The strain is zero at the centroid.  Under the gradient :math:`\kappa` an element with the bending stiffness EI
-        is bent by the moments :math:`\mp EI \kappa` at its ends, which is the integral of :math:`EI \kappa\, \delta
-        w''` along it.  The row is zero for a direction along which the beam does not bend.
+        The strain is zero at the centroid.  The gradient :math:`\kappa` acts on an element with the bending stiffness
+        EI as moments :math:`\mp EI \kappa` at its ends.  Their work is the integral of :math:`EI \kappa\, \delta w''`
+        along the element.  The row is zero for a direction along which the beam does not bend.
         """
         d, load = len(self.directions), np.zeros(len(self.directions) * (self.first_node[-1] + 2))
         for slope, stiffness in self.bending_stiffness(direction).items():

@@ -330,8 +330,8 @@ class Beam3D(Beam):
     def bending_stiffness(self, direction: str) -> dict[int, Array]:
         """Bending stiffnesses (E,) in N m^2 in both principal planes, for a curvature along `direction`, y or z.
 
-        The keys 3 and 5 are the numbers of the slopes v' and w' among a node's coordinates in the function space, on
-        which the bending moments do work.
+        Bending moments do work on the slopes v' and w'.  The keys 3 and 5 are the numbers of these slopes among a
+        node's coordinates in the function space.
         """
         turned = self.sections.principal[:, :, "yz".index(direction)]
         moments = self.body.material.young * self.sections.second_moments * turned

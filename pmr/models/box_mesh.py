@@ -276,8 +276,8 @@ class BoxBoom:
     def ramps(self) -> dict[float, float]:
         """Half lengths in m of the ramps at steps of the mid-surface, by their coordinate x in m.
 
-        A half length is the length of a layer of cells, but at most a third of the way from the step to the next frame
-        or end of a stretch.
+        A half length is the length of a layer of cells.  It is shorter if the next frame or end of a stretch is near:
+        at most a third of the way to it.
         """
         stops, half_lengths = self._stops, dict[float, float]()
         for part, after in pairwise(self.parts):

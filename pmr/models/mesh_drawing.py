@@ -207,7 +207,8 @@ class Drawing:
 def graded_nodes(length: float, elements: int, grading: float) -> Array:
     """Coordinates (elements + 1,) in m of a beam's nodes from 0 to `length`.
 
-    The lengths of the elements grow geometrically; `grading` is the length of the last one over that of the first one.
+    The lengths of the elements grow geometrically.  `grading` is the length of the last element divided by the length
+    of the first one.
     """
     if elements == 1 or grading == 1.0:
         return np.linspace(0.0, length, elements + 1)

@@ -129,9 +129,9 @@ class MidLine:
 
     @property
     def shear_compliance(self) -> Array:
-        """Inverse shear areas (2, 2) in 1/m^2: integrals of products of both shear flows over the thickness t.
+        """Inverse shear areas (2, 2) in 1/m^2: the integrals of q_i q_j / t along the line.
 
-        The integrals are those of q_i q_j / t along the line, with the flows q_1 and q_2 of unit forces along y and z.
+        q_1 and q_2 are the shear flows of unit forces along y and z, and t is the thickness.
         """
         return np.einsum("k,kqi,kqj,q", self.lengths / self.thickness, self.flow, self.flow, WEIGHTS)
 
@@ -259,7 +259,7 @@ def _poisson_factor(across: float, along: float, nu: float) -> float:
 def _shear_coefficient(m: float, nu: float) -> float:
     """Cowper's shear coefficient kappa of a thin-walled box with Poisson's ratio `nu`.
 
-    m is the size of the box across the force over its size along the force.
+    m is the size of the box across the force, divided by its size along the force.
     """
     return (
         10.0 * (1.0 + nu) * (1.0 + 3.0 * m) ** 2

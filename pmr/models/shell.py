@@ -247,9 +247,9 @@ def _frame(mesh: Mesh) -> tuple[Expr, ...]:
 def of(body: Body, mesh: NamedMesh) -> Shell:
     """Shell model of a scene's body on a mesh.
 
-    A region's own thickness and material come first.  A region without a thickness has that of the box there, or of the
-    body if it has no box; a region without a material has that of the body.  Raises an InputError for a body that has
-    neither a box nor a thickness.
+    A region has its own thickness and material, if the scene gives them.  Without a thickness it has the thickness of
+    the box there, or the body's thickness if the body has no box.  Without a material it has the body's material.
+    Raises an InputError for a body that has neither a box nor a thickness.
     """
     if body.box is not None:
         of_box = shell_body(body.box, body.material)

@@ -60,7 +60,7 @@ DEGREE = {"hexahedron": 3, "tetrahedron": 2}
 
 @dataclass(frozen=True)
 class Solid(MeshedModel):
-    """Solid on a mesh of tetrahedra or hexahedra, without rotations; a place's rotation is that of its mean motion."""
+    """Solid on a mesh of tetrahedra or hexahedra.  No coordinate is a rotation; a place turns with its mean motion."""
 
     body: SolidBody
     mesh: NamedMesh

@@ -375,7 +375,7 @@ def line_points(window: Window, stations: Array) -> Array:
 
 
 def _face_normal(mesh: NamedMesh, group: Group, face: str) -> Array:
-    """Outward unit normal (3,) of the face called `face`, of which `group` has the entities.
+    """Outward unit normal (3,) of the face called `face`; `group` has the face's entities.
 
     The order of the entities' vertices does not matter.  Raises an `InputError` if the face is not flat.
     """

@@ -76,7 +76,7 @@ class FreeBody:
         return times(self.model.M, self.Z)
 
     def are_rigid(self, local: Array) -> Mask:
-        """Mask (k,) of those of k vectors that are combinations of the rigid-body modes; collective.
+        """Mask (k,) that marks, among k vectors, the combinations of rigid-body modes; collective.
 
         `local` (n_local, k) is this rank's part of the vectors.
         """
@@ -269,8 +269,8 @@ def with_reactions(reduced: ReducedModel, body: FreeBody, V: Array, motions: Arr
 def _work_on_motions(reduced: ReducedModel, model: FullModel, V: Array, motions: Array) -> dict[str, Array]:
     """Work (h, r) of each of the model's matrices on h supports' motions and r basis vectors V, by the matrices' names.
 
-    The carriers of `reduced` may store such work in `supports`.  It is then returned instead, and covers all vectors of
-    the carriers' matrices, of which the r basis vectors are the first.  Collective.
+    The carriers of `reduced` may store such work in `supports`.  If they do, the stored work is returned.  It covers
+    all vectors of the carriers' matrices: first the r basis vectors, then the others.  Collective.
     """
     if reduced.carriers is not None and reduced.carriers.supports:
         return dict(reduced.carriers.supports)

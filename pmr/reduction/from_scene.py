@@ -257,9 +257,9 @@ def provenance(scene: Scene, basis: Basis, number: int = 0) -> dict[str, Any]:
 def summary(scene: Scene, models: Mapping[str, FullModel], bodies: Mapping[str, ReducedBody]) -> dict[str, Any]:
     """Return a dict of one key, ``basis``, with the entry for summary.json, from full models and bodies by name.
 
-    For sections, the entry has only the key ``kind``, a description in words.  For a single body, ``carriers`` is the
-    number of carriers that the rows of sliders and pads touch on the path, and ``largest_residual`` is None if the
-    vectors are no eigenmodes.
+    For sections, the entry has only the key ``kind``, a description in words.  For a single body, it has further keys.
+    ``carriers`` is the number of carriers that the rows of sliders and pads touch on the path.  ``largest_residual`` is
+    None if the vectors are no eigenmodes.
     """
     if ALONE not in bodies:
         return {"basis": {"kind": "free modes of every section, with residual flexibility"}}

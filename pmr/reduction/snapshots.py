@@ -89,8 +89,9 @@ def eigenmode_snapshots(model: FullModel, scene: Scene) -> Snapshots:
     """Snapshots of a scene: the ``reduction.modes`` lowest eigenmodes for each position of the held slider.
 
     The eigenmodes are mass-normalised.  Those of the first position come first, then those of the second, and so on.
-    An InputError is raised if the slider can't be held at one of the positions, or if more modes are asked for than the
-    model has coordinates beside its rows.  A ConvergenceError is raised if too few modes converge.  Collective.
+    An InputError is raised if the slider can't be held at one of the positions.  It is also raised for more modes than
+    the number of coordinates minus the number of rows.  A ConvergenceError is raised if too few modes converge.
+    Collective.
     """
     solver, free = eigensolver(model, scene.reduction.solver), model.size - len(model.rows.names)
     if scene.reduction.modes > free:
@@ -260,10 +261,10 @@ def _remove_rigid_modes(fixed_model: FullModel, Z: Array, modes: Modes) -> Modes
 
 
 def _bent_modes(model: FullModel, stress: Sequence[PETSc.Mat], modes: Modes, numbers: Indices) -> Mask:
-    """Mask (k,) of the modes with the numbers `numbers` (k,) that axial forces bend; collective.
+    """Mask (k,) that marks, among the modes with these `numbers` (k,), the modes that axial forces bend; collective.
 
-    `stress` are the geometric stiffnesses of the axial forces.  The measure of mode k is the sum of (phi_k^T G phi_j)^2
-    / omega_k^2 over the matrices G in `stress` and all modes j before the first of `numbers`.  A mode is bent if its
+    `stress` are the geometric stiffnesses G of the axial forces.  The measure of mode i is the sum of
+    (phi_i^T G phi_j)^2 / omega_i^2 over all G and all modes j before the first of `numbers`.  A mode is bent if its
     measure is more than `UNBENT`^2 times the largest.
     """
     bending = np.zeros(len(numbers))
