@@ -210,9 +210,9 @@ def lagrange_rule(cell: str, order: int, degree: int, parts: int = 1) -> Lagrang
     """Weights of a quadrature rule, and the k functions of a Lagrange element and their derivatives at its q points.
 
     The reference cell has d dimensions; a ``"point"`` has one function, which is 1.  `order` is the polynomial degree
-    of the element, and `degree` the one that the rule integrates exactly.  The rule is repeated in the `parts`^d equal
-    pieces of the cell; all weights together add up to the size of the cell.  The result is cached and shared, so its
-    arrays must not be changed.  Raises a `ValueError` for tetrahedra in several pieces.
+    of the element.  The rule integrates polynomials up to `degree` exactly.  The rule is repeated in the `parts`^d
+    equal pieces of the cell; all weights together add up to the size of the cell.  The result is cached and shared, so
+    its arrays must not be changed.  Raises a `ValueError` for tetrahedra in several pieces.
     """
     if cell == "point":
         return LagrangeRule(np.ones(1), np.ones((1, 1)), np.zeros((0, 1, 1)))

@@ -123,10 +123,10 @@ def _span_rows(rows: Array, reach: float) -> Array:
 def free_motions(
     system: FullSystem, structural: Mapping[str, StructuralModel], positions: CheckedPositions
 ) -> list[dict[str, Array]]:
-    """Free motions (6, f) of each body, by its name, at each of the T positions; collective.
+    """List for each of the T positions a dict of free motions (6, f), by the names of the bodies; collective.
 
-    Motions are relative to the carrying body.  `structural` has the structural models of the bodies.  Bodies without a
-    free motion are left out.
+    The motions of a body are relative to the body that carries it.  Bodies without a free motion are left out.
+    `structural` has the structural models of the bodies.
     """
     bodies = {name: RigidBody.from_model(model, structural[name]) for name, model in system.bodies.items()}
     shifts = {name: _shifts(ahead) for name, ahead in positions.tails.items()}

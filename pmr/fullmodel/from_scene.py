@@ -136,8 +136,8 @@ def _load(member: Member, load: Load) -> Action | Warmth | LineLoad:
 def _member_pads(member: Member) -> Pads:
     """Pads, sliding points and contacts with other bodies that a body has, on the faces of its model.
 
-    Supports and walls that give way are not included.  If the path has no length, rows are defined for a thousandth of
-    the body's length.
+    Supports and walls that give way are not included.  Rows need a range of path coordinates.  If the path has no
+    length, the range is a thousandth of the body's length.
     """
     faces = pad_faces(member)
     fixed, moving = (

@@ -276,8 +276,8 @@ class Beam2D(Beam):
 def planar_beam(body: Beam3DBody, box: Box, nodes: Array) -> Beam2D:
     """Planar beam of a box on `nodes` (N,) in m.
 
-    If the box varies along the axis, the beam has nodes of its own in place of `nodes`; the number of its elements is
-    about `body.elements`.
+    If the box varies along the axis, `nodes` are not used.  The beam then has nodes at all places where the box
+    changes, and about `body.elements` elements.
     """
     if not box.varying_keys:
         return Beam2D(body, nodes)

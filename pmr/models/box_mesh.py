@@ -148,10 +148,10 @@ def _triangle_points(first_share: Array, second_share: Array, sides: Sequence[Si
 
 
 def _side_shares(p: Array, sides: Sequence[Side], k: int, depth: float) -> Array:
-    """Share xi along side k of `sides` and depth eta, the rows of an array (2, N), of points p (N, 2) m.
+    """Share xi along side k of `sides` and relative depth eta of points p (N, 2) in m, as an array (2, N).
 
-    The depth is relative to `depth` in m, or, if that is 0, to `THIN` of the side's length.  For points outside of the
-    side xi or eta is not in [0, 1].
+    The depth eta is relative to `depth` in m.  If `depth` is 0, it is relative to `THIN` of the side's length.  For
+    points outside of the side xi or eta is not in [0, 1].
     """
     side = sides[k]
     scale = depth or THIN * side.length

@@ -119,10 +119,10 @@ def _connected_parts(facet_codes: Indices) -> Indices:
 
 
 def _fold_pairs(corners: Array, cells: Indices, edge_codes: Indices) -> Indices:
-    """Numbers (k,) of triangles that are folded on a neighbour: of each such pair, the first triangle.
+    """Number (k,) of the first triangle of each pair of neighbours that are folded on each other.
 
     Both triangles of a pair have a common edge and lie on the same side of it.  `corners` (C, 3, 3) are the positions
-    and `cells` (C, 3) the vertices of the triangles, `edge_codes` (C, 3) the codes of their edges.
+    and `cells` (C, 3) the vertices of the triangles.  `edge_codes` (C, 3) are the codes of their edges.
     """
     opposite = np.tile(np.arange(3), len(cells))  # edge i of the reference triangle lies opposite vertex i
     triangle = np.repeat(np.arange(len(cells)), 3)

@@ -293,7 +293,7 @@ def stresses_along(
     number, element : (P,) integer arrays
         Section of each point, and the number of its element in the result.
     forces : ForceRows
-        Section forces: for each kind of force, those at all P points, one after the other.
+        Section forces: one kind of force at all P points, then the next kind at all P points, and so on.
     corners : callable
         `corner_stress_factors` or `fibre_stress_factors`.  Where a profile varies along its section, it is called with
         the profile at the point.
@@ -318,7 +318,7 @@ def stress_rows(forces: ForceRows, element: Indices, corners: Mapping[str, Array
     Parameters
     ----------
     forces : ForceRows
-        Section forces: for each kind of force, those at all P points, one after the other.
+        Section forces: one kind of force at all P points, then the next kind at all P points, and so on.
     element : (P,) array
         Number of the element of each point.
     corners : dict of str to (P, 2) array, m

@@ -209,7 +209,10 @@ class Strains:
     """Strains of a shell by its displacement u and rotation theta in UFL, in a frame of three unit vectors."""
 
     def __init__(self, u: Expr, theta: Expr, frame: Sequence[Expr]) -> None:
-        """Compute the strains of u and theta, UFL vectors of three, in `frame`, three unit vectors, the normal last."""
+        """Compute the strains of the displacement u and the rotation theta, UFL vectors of three.
+
+        `frame` has three unit vectors; the last one is the normal.
+        """
         in_plane, normal = _in_plane(frame), frame[2]
         H = ufl.dot(in_plane, _surface_gradient(u, frame))
         director = ufl.cross(normal, theta)
@@ -292,7 +295,8 @@ def boom_of_box(box: Box, size: float, along: float, tail_layer: float = 0.0) ->
 def walls_along(box: Box, mesh: NamedMesh) -> Array:
     """Thickness (C,) in m in the middle of each of C cells of a box that varies along its axis.
 
-    The mesh is one that `boom_of_box` has described.  Cells of frames have the thickness of the frames' plates.
+    The mesh must be drawn from the description that `boom_of_box` returns.  Cells of frames have the thickness of the
+    frames' plates.
     """
     boom = boom_of_box(box, box.length, 0.0)
     middle = mesh.points[mesh.cells].mean(axis=1)[:, 0]

@@ -211,7 +211,8 @@ def _entity_nodes(mesh: NamedMesh, nodes: Nodes, name: str) -> Indices:
 def _part_coordinates(mesh: NamedMesh, nodes: Nodes, name: str, parts: list[list[int]]) -> Indices:
     """First coordinates (e, p) of the nodes on p sub-entities of each of the e entities of the group `name`.
 
-    `parts` are the vertices of the sub-entities on the reference cell.  Raises InputError if the mesh lacks one.
+    `parts` are the vertices of the sub-entities on the reference cell.  Raises an `InputError` if a sub-entity belongs
+    to no cell of the mesh.
     """
     entities = mesh.groups[name].entities
     vertices = entities[:, parts]

@@ -227,8 +227,8 @@ def support_motions(body: FreeBody) -> Array | None:
 def with_reactions(reduced: ReducedModel, body: FreeBody, V: Array, motions: Array | None) -> ReducedModel:
     """Return `reduced`, the model on the basis V, with reactions of its rigid supports; unchanged if `motions` is None.
 
-    V (n_local, r) and the supports' unit motions `motions` (n_local, h) are this rank's parts; collective.  The work of
-    matrices on these motions moves from the model's carriers to the reactions.
+    V (n_local, r) and the supports' unit motions `motions` (n_local, h) are this rank's parts; collective.  If the
+    carriers of `reduced` store the work of matrices on these motions, this work is moved to the reactions.
     """
     if motions is None:
         return reduced

@@ -40,8 +40,8 @@ DEPENDENT = 1e-10
 def vectors_from_file(model: FullModel, file: Path) -> Snapshots:
     """Snapshots from a file of the user: the array ``V`` (n, k) in an npz file, for the model's n coordinates.
 
-    Every rank reads the file.  An InputError is raised if it has no such array, or one with another number of rows,
-    without columns or with entries that are not finite.  Collective.
+    Every rank reads the file.  An InputError is raised if the file has no array ``V``.  It is also raised if the array
+    has another number of rows than n, no column, or entries that are not finite.  Collective.
     """
     try:
         V = np.asarray(npz.read(file)["V"], dtype=float)

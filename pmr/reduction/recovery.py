@@ -188,7 +188,7 @@ class BodyFields:
         return values.reshape(len(values), len(self.grid.points), 3)
 
     def stresses(self, q: Array, acting: BodyStates | None = None) -> Stresses:
-        """Stresses at S times, from full coordinates q (S, n_local), of which each rank gives its own part; collective.
+        """Stresses at S times, from full coordinates q (S, n_local); each rank gives its own part of q.  Collective.
 
         The section forces of a beam include the loads and contact forces `acting` on it; None if nothing acts.  The
         result has None for section forces or stresses that the body does not have.
