@@ -229,7 +229,6 @@ def _print_outcome(outcome: Outcome) -> None:
     How far to trust the run is printed too, and by how much two simulators agree.
     """
     from pmr.report import errors, first_page, trust
-    from pmr.report.subject import scope_words
     from pmr.report.verdict import verdict
 
     result, summary = outcome.result, outcome.result.summary
@@ -248,7 +247,7 @@ def _print_outcome(outcome: Outcome) -> None:
     coordinates = f"{summary['coordinates']['full']} -> {summary['coordinates']['reduced']} coordinates"
     out.sentences(f"{coordinates}{f' ({each})' if each else ''}; simulated in: {seconds}")
     table = trust.trust_table(result)
-    out.sentences(f"{table.title}: errors by their source; displacements are those {scope_words(result)}")
+    out.sentences(f"{table.title}: errors by their source")
     out.rows(table.rows)
     for warning in summary["warnings"]:
         out.sentences(f"warning: {warning}")

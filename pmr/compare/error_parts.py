@@ -221,24 +221,22 @@ def step_part(
     lacking = quantities_not_covered(
         scene, with_forces_on_machine(scene, simulated.response), step_estimate.errors, exact
     )
-    unsettled = [
-        f"{QUANTITIES[kind].label} beyond the stated error, as even smaller steps still change them"
-        for kind in step_estimate.unsettled
-    ]
-    lacking = [SLIDER_IMPACTS] * impacts + lacking + unsettled
+    lacking = [SLIDER_IMPACTS] * impacts + lacking
     return SummaryPart({"step": step_summary(step_estimate, not_covered=lacking)}, messages)
 
 
 def step_summary(error: StepError | None, reason: str | None = None, not_covered: Sequence[str] = ()) -> dict[str, Any]:
     """Contents of ``step`` in summary.json: errors by kind, fields of `StepError`, ``limit`` and ``reason``.
 
-    ``limit`` is always `STEP_LIMIT`, and ``not_covered`` lists in words the quantities without an error.  If `error` is
+    ``limit`` is always `STEP_LIMIT`, and ``not_covered`` lists in words the quantities without an error, and
+    ``unsettled`` the kinds whose error is a lower bound, as even smaller steps still change them.  If `error` is
     None, the errors ``beam`` and ``tip`` and the fields of `StepError` are None, and ``reason`` says why.
     """
     errors = dict(error.errors) if error else {}
     figures = {kind: errors.get(kind) for kind in ("beam", "tip")} | {
         name: getattr(error, name, None) for name in _STEP_FIGURES
     }
+    figures["unsettled"] = list(error.unsettled) if error else []
     return figures | errors | {"not_covered": list(not_covered), "limit": STEP_LIMIT, "reason": reason}
 
 

@@ -22,9 +22,9 @@ from pmr.report.numbers import (
     significant,
 )
 from pmr.report.subject import force_words, is_alone, shown_force_name, support_words, with_shown_label
-from pmr.report.trust import summed_errors
+from pmr.report.trust import SOME_REACTIONS, has_some_reactions
 from pmr.results import RunResult
-from pmr.results.quantities import COMPARED, PIVOT, REACTION_OF, error_label
+from pmr.results.quantities import COMPARED, PIVOT, REACTION_OF, error_label, reduction_error, wall_stress
 from pmr.scene.built import reaction_name
 from pmr.scene.keys import qualified_name
 
@@ -41,7 +41,8 @@ def error_table(result: RunResult) -> ErrorTable:
         places = [place for pair in result.summary.get("errors", {}).values() for place in pair]
         forces = " and forces" if "pad_force" in places else ""
         source = f"; published: {published.source}" if published and any(row.published for row in error_rows) else ""
-        caption = f"Normalised RMS errors of transverse displacements{forces}, and largest values{source}."
+        caption = f"Errors of transverse displacements{forces}: RMS difference over all times, divided by the RMS of "
+        caption += f"the model that is compared with; and largest values{source}."
     return ErrorTable(caption, error_rows, error_notes(result, error_rows))
 
 
@@ -65,7 +66,7 @@ def error_notes(result: RunResult, table: Sequence[Row]) -> list[str]:
     """Sentences below the error table: one for each row whose value rounds to the published one, then notes of the run.
 
     If the run has no notes, but other rows deviate by more than 5 % from published values, a sentence says that no
-    reason is recorded.  The last sentence is on reactions of rigid supports that have no row.
+    reason is recorded.  The last sentences are on reactions and stresses that have no row.
     """
     explanations = [
         f"{row.comparison}, {row.place}: the published {row.published} is a rounded figure; "
@@ -76,16 +77,24 @@ def error_notes(result: RunResult, table: Sequence[Row]) -> list[str]:
     notes = [str(note) for note in result.summary.get("notes", ())]
     if not notes and len(deviating_rows(table)) > len(explanations):
         notes = [f"No reason {'for the other figures ' if explanations else ''}is recorded with this result."]
-    return [*explanations, *notes, *_reaction_notes(result)]
+    return [*explanations, *notes, *_reaction_notes(result), *_slight_notes(result)]
+
+
+def _slight_notes(result: RunResult) -> Iterator[str]:
+    """Yield a sentence that names the compared outputs that have no row, as they are nothing beside the largest."""
+    compared = result.summary.get("errors", {}).get("reduced_vs_full", {})
+    if small := [words for name, words in slight_outputs(result).items() if name in compared]:
+        share = format_percent(NOTHING, 1)
+        yield f"Not listed, as it is below {share} of the largest force, moment or stress: {'; '.join(small)}."
 
 
 def _reaction_notes(result: RunResult) -> Iterator[str]:
-    """Yield up to two sentences on reactions of rigid supports without a row in the error table, with the reason.
+    """Yield up to two sentences on reactions of rigid supports that the full model does not have.
 
-    One sentence names reactions that the full model does not have.  The other one names reactions that are too small
-    (`slight_reactions`).  Nothing is yielded if there is no full model, or if none of its reactions was compared.
+    The first one names them, the second one says what the errors of reactions contain.  Nothing is
+    yielded if there is no full model, or if none of its reactions was compared.
     """
-    full, reduced, slight = result.responses.get("full"), result.responses["reduced"], slight_reactions(result)
+    full, reduced, slight = result.responses.get("full"), result.responses["reduced"], slight_outputs(result)
     compared = result.summary.get("errors", {}).get("reduced_vs_full", {})
     if full is None or not any(name.startswith(REACTION_OF) for name in compared):
         return
@@ -100,17 +109,15 @@ def _reaction_notes(result: RunResult) -> Iterator[str]:
         for name in supports
         if name in reduced.other_names and name not in (*full.other_names, *slight)
     ]
-    lacking = "reduction" in summed_errors(result.summary).lacking.get("reaction", ())
     if unknown:
-        clause = ", so that the errors of all reactions lack that of the reduction" if lacking else ""
         yield (
-            f"Not compared: the reaction of {'; '.join(unknown)}. The full model has no reactions of supports that "
-            f"hold coordinates of its mesh{clause}."
+            f"Not compared: the reaction of {'; '.join(unknown)}. The full model has no forces of supports that hold "
+            "coordinates of its mesh."
         )
-    small = [words for name, words in slight.items() if name in compared]
-    if small:
-        share = format_percent(NOTHING, 1)
-        yield f"Not listed, as it is below {share} of the largest force or moment: the reaction of {'; '.join(small)}."
+        if has_some_reactions(result.summary):
+            yield f"As {SOME_REACTIONS}, the sums of errors of reactions lack the error of the reduction."
+        elif "reaction" in reduction_error(result.summary).by_kind:
+            yield "The error of the reduction in all reactions together is estimated."
 
 
 def error_name(result: RunResult, kind: str) -> str:
@@ -126,8 +133,8 @@ def _error_rows(result: RunResult) -> Iterator[Row]:
     """Yield a row for each error between two models.
 
     If the scene states a published error, the row compares the error with it.  The row also has the largest difference
-    if the summary has one.  There is no row for a reaction of at most the share `NOTHING` of the largest force or
-    moment.  Nor is there a row that would repeat both name and error of an earlier row.
+    if the summary has one.  There is no row for a reaction or stress of at most the share `NOTHING` of the largest one
+    (`slight_outputs`).  Nor is there a row that would repeat both name and error of an earlier row.
     """
     published = result.scene.published
     printed: Mapping[str, Any] = published.model_dump().get("errors", {}) if published else {}
@@ -138,7 +145,7 @@ def _error_rows(result: RunResult) -> Iterator[Row]:
         for name, unit in zip(response.other_names, response.other_units, strict=True)
     }
     errors: Mapping[str, Mapping[str, Any]] = result.summary.get("errors", {})
-    slight = slight_reactions(result)
+    slight = slight_outputs(result)
     for pair in dict.fromkeys((*(name for name in ORDER if name in errors), *errors)):
         first, _, second = pair.partition("_vs_")
         comparison, values = f"{NAMES.get(first, first)} against {NAMES.get(second, second)}", dict[str, str]()
@@ -161,17 +168,21 @@ def _error_rows(result: RunResult) -> Iterator[Row]:
             yield row
 
 
-def slight_reactions(result: RunResult) -> dict[str, str]:
-    """Map the names of slight reactions to words for them, such as ``pivot of base, about x``.
+def slight_outputs(result: RunResult) -> dict[str, str]:
+    """Map the names of slight reactions and stresses to words for them, such as ``the reaction of pivot, about x``.
 
-    A reaction is slight if it is at most the share `NOTHING` of the run's largest force or moment.  The names are those
-    of the reduced model's outputs.
+    An output is slight if it is at most the share `NOTHING` of the run's largest force, moment or stress.  The largest
+    stress is that in walls at pads; if it is not known, no stress is slight.  The names are those of the reduced
+    model's outputs.
     """
     response, largest = result.responses["reduced"], largest_by_unit(result)
+    if walls := wall_stress(result.summary):
+        largest["Pa"] = float(walls["value"])
     return {
-        name: support_words(name.removeprefix(REACTION_OF))
+        name: f"the reaction of {support_words(name.removeprefix(REACTION_OF))}" if unit != "Pa" else name
         for name, unit in zip(response.other_names, response.other_units, strict=True)
-        if name.startswith(REACTION_OF) and float(np.abs(response.other(name)).max()) <= NOTHING * largest[unit]
+        if (name.startswith(REACTION_OF) or unit == "Pa")
+        and float(np.abs(response.other(name)).max()) <= NOTHING * largest.get(unit, 0.0)
     }
 
 

@@ -42,11 +42,13 @@ from pmr.report.subject import (
     is_alone,
     is_raised,
     play_clause,
+    play_ratio,
+    play_summary,
 )
 from pmr.results import RunResult
 from pmr.results.quantities import QUANTITIES, stress_name, stress_remark, wall_stress
 from pmr.results.response import Extremes
-from pmr.scene.hints import Effect, effects_left_out
+from pmr.scene.hints import PLAY, Effect, effects_left_out
 
 Rows = Iterator[tuple[str, str]]
 
@@ -54,6 +56,8 @@ Rows = Iterator[tuple[str, str]]
 TIP_MOVES = {"y": ", the tip moves sideways, along y", "z": ", the tip moves up and down, along z"}
 #: Words for a number that is computed with every pad closed, in runs with pads that only push.
 CLOSED_PADS = "with every pad closed"
+#: Note below the table of effects that are left out.
+WHERE_KEYS_STAND = "Tables and keys are those of the scene file."
 #: Share of the highest natural frequency up to which a frequency is round-off and is printed as 0.
 ROUND_OFF = 1e-9
 
@@ -69,7 +73,7 @@ def first_page_tables(result: RunResult) -> tuple[Table, ...]:
     all_tables = (
         first,
         Table("How sure the values are", tuple(trust.certainty_rows(result))),
-        Table("What these values leave out, and who checks it", tuple(_left_out_rows(result))),
+        Table("What these values leave out, and who checks it", tuple(_left_out_rows(result)), note=WHERE_KEYS_STAND),
         *further,
         Table("What was asked", (*overview.system_rows(result), *_second_order_rows(result, True))),
         trust.trust_table(result),
@@ -86,20 +90,22 @@ def _left_out_rows(result: RunResult) -> Rows:
     If a run in a frame leaves out effects of second order, the last row says so.
     """
     in_walls, recovery = wall_stress(result.summary) is not None, result.scene.recovery
-    effects = effects_left_out(result.scene, in_walls=in_walls)
+    gap = play_summary(result).get("gap")
+    play = f"play other than the assumed {format_input(1e3 * gap, 'mm')}" if gap else PLAY
+    effects = effects_left_out(result.scene, play=play, in_walls=in_walls)
     by_chart = "by hand" if result.frame is None else "pmr chart"
     if has_pushing_pads(result) and (result.frequencies.models or "factor" in result.summary.get("buckling", {})):
         forces = [Extremes.from_summary(pad) for pad in result.summary.get("pads", ())]
         opened = [force.size for force in forces if force.lowest.value == 0.0]
         idle = sum(size <= result.responses["reduced"].force_floor for size in opened)
-        numbers = ((len(opened) - idle, "at times"), (idle, "at all times"))
-        counts = " and ".join(f"{number} of {len(forces)} {when}" for number, when in numbers if number)
-        counts = f" ({counts})" if counts else ""
+        some, always = f"{len(opened) - idle}", f"{idle} of {len(forces)} always"
+        counts = f"{always}, {some} more at times" if idle else f"{some} of {len(forces)} at times"
+        counts = f" ({counts if len(opened) > idle else always})" if opened else ""
         resting = "by hand" if result.frequencies.resting is None else "the row of the lowest frequency"
         lowered = {"natural frequencies": resting} if result.frequencies.models else {}
         lowered |= {"the buckling factor": by_chart} if "factor" in result.summary.get("buckling", {}) else {}
         for value, check in lowered.items():
-            effects.setdefault("pads", []).append(Effect(f"that open pads{counts} lower {value}", check))
+            effects.setdefault("pads", []).append(Effect(f"open pads{counts}, which lower {value}", check))
             counts = ""
     if recovery is not None and "reduced" in result.summary.get("max_von_mises", {}):
         walls = ", in walls also where the force of a pad or support is largest" if in_walls else ""
@@ -160,12 +166,13 @@ def _largest_values_tables(result: RunResult) -> list[Table]:
 def largest_values(result: RunResult) -> list[LargestValue]:
     """Rows of the table of largest values, in the order of the page.
 
-    Rows with an allowed value come first, from the largest used share to the smallest.  Rows without one follow by the
+    Rows with an allowed value come first, from the largest used share to the smallest, with
+    another play of pads if a run had it.  Rows without one follow by the
     part to which they belong, in the order of `PLACES`.
     """
     return sorted(
         _largest_values(result),
-        key=lambda row: (0, -row.share) if row.share is not None else (1, PLACES.index(row.place)),
+        key=lambda row: (0, -row.largest_share) if row.share is not None else (1, PLACES.index(row.place)),
     )
 
 
@@ -266,7 +273,7 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
             with_errors = share * (1.0 + error)
             text += f", {format_percent(with_errors)} with "
             text += "all known errors" if by_pads is not None else "the error by the mesh of the walls alone"
-    text += f"\n{wall_place_clause(result, shell)}; for pads that press most in their middle"
+    text += f"\n{wall_place_clause(result, shell)}; if the pads press most in their middle"
     if "even" in shell:  # which files of earlier versions lack
         even = format_quantity(shell["even_error"] + shell["even"] * (by_pads or 0.0), "Pa", 2)
         text += f"; {format_quantity(shell['even'], 'Pa')} ± {even} if they press evenly"
@@ -274,7 +281,9 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
     if error is not None:
         text += f"; ± is by the mesh of the walls {'alone' if by_pads is None else 'and the error of the pad forces'}"
     text += _missing_clause(result.summary)
-    return largest_value("wall_stress", text, share)._replace(share_with_errors=with_errors)
+    ratio = play_ratio(result, "wall_stress", "", shell["value"])
+    with_play = None if share is None or ratio is None else share * ratio
+    return largest_value("wall_stress", text, share)._replace(share_with_errors=with_errors, share_with_play=with_play)
 
 
 #: What the stress in walls at pads contains.

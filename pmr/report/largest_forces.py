@@ -10,7 +10,7 @@ import numpy as np
 
 from pmr.files.arrays import Summary
 from pmr.report import trust
-from pmr.report.numbers import SPACE, format_input, format_length, format_percent, format_quantity, significant
+from pmr.report.numbers import MINUS, SPACE, format_input, format_length, format_percent, format_quantity, significant
 from pmr.report.overview import format_range
 from pmr.report.sentences import LargestValue, LargestValues, extreme_clause, largest_value, value_at
 from pmr.report.subject import (
@@ -19,6 +19,9 @@ from pmr.report.subject import (
     luffing_stand_ins,
     luffing_support_names,
     play_clause,
+    play_ratio,
+    play_summary,
+    play_words,
     shown_force_name,
     support_words,
 )
@@ -51,6 +54,8 @@ LUGS = (
     "; both lugs, {} apart, are taken to share the force across the pin evenly and to bear its moment as a couple, and "
     "this lug to bear all of the force along the pin"
 )
+#: Difference that another play of pads makes to a share of a limit up to which the row on the share does not state it.
+SHOWN_BY_PLAY = 0.01
 #: Keys of the quantities whose errors are those of the boom's moment on its machine.
 MARGIN_ERRORS = ("reaction", "support_force")
 
@@ -94,7 +99,8 @@ def _driven_rows(result: RunResult) -> LargestValues:
             supports = luffing_stand_ins(result.scene) or members(result.scene)[0].part.supports
             gives = result.scene.holding_cylinder is not None or any(of.stiffness != "rigid" for of in supports)
             of_force = "support_force" if gives else "reaction"
-            yield _use_row(result, "luffing_use", figure, use.value, "the allowed force", note, of_force)
+            play = play_ratio(result, "luffing_force", "", abs(force.value)) if use.t == force.t else None
+            yield _use_row(result, "luffing_use", figure, use.value, "the allowed force", note, of_force, play=play)
         pressures = {side: Extremes.from_summary(of) for side in OIL_SIDES if (of := cylinder.get(f"pressure_{side}"))}
         for side in sorted(pressures, key=lambda side: pressures[side].highest.value)[-1:]:
             yield largest_value("driven_pressure", value_at(result, pressures[side].largest, "Pa", OIL_SIDES[side]))
@@ -149,11 +155,13 @@ def _support_use_rows(result: RunResult) -> LargestValues:
     if (used := _used_support(result)) is not None:
         spacing = used.support.lug_spacing
         of_force = "reaction" if used.support.stiffness == "rigid" else "support_force"
-        of = f"the allowed {format_quantity(used.allowed, 'N')}{'' if spacing is None else ' of a lug'}"
+        of, key = f"the allowed {format_quantity(used.allowed, 'N')}", "support" if spacing is None else "lug_force"
         note = f"{_bearer_words('support', used.name)}, {extreme_clause(result, used.extremes.largest)}"
         note += _moment_clause(result, used) if spacing is None else LUGS.format(format_input(spacing, "m"))
         size = used.extremes.size
-        yield _use_row(result, "support_use", format_quantity(size, "N"), size / used.allowed, of, note, of_force)
+        play, figure = play_ratio(result, key, used.name, size), format_quantity(size, "N")
+        figure += "" if spacing is None else " on one lug"
+        yield _use_row(result, "support_use", figure, size / used.allowed, of, note, of_force, play=play)
 
 
 def _moment_clause(result: RunResult, used: UsedSupport) -> str:
@@ -196,14 +204,16 @@ def _luffing_length_row(result: RunResult, length: Summary) -> LargestValue:
 
 
 def _use_row(
-    result: RunResult, key: str, figure: str, share: float, of: str, note: str, of_force: str, least: float = 1.0
-) -> LargestValue:
+    result: RunResult, key: str, figure: str, share: float, of: str, note: str, of_force: str, least: float = 1.0,
+    play: float | None = None,
+) -> LargestValue:  # fmt: skip
     """Row of the quantity `key`: a `figure`, the `share` that it is of a limit, and this share with all known errors.
 
     `of` are words for the limit, and `note` is the second line of the text.  The figure may be empty.  With errors, the
     share is larger by the error of the force with the key `of_force`, summed over all sources.  It is then divided by
     `least`, the smallest value of the limit as a share of its stated value, 1 if the limit is exact.  The result is
-    infinite if `least` is not above 0.  If the error of the force is not known, the row has the `share` alone.
+    infinite if `least` is not above 0.  If the error of the force is not known, the row has the `share` alone.  `play`
+    is the ratio of the force with another play of pads to that of this run (`play_ratio`), None if it is not known.
     """
     error = trust.summed_errors(result.summary).by_key.get(of_force)
     with_errors = None if error is None else share * (1.0 + error) / least if least > 0.0 else np.inf
@@ -211,7 +221,11 @@ def _use_row(
     if with_errors is not None:
         most = format_percent(with_errors) if np.isfinite(with_errors) else "no bound"
         text += f", {most} with all known errors"
-    return largest_value(key, f"{text}\n{note}", share)._replace(share_with_errors=with_errors)
+    with_play = None if play is None else share * play
+    if with_play is not None and with_play - share > SHOWN_BY_PLAY:
+        text += f", {format_percent(with_play)} {play_words(play_summary(result)['gap'])}"
+    row = largest_value(key, f"{text}\n{note}", share)
+    return row._replace(share_with_errors=with_errors, share_with_play=with_play)
 
 
 def _push_or_pull(force: Extreme) -> str:
@@ -236,7 +250,8 @@ def _pressure_rows(result: RunResult) -> LargestValues:
             note = f"{used['name']}, {extreme_clause(result, Extremes.from_summary(used).largest)}"
             figure, of = (format_quantity(used[key], "Pa") for key in ("pressure", "allowed_pressure"))
             share = used["pressure"] / used["allowed_pressure"]
-            yield _use_row(result, "pad_use", figure, share, of, note, "pad_force")
+            play = play_ratio(result, "pad_force", "", Extremes.from_summary(used).size)
+            yield _use_row(result, "pad_use", figure, share, of, note, "pad_force", play=play)
 
 
 def _indentation_rows(result: RunResult) -> LargestValues:
@@ -294,8 +309,11 @@ def _forces_by_kind_rows(result: RunResult) -> LargestValues:
             pushed = replace(largest, value=abs(largest.value))
             yield largest_value(key, value_at(result, pushed, unit, f"{name} {_push_or_pull(largest)}"))
         else:
-            play = play_clause(result, key) if key == "pad_force" else ""
-            yield largest_value(key, value_at(result, largest, unit, _bearer_words(key, name)), end=play)
+            play, words = play_clause(result, key) if key == "pad_force" else "", _bearer_words(key, name)
+            if key.startswith("machine") and largest.value < 0.0:  # along the opposite axis
+                head, _, axis = words.partition(" ")
+                words, largest = f"{head} {MINUS}{axis}", replace(largest, value=-largest.value)
+            yield largest_value(key, value_at(result, largest, unit, words), end=play)
             if key == "pad_force":
                 yield from _yield_rows(result, forces)
 
@@ -367,17 +385,16 @@ def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestVal
         share, limit = shares[pad]
         force, bar = format_quantity(limit["force"], "N"), format_quantity(limit["error"], "N", 2)
         even = format_quantity(limit["even"], "N")
-        note = (
-            f"{pad}, {extreme_clause(result, forces[pad].largest)}; under {force} of this pad alone, pressing most in "
-        )
-        note += f"its middle, the walls of {limit['section']} begin to yield, at the weakest place along its way and "
+        note = f"{pad}, {extreme_clause(result, forces[pad].largest)}; at {force} of this pad alone, if it presses "
         note += (
-            f"without bending of the whole section; under {even} if it presses evenly (no error bar); ± is by the mesh "
+            f"most in its middle, the walls of {limit['section']} begin to yield at the weakest place along its way, "
         )
-        note += "of the walls"
+        note += f"at {even} if it presses evenly (no error bar); the bending of the boom is not in it, the largest von "
+        note += "Mises stress in walls has both; ± is by the mesh of the walls"
         least, name = 1.0 - limit["error"] / limit["force"], "largest use of the pad force at which walls yield"
         figure = format_quantity(forces[pad].size, "N")
-        row = _use_row(result, "pad_force", figure, share, f"{force} ± {bar}", note, "pad_force", least)
+        play = play_ratio(result, "pad_force", "", forces[pad].size)
+        row = _use_row(result, "pad_force", figure, share, f"{force} ± {bar}", note, "pad_force", least, play)
         yield row._replace(name=name)
 
 
@@ -482,7 +499,9 @@ def _ground_rows(result: RunResult) -> LargestValues:
         value = quantity.reported_extreme(extremes[name])
         if key == "tipping":
             text = f"{format_percent(value.value)} (the machine tips at 100{SPACE}%)\n{extreme_clause(result, value)}"
-            yield largest_value(key, text, value.value)
+            ratio = play_ratio(result, key, "", value.value)
+            with_play = None if ratio is None else value.value * ratio
+            yield largest_value(key, text, value.value)._replace(share_with_play=with_play)
         else:
             where, error = (f"edge from {name}", _margin_error(result)) if key == "tipping_margin" else (name, "")
             yield largest_value(key, value_at(result, value, quantity.unit, where), end=error)

@@ -143,7 +143,8 @@ def motion_block(result: RunResult, prefix: str) -> Block | None:
     if bodies.cell_stresses and (data or pictures):
         caption = "Colours of the pictures: the largest von Mises stress of each cell"
         caption += f", {stress_remark(result.scene)}." if stress_remark(result.scene) else "."
-        scale.append(drawing(f"{prefix}-ramp", shapes.colour_scale, caption, bodies.colour_limit / 1e6))
+        exceeded = max(float(of.max()) for of in bodies.cell_stresses.values()) > bodies.colour_limit
+        scale.append(drawing(f"{prefix}-ramp", shapes.colour_scale, caption, bodies.colour_limit / 1e6, exceeded))
     return Block(
         heading="Motion",
         text=undrawn_sentence(result),

@@ -90,7 +90,7 @@ def _simulation_time(result: RunResult) -> Iterator[KeyNumber]:
     )
     if reduced <= 0.0:
         return
-    end, names, took = result.scene.time.end, result.summary.get("simulators", {}), format_quantity(reduced, "s", 2)
+    end, names, took = result.scene.time.end, result.summary.get("simulators", {}), format_quantity(reduced, "s")
     paced = f"{significant(end / reduced, 2)} times faster" if end > reduced else "slower"
     motion = f"for {format_input(end, 's')} of motion, {paced} than real time"
     motion += f"; full model {format_quantity(full, 's', 2)}" if full > 0.0 else ""
@@ -160,6 +160,12 @@ class LargestValue(NamedTuple):
     place: str = ""
     share_with_errors: float | None = None  # share together with the known errors, None if there are none
     key: str = ""
+    share_with_play: float | None = None  # share in the run with another play of pads, None if it is not known
+
+    @property
+    def largest_share(self) -> float:
+        """Larger one of the shares with the run's own play of pads and with another; 0 for a row without a limit."""
+        return max(self.share or 0.0, self.share_with_play or 0.0)
 
 
 LargestValues = Iterator[LargestValue]

@@ -64,6 +64,17 @@ def play_clause(result: RunResult, quantity: str, name: str = "") -> str:
     )
 
 
+def play_ratio(result: RunResult, quantity: str, name: str, value: float) -> float | None:
+    """Ratio of the largest value of a quantity in a run with another play of the pads to `value`, that of this run.
+
+    The result is None if there was no such run, or if `value` is not the largest value of this run (`play_clause`).
+    """
+    for row in play_summary(result).get("rows", ()):
+        if (row["quantity"], row["name"]) == (quantity, name) and np.isclose(row["value"], value, rtol=1e-6):
+            return float(row["varied"] / row["value"])
+    return None
+
+
 def play_summary(result: RunResult) -> Summary:
     """Entry ``budget.play`` of a run's summary; empty if the summary has no such entry."""
     return (result.summary.get("budget") or {}).get("play") or {}
@@ -120,7 +131,7 @@ def reduced_size(result: RunResult) -> int:
 def structural_model_words(model: str, walls: str) -> str:
     """Name a structural model in words, such as ``a planar beam``; for beams also say if their walls are flexible."""
     traits = model_traits(model)
-    return traits.words + " with flexible walls" * (walls == "give" and traits.walls_may_give)
+    return traits.words + " whose walls give under pads" * (walls == "give" and traits.walls_may_give)
 
 
 def choice_clause(measured: Summary) -> str:

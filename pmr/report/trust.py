@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, log10
+
+import numpy as np
 
 from pmr.files.arrays import Summary
 from pmr.report.blocks import Table
 from pmr.report.numbers import format_input, format_percent, format_quantity, times_the_true_error
 from pmr.report.subject import direction_words, play_summary, play_words, scope_words, with_shown_label
 from pmr.results import RunResult
-from pmr.results.quantities import COMPARED, QUANTITIES, UNSETTLED_KINDS, reduction_error, stress_remark, wall_stress
+from pmr.results.quantities import (
+    COMPARED,
+    ESTIMATED,
+    QUANTITIES,
+    REACTION_OF,
+    UNSETTLED_KINDS,
+    reduction_error,
+    stress_name,
+    stress_remark,
+    wall_stress,
+)
 from pmr.results.response import Extremes
 from pmr.scene.choice import traits_of
 from pmr.scene.members import members
@@ -29,6 +41,8 @@ STATED = ("beam", "largest", *COMPARED[2:], "probe", "tip")
 SMALL_CHANGE = 0.01
 #: Name of the row on what the error of a source does not contain.
 NOT_IN_ERROR = "not in the error of the {}"
+#: Clause on the error of the reduction in reactions, some of which the full model lacks.
+SOME_REACTIONS = "only those reactions that the table of errors lists are compared"
 #: Clause on what the errors of the stresses of beams do not cover.
 WALLS = "in stresses the bending of a beam's walls under pads, which a shell has"
 
@@ -42,9 +56,13 @@ def trust_table(result: RunResult) -> Table:
     """
     summary = result.summary
     budget, step, estimate = (summary.get(name) or {} for name in ("budget", "step", "estimate"))
-    model, (source, reduction) = budget.get("model") or {}, reduction_error(summary)
+    model, source = budget.get("model") or {}, reduction_error(summary).source
     parts = _errors_by_source(summary)
-    texts = {name: _list_without_round_off(_by_label(errors)) for name, errors in parts.items()}
+    unsettled = step.get("unsettled", ())
+    texts = {
+        name: _list_without_round_off(result, errors, 3, unsettled if name == "time step" else ())
+        for name, errors in parts.items()
+    }
     texts["model"] = (
         f"compared with {model_traits(model['beside']).words}: {texts['model']}"
         if model.get("beside")
@@ -56,17 +74,22 @@ def trust_table(result: RunResult) -> Table:
     why = f": {step['reason']}" if step.get("reason") else ""
     texts["time step"] = f"{_step_words(step)}{texts['time step']}" if texts["time step"] else f"not known{why}"
     remark = _estimate_words(result)
-    texts["reduction"] = f"{source}: {texts['reduction']}" if reduction else ""
-    texts["reduction"] = "; ".join(filter(None, (texts["reduction"], remark))) or NOT_COMPARED
+    by_how = dict[str, dict[str, float]]()
+    for key, error in parts["reduction"].items():
+        by_how.setdefault("estimated" if key in ESTIMATED else source, {})[key] = error
+    known = [f"{how}: {_list_without_round_off(result, errors)}" for how, errors in by_how.items()]
+    some = SOME_REACTIONS if has_some_reactions(summary) else ""
+    texts["reduction"] = "; ".join(filter(None, (*known, some, remark))) or NOT_COMPARED
     if play := _play_changes(result):
         parts["play of pads"] = {name: abs(change) for name, change in play.items()}
         name, change = next(iter(play.items()))  # the largest change comes first
         varied = play_words(play_summary(result)["gap"])
         texts["play of pads"] = f"{varied}, largest values change by up to {format_percent(abs(change))} ({name})"
     if sums := (summed := summed_errors(summary)).by_key:
-        of_largest = _by_label(dict(sorted(sums.items(), key=lambda item: -item[1])))
+        of_largest = dict(sorted(sums.items(), key=lambda item: -item[1]))
         without = ", ".join([*(["play of pads"] if play else []), *_lacking_clauses(summed)])
-        texts["added up"] = _list_without_round_off(of_largest, 2) + (f"; not included: {without}" if without else "")
+        texts["added up"] = _list_without_round_off(result, of_largest, 2, unsettled)
+        texts["added up"] += f"; not included: {without}" if without else ""
     stressed = "reduced" in summary.get("max_von_mises", {})
     walls = [WALLS] if stressed and any(traits_of(of).is_beam for of in members(result.scene)) else []
     compared = [UNSETTLED_KINDS[key] for key in parts["reduction"] if key in UNSETTLED_KINDS]
@@ -81,7 +104,7 @@ def trust_table(result: RunResult) -> Table:
     bars = {name: min(max(log10(error / LEAST) / decades, 0.01), 1.0) for name, error in largest.items()}
     top = format_input(round(100.0 * LEAST * 10**decades, 6), "%")
     note = f"A bar shows the largest error of its row, from {format_input(100.0 * LEAST, '%')} to {top}; each mark "
-    note += f"is ten times the mark before it. Displacements are those {scope_words(result)}; "
+    note += "is ten times the mark before it; "
     in_walls = "error" in (wall_stress(summary) or {})
     stress = "the error of the stress in walls stands under How sure the values are"
     note += f"{stress if in_walls else 'stresses may be further off'}."
@@ -108,9 +131,25 @@ def certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
             continue
         if (error := summed.by_key.get(key)) is not None:
             text = f"± {format_percent(error, 2)}\n{summed.sources_clause(key)}"
-            yield with_shown_label(result, QUANTITIES[key].label), text + without_play * (key != "frequency")
+            text += _open_pads_clause(result) if key == "frequency" else without_play
+            yield with_shown_label(result, QUANTITIES[key].label), text
     if text := _play_text(result):
         yield "play of pads", text
+
+
+def _open_pads_clause(result: RunResult) -> str:
+    """Clause on how much lower the lowest natural frequency is without the pads that are open at rest; empty if not."""
+    resting, closed = result.frequencies.resting, result.frequencies.models.get("reduced")
+    if resting is None or closed is None or not np.isfinite(resting).any():
+        return ""
+    lower = 1.0 - float(np.nanmin(resting) / np.nanmin(closed[:, 0]))
+    return f"; open pads lower the lowest one by {format_percent(lower, 2)}" if lower >= SMALL_CHANGE else ""
+
+
+def has_some_reactions(summary: Summary) -> bool:
+    """Whether a run compared some reactions of rigid supports with the full model, but has no error of all of them."""
+    compared = summary.get("errors", {}).get("reduced_vs_full", {})
+    return any(name.startswith(REACTION_OF) for name in compared) and "reaction" not in reduction_error(summary).by_kind
 
 
 def _play_changes(result: RunResult) -> dict[str, float]:
@@ -148,7 +187,7 @@ def _play_text(result: RunResult) -> str:
     ]
     listed += [f"all others less than {format_percent(SMALL_CHANGE)}"] if len(listed) < len(changes) else []
     gap, (first, *further) = play_summary(result)["gap"], listed
-    further += ["the play is from face to face, assumed as the scene states no clearance"] if gap else []
+    further += ["the play is that of both sides together, assumed as the scene states no clearance"] if gap else []
     return ";\n".join(filter(None, (f"{play_words(gap)}: {first}", "; ".join(further))))
 
 
@@ -157,7 +196,7 @@ def _stress_certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
 
     If the first error is not known either, one row says so of all stresses.
     """
-    walls, unknown = wall_stress(result.summary), f"not known, because {' and '.join(_stress_gaps(result))}"
+    walls, unknown = wall_stress(result.summary), f"error not known, because {' and '.join(_stress_gaps(result))}"
     if walls is None or not (error := wall_stress_error(result.summary)):
         yield "stress", unknown
         return
@@ -165,8 +204,8 @@ def _stress_certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
     if by_pads is not None:
         parts += f" ({format_percent(walls['error'] / walls['value'], 2)}) and the error of the pad forces"
     parts += ", without the error of the pad forces" if by_pads is None else ""
-    yield "stress in walls at pads", f"± {format_percent(error, 2)}\n{parts}; for pads that press most in their middle"
-    yield "stress elsewhere", unknown
+    yield "stress in walls at pads", f"± {format_percent(error, 2)}\n{parts}; if the pads press most in their middle"
+    yield "stress elsewhere", f"{unknown}; the value is the {stress_name(result.scene)}"
 
 
 def wall_stress_error(summary: Summary) -> float | None:
@@ -327,20 +366,23 @@ def _errors_by_key(part: Mapping[str, float | None]) -> dict[str, float]:
     return dict(sorted(errors.items(), key=lambda item: -item[1]))
 
 
-def _by_label(errors: Mapping[str, float]) -> dict[str, float]:
-    """Errors by the label of their quantity instead of its key."""
-    return {QUANTITIES[key].label: error for key, error in errors.items()}
-
-
 def _list_names(names: Sequence[str]) -> str:
     """List one or more names, with ``and`` before the last one."""
     return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
 
 
-def _list_without_round_off(errors: Mapping[str, float], digits: int = 3) -> str:
-    """List the errors that are at least `LEAST`, in words, with `digits` digits.
+def _list_without_round_off(
+    result: RunResult, errors: Mapping[str, float], digits: int = 3, unsettled: Collection[str] = ()
+) -> str:
+    """List those `errors`, by key of the quantity, that are at least `LEAST`, in words, with `digits` digits.
 
-    If all errors are smaller, the text says so; if there are no errors, it is empty.
+    If all errors are smaller, the text says so; if there are no errors, it is empty.  Errors with a key in `unsettled`
+    are lower bounds.
     """
-    parts = [f"{name} {format_percent(error, digits)}" for name, error in errors.items() if error >= LEAST]
+    parts = [
+        f"{QUANTITIES[key].label}{f' {scope_words(result)}' * (key == 'beam')} {'at least ' * (key in unsettled)}"
+        f"{format_percent(error, digits)}{' (not converged)' * (key in unsettled)}"
+        for key, error in errors.items()
+        if error >= LEAST
+    ]
     return ", ".join(parts) or (f"less than {format_percent(LEAST, 1)}" if errors else "")

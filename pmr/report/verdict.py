@@ -17,15 +17,16 @@ from pmr.scene.members import members
 
 #: Keys of quantities, each with those of further rows that state a share of its limit; some never have a limit.
 LIMITED_BY = {"stress": ("wall_stress", "utilisation"), "support": ("support_use",), "luffing_force": ("luffing_use",),
-              "cylinder_force": (), "rope_force": (), "pad_pressure": ("pad_use",), "tip": (), "frequency": (),
-              "buckling": ()}  # fmt: skip
+              "cylinder_force": (), "rope_force": (), "outrigger_force": (), "pad_pressure": ("pad_use",), "tip": (),
+              "frequency": (), "buckling": ()}  # fmt: skip
 
 
 def verdict(result: RunResult) -> Verdict:
     """Return the verdict on a run: all values above their limits or, if there are none, the value closest to its limit.
 
-    In the second case, values that exceed their limits together with the known errors are named, too.  The notes say
-    which quantities have no limit, and which effects on strength are not checked.
+    In the second case, the closest is chosen with the play of pads that another run had, too.  Further values are named
+    that exceed their limits with the known errors or with this play, and the one that the errors bring closest.  The
+    notes say which quantities have no limit, and which effects on strength are not checked.
     """
     rows = first_page.largest_values(result)
     limited = [row for row in rows if row.share is not None]
@@ -36,8 +37,12 @@ def verdict(result: RunResult) -> Verdict:
     elif limited:
         text = f"All {len(limited)} limits are kept. Closest: " if len(limited) > 1 else "The only limit is kept: "
         text += f"{_in_brief(limited[0])}."
-        if doubtful := [row.name for row in limited if (row.share_with_errors or 0.0) > 1.0]:
-            text += f" With all known errors these may be above their limits: {', '.join(doubtful)}."
+        for what, share in (("all known errors", "share_with_errors"), ("another play of pads", "share_with_play")):
+            if doubtful := [row.name for row in limited if (getattr(row, share) or 0.0) > 1.0]:
+                text += f" With {what} these may be above their limits: {', '.join(doubtful)}."
+        with_errors = max(limited, key=lambda row: row.share_with_errors or row.share or 0.0)
+        if with_errors is not limited[0] and (with_errors.share_with_errors or 0.0) > limited[0].largest_share:
+            text += f" Closest with all known errors: {_in_brief(with_errors)}."
     else:
         text = "Nothing was compared with a limit: the scene states none."
     return Verdict(text, tuple(_unchecked(result, rows)), bool(above))
@@ -60,7 +65,7 @@ def _unchecked(result: RunResult, rows: Sequence[LargestValue]) -> Iterator[str]
     if result.frame is not None and "ground" not in result.summary:
         effects.append("tipping")
     if effects:
-        yield f"Not checked: {', '.join(effects)}."
+        yield f"Not checked: {', '.join(effects)}; more under What these values leave out."
 
 
 def run_sentence(result: RunResult) -> str:
@@ -74,12 +79,12 @@ def run_sentence(result: RunResult) -> str:
     motions = [f"{name} {text}" for of in (overview.length_rows, overview.angle_rows) for name, text in of(result)]
     masses = [f"{of.name} {format_input(of.mass, 'kg')}" for part in scene.sections for of in part.masses]
     loads = [f"{load.name} {overview.load_text(load)}" for load in acting_loads(result)]
-    parts = [f"{bodies}, modelled as {'; '.join(models)} with {reduced_size(result)} coordinates", *motions]
+    parts = [f"{bodies}, modelled as {' and '.join(models)}; {reduced_size(result)} coordinates", *motions]
     parts += [f"{format_input(scene.time.end, 's')} of motion"]
     parts += [" and ".join(masses)] if masses else []
     parts += [overview.describe_hoist(scene.hoist, scene.time.end)] if scene.hoist is not None else []
     parts += [", ".join(loads)] if loads else []
     turns = scene.frame is not None and any(load.source.axes == "ground" for load in acting_loads(result))
-    parts += ["x of the ground is where the boom points unslewed"] if turns else []
+    parts += ["x of the ground points ahead of the unslewed boom: loads along −x come from ahead"] if turns else []
     parts += [f"weight {'left out' if scene.gravity is None else 'included'}"]
     return f"Computed: {'; '.join(parts)}."

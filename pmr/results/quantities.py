@@ -657,6 +657,8 @@ UNSETTLED_KINDS = {
 }
 #: Keys of the quantities in which models are compared, in the order in which errors are named.
 COMPARED = ("tip", "beam", "pad_force", "cylinder_force", "support_force", "reaction", "frequency")
+#: Keys of those of `COMPARED` whose error of the reduction is an estimate, also beside the full model.
+ESTIMATED = ("frequency", "reaction")
 
 
 class ReductionErrors(NamedTuple):
@@ -680,5 +682,5 @@ def reduction_error(summary: Summary) -> ReductionErrors:
         return ReductionErrors()
     kinds = [kind for kind in COMPARED if kind != "pad_force" or "impacts" not in summary]
     by_kind = {kind: source.get(f"{kind}_between_kinks", source.get(kind)) for kind in kinds}
-    by_kind |= {kind: estimate.get(kind) for kind in ("frequency", "reaction")}
+    by_kind |= {kind: estimate.get(kind) for kind in ESTIMATED}
     return ReductionErrors(how, {kind: float(error) for kind, error in by_kind.items() if error is not None})

@@ -307,9 +307,13 @@ class Effect(NamedTuple):
     is_stated: bool = False  # whether text without checks names the check, too
 
 
-def left_out(scene: Scene, at_rest: bool = False, play_in_bars: bool = False) -> dict[str, str]:
+#: Effect of a play of pads that nothing computed.
+PLAY = "play (at side pads it changes the stress in walls)"
+
+
+def left_out(scene: Scene, at_rest: bool = False, play: str = PLAY) -> dict[str, str]:
     """Return the effects that the model of a scene does not contain (`effects_left_out`), as text by subject."""
-    effects = effects_left_out(scene, at_rest, play_in_bars)
+    effects = effects_left_out(scene, at_rest, play)
     return {
         subject: ", ".join(f"{effect.text} ({effect.check})" if effect.is_stated else effect.text for effect in of)
         for subject, of in effects.items()
@@ -317,20 +321,20 @@ def left_out(scene: Scene, at_rest: bool = False, play_in_bars: bool = False) ->
 
 
 def effects_left_out(
-    scene: Scene, at_rest: bool = False, play_in_bars: bool = False, in_walls: bool = False
+    scene: Scene, at_rest: bool = False, play: str = PLAY, in_walls: bool = False
 ) -> dict[str, list[Effect]]:
     """Return effects that the model of a scene does not contain, by subject.
 
     The subjects are ``strength``, ``walls``, ``pads``, ``masses``, ``loads`` and ``machine``; subjects without an
     effect are left out.  An effect that has a key of its own, such as wind or friction, is named only if the scene does
-    not use this key.  A model `at_rest`, as that of a load chart, has neither friction nor fatigue.  `play_in_bars`
-    says whether the chart's error bars have a part for the play of pads.  `in_walls` says whether the stress in walls
-    under pads is known.
+    not use this key.  A model `at_rest`, as that of a load chart, has neither friction nor fatigue.  `play` names the
+    play of pads that the results lack, if no pad has one.  `in_walls` says whether the stress in walls under pads is
+    known.
     """
     effects = {
         "strength": strength_effects(scene, at_rest, in_walls),
         "walls": _wall_effects(scene),
-        "pads": _pad_effects(scene, at_rest, play_in_bars),
+        "pads": _pad_effects(scene, at_rest, play),
         "masses": _missing_masses(scene),
         "loads": _load_effects(scene),
         "machine": _machine_effects(scene),
@@ -408,12 +412,11 @@ def _wall_effects(scene: Scene) -> list[Effect]:
     return effects
 
 
-def _pad_effects(scene: Scene, at_rest: bool, play_in_bars: bool) -> list[Effect]:
+def _pad_effects(scene: Scene, at_rest: bool, play: str) -> list[Effect]:
     """List the effects in pads that are left out; empty if there are no pads.
 
-    Friction is left out if the model is `at_rest`, or if no pad of the scene has friction.  Play is left out if no pad
-    of the scene has a clearance.  If `play_in_bars` is true, error bars contain some play; the effect is then play
-    beyond them.
+    Friction is left out if the model is `at_rest`, or if no pad of the scene has friction.  Play is left out, in the
+    words `play`, if no pad of the scene has a clearance.
     """
     rings = [ring for part in scene.sections for ring in part.rings]
     if not rings:
@@ -422,8 +425,7 @@ def _pad_effects(scene: Scene, at_rest: bool, play_in_bars: bool) -> list[Effect
     effects = [] if rubbing else [Effect("friction", "key friction of pads")]
     effects += [Effect("wear"), Effect("spread of the pressure under a pad")]
     if not any(ring.has_clearance for ring in rings):
-        text = "play beyond error bars" if play_in_bars else "play (at side pads it changes the stress in walls)"
-        effects.append(Effect(text, "key clearance of pads"))
+        effects.append(Effect(play, "key clearance of pads"))
     return effects
 
 
@@ -475,8 +477,7 @@ def _machine_effects(scene: Scene) -> list[Effect]:
     effects, cylinder = [Effect("play in hinges")], None if frame is None else frame.cylinder
     driven = [number for number in range(1, len(scene.sections)) if has_driven_tail(member_at(scene, number))]
     if driven and all(scene.joint(number).line is None for number in driven):
-        text = "distance of cylinders and ropes that drive sections from the axis"
-        effects.append(Effect(text, "their key offset adds it", is_stated=True))
+        effects.append(Effect("cylinders and ropes off the axis of their section", "key offset", is_stated=True))
     if frame is not None and frame.machine is None:
         stands = frame.ground is not None
         effects.append(

@@ -19,7 +19,7 @@ from pmr.files.arrays import Array, Summary
 from pmr.results.quantities import stress_remark
 from pmr.scene import Scene
 from pmr.scene.choice import has_walls_that_could_give
-from pmr.scene.hints import left_out
+from pmr.scene.hints import PLAY, left_out
 from pmr.scene.members import members, pads_on_faces
 from pmr.scene.model_traits import model_traits
 from pmr.simulation.statics.postures import (
@@ -333,7 +333,7 @@ def left_out_of_chart(scene: Scene, limits: Sequence[Limit], has_play: bool) -> 
         rows["places without a limit"] = (
             "walls away from probes and pads, as beside the feet and lugs of cylinders; tubes and rods of cylinders"
         )
-    return rows | left_out(scene, at_rest=True, play_in_bars=has_play)
+    return rows | left_out(scene, at_rest=True, play="play beyond error bars" if has_play else PLAY)
 
 
 def chart_definitions(scene: Scene, point: tuple[float, float, float] | None) -> dict[str, str]:

@@ -217,7 +217,7 @@ def test_what_the_summary_holds() -> None:
     with_forces = step_summary(
         replace(found, errors={**found.errors, "reaction": 0.4}, unsettled=("reaction",)), not_covered=["stresses"]
     )
-    assert with_forces == {**figures, "reaction": 0.4, "not_covered": ["stresses"]}
+    assert with_forces == {**figures, "reaction": 0.4, "not_covered": ["stresses"], "unsettled": ["reaction"]}
 
 
 def test_a_step_that_is_far_off_in_another_kind_alone_is_a_warning() -> None:

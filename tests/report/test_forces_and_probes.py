@@ -12,7 +12,7 @@ from matplotlib.colors import same_color
 from pmr import RunResult
 from pmr.report import forces as drawn
 from pmr.report import sections
-from pmr.report.errors import error_table
+from pmr.report.errors import error_table, slight_outputs
 from pmr.report.errors import rows as error_rows
 from pmr.report.figures import section_colours
 from pmr.report.figures.shapes import envelope_figure
@@ -164,12 +164,19 @@ def test_reactions_without_a_row_among_the_errors_are_named_with_the_reason(make
     assert [row.place for row in listed.rows if "reaction" in row.place] == [
         "reaction of pin, along z", "reaction of pin, about x",
     ]  # fmt: skip
-    assert [note.partition(". ")[0] for note in listed.reasons] == ["Not compared: the reaction of pin, along x"]
+    missing, without = listed.reasons
+    assert missing.startswith("Not compared: the reaction of pin, along x. ") and without.startswith("As only those ")
     moment = Output("reaction of pivot ry", "reaction", "", unit="N m")
     large = result.responses["reduced"].with_others(np.full((len(result.responses["reduced"].t), 1), 2e4), [moment])
     listed = error_table(replace(result, responses=result.responses | {"reduced": large}))
     assert [row.place for row in listed.rows if "reaction" in row.place] == ["reaction of pin, along z"]
-    assert listed.reasons[1].endswith("% of the largest force or moment: the reaction of pin, about x.")
+    assert listed.reasons[-1].endswith("% of the largest force, moment or stress: the reaction of pin, about x.")
+    lug = Output("lug stress", "probe", "", unit="Pa")
+    probed = result.responses["reduced"].with_others(np.full((len(large.t), 1), 1e4), [lug])
+    for stress, slight in ((9e7, False), (2e8, True)):  # beside the largest stress in walls
+        budget = {"model": {"wall_stress": {"value": stress}}}
+        of = replace(result, summary=result.summary | {"budget": budget}, responses={"reduced": probed})
+        assert slight_outputs(of) == ({"lug stress": "lug stress"} if slight else {})
 
 
 def test_moments_of_supports_that_give_way_are_no_forces(make_space, monkeypatch) -> None:

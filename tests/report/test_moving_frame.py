@@ -257,7 +257,7 @@ def test_the_largest_stress_is_pictured_from_its_side_at_the_time_nearest_to_it(
     ((shot, caption),) = [
         (shot, text) for name, shot, text in album._Views(MovingBodies(result)).shots() if name == "close"
     ]
-    assert said in caption and "the time next to 0.42\u00a0s at which fields are stored" in caption
+    assert said in caption and "the stored time nearest to 0.42\u00a0s" in caption
     ring = shot.pieces[-1].points @ shot.view.T  # around the place, in front of all else
     middle, centre = ring.mean(axis=0), shot.view @ np.array(shot.centre)
     assert np.ptp(ring[:, :2], axis=0) == pytest.approx(2.0 * album.RING[1], rel=0.02)

@@ -28,7 +28,7 @@ from pmr.report.figures import (
     make_panels,
     make_sheet,
 )
-from pmr.report.numbers import unit_for
+from pmr.report.numbers import format_percent, unit_for
 from pmr.report.subject import direction_words, field_times
 from pmr.results import BodyResult, RunResult
 from pmr.results.quantities import UNIT_QUANTITIES
@@ -103,17 +103,13 @@ class Timeline:
     def difference_clause(self, signals: Mapping[str, Array]) -> str:
         """Clause that says that the differences of `signals` (T,), by simulator, to the reference are drawn below.
 
-        The clause is empty if there is no reference, or if all differences are 0.  It also says if the differences are
-        slight: if the largest one, as a share of the largest value of the signals, is at most the error of the time
-        step in displacements.
+        The clause is empty if there is no reference, or if all differences are 0.  It states the largest difference as
+        a share of the largest value of the signals.
         """
         if not (apart := largest_of(self.differences(signals))):
             return ""
-        step = self.result.summary.get("step") or {}
-        error = max(step.get(place) or 0.0 for place in ("tip", "beam"))
-        small = "; relative to the largest value it is smaller than the error of the time step in displacements"
-        other = "ANCF" if self.reference == "ancf" else "the full model"
-        return f". Below: the difference to {other}{small if apart <= error * largest_of(signals) else ''}"
+        other, share = "ANCF" if self.reference == "ancf" else "the full model", apart / largest_of(signals)
+        return f". Below: the difference to {other}, at most {format_percent(share, 2)} of the largest value"
 
     def trace(self, ax: Axes, curves: Mapping[str, Array], size: float, weight: float = 1.0) -> None:
         """Draw `curves` (T,), by simulator, divided by the `size` of their unit.

@@ -246,13 +246,16 @@ def envelope_figure(result: RunResult, quantities: Sequence[str]) -> Figure:
     return add_legend(figure)
 
 
-def colour_scale(largest: float) -> Figure:
-    """Draw the colour scale of stresses from 0 to `largest` in MPa, with the colour of larger stresses at its end."""
+def colour_scale(largest: float, is_exceeded: bool) -> Figure:
+    """Draw the colour scale of stresses from 0 to `largest` in MPa.
+
+    If this is exceeded, the mark at its end says that larger stresses have its colour, too.
+    """
     figure, ax = make_axes(HALF, 0.55, "", "", left=0.1, right=0.3, top=0.08, bottom=0.36)
     colours = ScalarMappable(Normalize(0.0, largest), LinearSegmentedColormap.from_list("stress", RAMP))
     ticks = np.linspace(0.0, largest, 5)
     bar = figure.colorbar(colours, ax, orientation="horizontal", ticks=ticks, label="Von Mises stress in MPa")
     names = [format_input(float(f"{tick:.3g}")) for tick in ticks]
-    bar.set_ticklabels([*names[:-1], f"≥ {names[-1]}"])
+    bar.set_ticklabels([*names[:-1], f"{'≥ ' * is_exceeded}{names[-1]}"])
     bar.ax.spines["outline"].set_visible(False)
     return figure

@@ -30,7 +30,7 @@ from pmr.report.figures import (
 )
 from pmr.report.figures.histories import line_figure
 from pmr.report.numbers import SPACE, enlargement, format_quantity, prose
-from pmr.report.subject import abscissa_label, fixtures, input_loads, is_alone, is_raised, reach, slider_offsets
+from pmr.report.subject import abscissa_label, fixtures, input_loads, is_alone, reach, slider_offsets
 from pmr.results import RunResult
 from pmr.results.quantities import QUANTITIES, stress_name, wall_stress
 
@@ -143,8 +143,8 @@ def _draw_boom(result: RunResult, view: str, across: str, up: str, from_side: bo
             if places is not None:
                 colour = mix_with_white(look["color"], share)
                 ax.plot(*places.T, **{**look, "color": colour}, zorder=1.8, label=name if share == 1.0 else "")
-    if from_side and (result.frame is not None or is_raised(result)):
-        ax.plot(ax.get_xlim(), [level, level], color=GROUND, linewidth=1.2, zorder=1.0)
+    if stand is not None:
+        ax.plot(ax.get_xlim(), [level, level], color=GROUND, linewidth=1.2, zorder=1.0, label="ground")
     _label_times(ax, getattr(bodies[-1], view), t[steps], moment)
     if worst is not None:
         body = next(item for item in bodies if item.body == worst.body)
@@ -315,8 +315,9 @@ def exaggeration(result: RunResult) -> float:
 def drawn_steps(result: RunResult, view: str) -> NDArray[np.intp]:
     """Numbers (k,) of the time steps at which the boom is drawn, evenly spaced along its tip's path in a `view`.
 
-    The `view` is ``side`` or ``plan``.  There are at most `MOMENTS` steps.  The first step is among them, and so is the
-    step at which the tip reaches the end of its path.  There are two exceptions:
+    The `view` is ``side`` or ``plan``.  If the boom is luffed, both views have the moments of the side.  There are at
+    most `MOMENTS` steps.  The first step is among them, and so is the step at which the tip reaches the end of its
+    path.  There are two exceptions:
 
     - If the tip is at rest in this view, time is cut into `MOMENTS` equal parts.  The step of the largest deflection in
       each part is taken.
@@ -327,8 +328,9 @@ def drawn_steps(result: RunResult, view: str) -> NDArray[np.intp]:
     """
     t, out, worst = result.responses["reduced"].t, _tip_distance(result), largest_stress(result)
     along = frame_rotations(result, t)[:, :, 0]
-    if view == "side":
-        along = np.stack([np.hypot(along[:, 0], along[:, 1]), along[:, 2]], axis=1)
+    from_side = np.stack([np.hypot(along[:, 0], along[:, 1]), along[:, 2]], axis=1)
+    if view == "side" or np.ptp(from_side, axis=0).max() > 1e-12:
+        along = from_side
     way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(along * out[:, None], axis=0), axis=1)))
     if way[-1] <= 1e-9 * reach(result):
         deflection = np.linalg.norm(axis_points(result)[-1].displacement[:, -1], axis=1)
