@@ -240,8 +240,8 @@ def energy_in_space(scene: Scene, system: System, excitation: Excitation, run: S
     W is done by the drives of the frame and of the extensions, which move all mass at its deflected position, by loads,
     and by contacts that travel.  V is affine in r, so only the momenta of u with the fields of `pmr.simulation.frame`
     are needed.  With second order u includes the lengths by which sections and cylinders get shorter along the axis as
-    they bend.  Without second order, integrals of products of two u are left out, except that of |u'|^2, as in the
-    equations of motion.
+    they bend.  Without second order, integrals of products of two u are left out, except that of
+    :math:`\lvert u' \rvert^2`, as in the equations of motion.
     """
     account = _EnergyBalance(scene, run)
     for name, body in system.bodies.items():

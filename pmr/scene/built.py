@@ -247,7 +247,10 @@ class Support(SceneTable):
         return self
 
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
-        """Return the scale 1 under ``turning`` if the support holds rotations alone, otherwise under ``straight``."""
+        """Return the scale 1, whose name says which usual range the stiffness of the support has.
+
+        The name is ``turning`` if the support holds rotations alone, otherwise ``straight``.
+        """
         turns = all(direction in ("rx", "ry", "rz") for direction in self.held_directions)
         return {"turning" if turns else "straight": 1.0}
 

@@ -268,10 +268,10 @@ def moved_sections(scene: Scene, number: int) -> dict[int, tuple[float, float]]:
 
 
 def _check_moved_sections(scene: Scene, number: int, free: str) -> None:
-    """Refuse ropes, cylinders that give way, and models without displacements along the boom on sections that move.
+    """Refuse ropes, and cylinders that give way, at the sections that a free extension moves.
 
-    Sections that move are section `number`, whose extension is free, and all sections that follow it.  `free` is the
-    name of this extension in messages.
+    The sections are section `number`, whose extension is free, and all sections that follow it.  A model without
+    displacements along the boom is refused on them.  `free` is the name of the extension in messages.
     """
     for k in moved_sections(scene, number):
         joint, key = scene.joint(k), f"sections[{k}].joint"

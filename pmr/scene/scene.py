@@ -174,8 +174,8 @@ class SectionTables(CommonTables):
     def points(self) -> tuple[float, ...]:
         """Distances in m of the only body's sliding points ahead of s.
 
-        It is (0.0,) for a body with a slider that has neither `offsets` nor pads that move.  The result is empty if
-        pads slide on the body, or if nothing slides on it.
+        If the slider has no `offsets`, the result is (0.0,).  It is empty if pads slide on the body, or if nothing
+        slides on it.
         """
         slider = self.only_section.slider
         if slider is not None and slider.offsets is not None:

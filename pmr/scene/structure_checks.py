@@ -55,7 +55,10 @@ def check_structure(member: Member) -> None:
 
 
 def _check_ground_loads(member: Member) -> None:
-    """Refuse moments about axes of the ground; forces along them need a frame, and a body that moves along x."""
+    """Refuse loads along axes of the ground without a frame, or on a body that does not move along x.
+
+    Moments about axes of the ground are refused, too.
+    """
     for i, load in enumerate(member.part.loads):
         if load.axes == "body":
             continue
@@ -226,7 +229,11 @@ def check_wheel(joint: Joint | None, prefix: str) -> None:
 
 
 def _check_mover(member: Member) -> None:
-    """Refuse a mover of another model, a mover that runs on nothing, and all keys that a mover can't have."""
+    """Refuse a mover that runs on nothing, and all keys that a mover can't have.
+
+    A table of a mover is refused beside another model, and the model ``mover`` without such a table.  Beside a mover, a
+    frame and a recovery are refused, too.
+    """
     part = member.part
     refuse(part.body.mover is None, "body.mover", None, "a table with the mass is needed with body.model = 'mover'")
     refuse(traits_of(member).kind != "mass", "body.model", part.body.model, "auto or mover is allowed with body.mover")

@@ -267,9 +267,10 @@ class Profile(SceneTable):
     )
 
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
-        """Return EI in N m^2 of a cantilever that sags by its own length, and EA in N if axial waves had 1 m/s.
+        """Return two scales for usual stiffnesses, by name.
 
-        Their names are ``sag`` and ``mass per length``.  Of the `scales`, only ``gravity`` in m/s^2 is used.
+        ``sag`` is the EI in N m^2 with which a cantilever sags by its own length under its weight.  ``mass per length``
+        is the EA in N with which axial waves travel at 1 m/s.  Of the `scales`, only ``gravity`` in m/s^2 is used.
         """
         return {
             "sag": self.mass_per_length * scales["gravity"] * self.length**3 / 8.0,
