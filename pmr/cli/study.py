@@ -177,7 +177,7 @@ def _print_results(project: Project, outcome: Outcome) -> None:
         if not results.done:
             continue
         if part.study.kind == "chart":
-            grid = chart_tables.terminal_grid(results, SHOWN_RUNS)
+            grid = chart_tables.terminal_grid(results, SHOWN_RUNS, part.study.model_dump())
         else:
             grid = terminal_grid(results.runs, out.width // COLUMN, SHOWN_RUNS)
         table = Table(

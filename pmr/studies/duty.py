@@ -66,6 +66,17 @@ class ChartLoads:
         return np.maximum(self.lower.min(axis=-1), 0.0)
 
     @cached_property
+    def which_lower(self) -> NDArray[np.int64]:
+        """Number of the limit with the smallest load less its error (...,); -1 where this is `up_to`."""
+        return np.where(self.lower.min(axis=-1) < self.up_to, self.lower.argmin(axis=-1), -1)
+
+    @cached_property
+    def bar(self) -> Array:
+        """Error (...,) in kg of the limit `which_lower`; NaN where there is none, and where its error is not known."""
+        error = np.take_along_axis(self.error, np.maximum(self.which_lower, 0)[..., None], -1)[..., 0]
+        return np.where(self.which_lower >= 0, error, np.nan)
+
+    @cached_property
     def may_govern(self) -> NDArray[np.bool_]:
         """Whether each limit may govern within the errors (..., l); false at points where only one limit may.
 

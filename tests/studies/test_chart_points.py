@@ -82,7 +82,7 @@ def test_the_bar_has_the_structural_model(chart: StudyResults, folder: Path) -> 
     assert float(row["lower bound [kg]"]) <= min(arrays["load"][0, :2] - arrays["error.model"][0, :2])
     page = render_studies(folder)
     assert "structural model, from shells" in page and "reduction, mesh, model, rotations" in page
-    bounds = "Use these loads, not those above. Errors that they do not contain: "
+    bounds = "Errors that error bars do not contain: "
     assert f"{bounds}{row['not covered']}." in page
 
 

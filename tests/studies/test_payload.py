@@ -60,12 +60,14 @@ def test_postures_that_a_chart_lacks_are_not_looked_at() -> None:
 def test_the_page_says_whether_the_run_lifts_more_than_the_chart_allows() -> None:
     posture = {"payload.t": 6.9, "payload.luffing": 55.5, "payload.length": 15.0, "payload.limit": "walls"}
     for load, said in (
-        (752.9, "payload of 1000 kg is more than this chart allows in the scene's run."),
-        (1000.0, "payload of 1000 kg is within this chart."),
+        (752.9, "payload of 1000 kg is more than this chart allows in the scene's run"),
+        (1000.0, "payload of 1000 kg is within this chart"),
     ):
-        text = payload_sentences({"payload": 1000.0, "payload.load": load} | posture).replace("\u00a0", " ")
-        assert f"it allows {int(load)} kg after its error bar (limit: walls)." in text and said in text
+        figures = {"payload": 1000.0, "payload.load": load} | posture
+        text = payload_sentences(figures, lambda kg: f"{kg:.0f} kg", True).replace("\u00a0", " ")
+        assert f"which is {load:.0f} kg, error bar taken off (boom length 15 m, raised by 55.5°, limit: walls)." in text
+        assert f"{said}: along this run, the chart allows least at 6.9 s," in text
         assert lifts_more({"payload": 1000.0, "payload.load": load}) is (load < 1000.0)
-        assert "at 6.9 s of the run, with a boom length of 15 m, raised by 55.5°" in text
-    assert payload_sentences({"payload": 1000.0}).endswith("no posture of the scene's run is in this chart.")
-    assert not payload_sentences({})
+    unknown = payload_sentences({"payload": 1000.0}, str, True)
+    assert unknown.endswith("no posture of the scene's run is in this chart.")
+    assert not payload_sentences({}, str, True)

@@ -37,7 +37,7 @@ from pmr.report.numbers import enlargement, format_input
 
 #: Largest number of curves of constant load; largest number of cells that show a text under a pointer.
 CURVES, MOST_CELLS = 12, 4000
-#: Largest number of boom lengths with a line of allowed loads over the radius, in wide and in narrow figures.
+#: Largest number of boom lengths with a line of loads over the radius, in wide and in narrow figures.
 LINES, NARROW_LINES = 9, 5
 #: Least distance of the letter of a limit from the number at a curve, as a share of the larger side of the picture.
 LETTER_ROOM = 0.04
@@ -197,14 +197,14 @@ def _outline(cells: Array) -> Path:
 
 
 def duty_lines(chart: LoadChart, width: float = WIDE) -> Figure:
-    """Draw the allowed load over the radius, a line for each of up to `LINES` boom lengths, as manuals print it.
+    """Draw the load over the radius, a line for each of up to `LINES` boom lengths, as manuals print it.
 
     A narrow figure has up to `NARROW_LINES` lines.  The boom length stands above the end of its line, at the largest
     radius.  Colour and letter of a piece of a line say which limit governs; each limit has its letter once on a line.
     Where no limit is reached, arrows at the load at which the search ends point up.  Where the boom is not permitted
     even empty, there are crosses on the axis.  The figure is `width` inches wide.
     """
-    figure, ax = make_axes(width, 3.4 + ROW, "Radius in m", "Allowed load in kg", right=0.5, top=0.12 + ROW)
+    figure, ax = make_axes(width, 3.4 + ROW, "Radius in m", "Load in kg", right=0.5, top=0.12 + ROW)
     most, ends = float(np.nanmax(chart.load, initial=0.0)), list[tuple[str, float, float]]()
     for e in spread_indices(len(chart.load), LINES if width > HALF else NARROW_LINES):
         radius, which, crossed = chart.place[e, :, 0], chart.which[e], chart.not_permitted[e]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from pmr.files.arrays import Array, Summary
 from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, KeyNumber, Notices, Table, Verdict
+from pmr.report.columns import spread_indices
 from pmr.report.figures import drawing
 from pmr.report.figures.load_chart import (
     LINES,
@@ -21,7 +22,7 @@ from pmr.report.figures.load_chart import (
     load_chart,
     pointer_cells,
 )
-from pmr.report.numbers import SPACE, format_input, format_quantity, prose
+from pmr.report.numbers import SPACE, format_quantity, prose
 from pmr.report.studies.chart_tables import (
     Parts,
     as_in_duty_table,
@@ -30,7 +31,9 @@ from pmr.report.studies.chart_tables import (
     ceiling,
     duty_grids,
     error_bar_grids,
+    format_bar,
     format_load,
+    format_radius,
     headline,
     lifts_more,
     limit_grid,
@@ -61,39 +64,43 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     table = LeastLoads.from_rows(parts, len(study.study_file["slewing"]))
     up_to = float(study.study_file["up_to"])
     loads = ChartLoads(table.load, table.error, up_to)
-    which, least = loads.which, np.where(np.isinf(loads.least), np.nan, loads.least)
+    which, has_bars = loads.which_lower, bool(study.study_file["error_bars"])
     stated = [
-        _statement_block("What load and radius are", _definitions(study, parts)),
-        _statement_block("Which motions are in the loads", motion_rows(study.study_file, study.figures)),
-        _statement_block("What is not in this chart", map(tuple, parts[0]["at.left_out"].tolist())),
+        _statement_block(heading, rows_of_block)
+        for heading, rows_of_block in (
+            ("What load and radius are", list(_definitions(study, parts))),
+            ("Which motions are in the loads", list(motion_rows(study.study_file, study.figures))),
+            ("What is not in this chart", list(map(tuple, parts[0]["at.left_out"].tolist()))),
+        )
+        if rows_of_block
     ]
-    limits = Block("Limits", grids=(limit_grid(study, names, parts),))
+    limits = Block("Limits", grids=(limit_grid(study, names, parts, loads),))
     cases = Block("Load cases", grids=(case_grid(study),))
     slewing = parts[0]["at.slewing"]
-    sentence = headline(study, least, loads.lower_bound, least.size * len(slewing))
+    rows = [run.parameters for run in study.results.runs]
+    sentence = headline(study, loads, table.place[..., 0])
     chapter = Chapter(
         anchor=prefix,
         title=study.title,
         headline=sentence,
         notices=Notices(Verdict(sentence, is_exceeded=lifts_more(study.figures))),
-        first=[Table("", tuple(brief_rows(study, slewing)))],
+        first=[Table("", tuple(brief_rows(study, loads, rows, table.luffing, slewing)))],
         blocks=[*stated, limits, cases],
     )
-    if not np.isfinite(least).any():  # the picture and the table of loads would be empty
+    if not np.isfinite(loads.least).any():  # the picture and the table of loads would be empty
         return chapter
-    error = np.where(which >= 0, np.take_along_axis(table.error, np.maximum(which, 0)[..., None], 2)[..., 0], np.nan)
     shown_names = [*names[:-1], STABILITY_WORDS]
     not_covered = errors_not_covered(np.concatenate([part["not_covered"] for part in parts]))
-    rows = [run.parameters for run in study.results.runs]
     extensions = [" + ".join(f"{float(out or 0.0):.4g}" for out in rows[row].values()) for row in table.order]
-    chart = LoadChart(table.place, least, which, shown_names, up_to, extensions)
+    to_use = np.where(which >= 0, loads.lower_bound, np.nan)
+    chart = LoadChart(table.place, to_use, which, shown_names, up_to, extensions)
     ends_at = format_load(up_to) if (which < 0).any() else ""
-    caption = prose("chart_caption", ends_at=ends_at)
+    caption = prose("chart_caption", ends_at=ends_at, has_bars=has_bars)
     picture = drawing(f"{prefix}-chart", load_chart, caption, chart, fits=True)
-    texts = [_cell_text(study, table, chart, error, number) for number in range(least.size)]
+    texts = [_cell_text(study, table, chart, loads, number) for number in range(to_use.size)]
     shown = f"{SCREEN}{pointer_cells(chart, texts)}{END_OF_SCREEN}</svg>"
     picture = replace(picture, svg=picture.svg.replace("</svg>", shown, 1), hint="Point at the picture to see values.")
-    lines = drawing(f"{prefix}-duty", duty_lines, duty_caption(len(chart.load)), chart, fits=True)
+    lines = drawing(f"{prefix}-duty", duty_lines, duty_caption(chart.lengths, has_bars), chart, fits=True)
     duty = tuple(duty_grids(study, DutyTable.from_loads(table, up_to, rows), not_covered))
     method = prose("chart_method", study_file=study.study_file, play="play" in present_parts(parts))
     limits = replace(limits, text=method, grids=(*limits.grids, *error_bar_grids(study, names, parts)))
@@ -101,21 +108,24 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     pages = governing_pages(study, shown_names, parts, prefix)
     return replace(
         chapter,
-        key_numbers=_key_numbers(study, chart, error, loads.lower_bound, parts),
+        key_numbers=_key_numbers(chart, loads, parts),
         blocks=[Block("Load chart", (picture,)), *stated, over_radius, limits, cases, *pages],
     )
 
 
-def duty_caption(lengths: int) -> str:
-    """Caption of the lines of loads over the radius; `lengths` is the number of boom lengths in the chart.
+def duty_caption(lengths: Sequence[str], has_bars: bool) -> str:
+    """Caption of the lines of loads over the radius; it names those of the boom `lengths` that have no line.
 
-    The figure for narrow windows has at most `NARROW_LINES` lines, the other one at most `LINES`.  If the chart has
-    more than `NARROW_LINES` boom lengths, the caption adds that "at most n of" them are drawn.  This n is the number of
-    lines in the wider figure.
+    `has_bars` says whether error bars are taken off the loads.  Many lengths without a line are only counted.
     """
-    caption = "Allowed load over the radius of the tip for boom lengths from the pivot; letters and colours as above."
-    drawn = f" Lines are drawn for at most {min(LINES, lengths)} of {lengths} boom lengths"
-    return caption + (f"{drawn}; the tables have all." if lengths > NARROW_LINES else "")
+    drawn = spread_indices(len(lengths), LINES)
+    lacking = [length for k, length in enumerate(lengths) if k not in drawn]
+    names = f"of {', '.join(lacking)}" if len(lacking) < LINES else f"of {len(lacking)} of {len(lengths)} boom lengths"
+    caption = f"Load{' to use, error bars taken off,' * has_bars} over the radius of the tip for boom lengths from the "
+    caption += "pivot; letters and colours as above."
+    caption += f" Lines {names} are left out; duty.csv has them." if lacking else ""
+    few = f" In a narrow window, {NARROW_LINES} of {len(lengths)} boom lengths have a line."
+    return caption + (few if len(lengths) > NARROW_LINES else "")
 
 
 def _statement_block(heading: str, statements: Iterable[tuple[str, str]]) -> Block:
@@ -133,14 +143,14 @@ def _definitions(study: FinishedStudy, parts: Parts) -> Iterator[tuple[str, str]
         yield subject, clauses
 
 
-def _cell_text(study: FinishedStudy, table: LeastLoads, chart: LoadChart, error: Array, number: int) -> str:
+def _cell_text(study: FinishedStudy, table: LeastLoads, chart: LoadChart, loads: ChartLoads, number: int) -> str:
     """Text under a pointer on a cell of the chart: position, load, and the load of each limit.
 
     At a position without a governing limit, the text has the largest load of the study in place of these loads.  At a
     position where the boom is not permitted even empty, it names the limits that are passed without a load.
 
-    `number` counts the cells: all angles of the first reach, then those of the next one.  `error` (E, A) are error bars
-    in kg.
+    The cells are counted by `number`: all angles of the first reach, then those of the next one.  `loads` are those
+    of the `table` with their errors.
     """
     i, k = divmod(number, chart.load.shape[1])
     radius, height = chart.place[i, k]
@@ -153,49 +163,46 @@ def _cell_text(study: FinishedStudy, table: LeastLoads, chart: LoadChart, error:
     if chart.not_permitted[i, k]:
         passed = ", ".join(name for name, v in zip(chart.names, table.load[i, k], strict=True) if v == 0.0)
         return "\n".join([*lines, f"{NOT_PERMITTED}: beyond {passed}"])
-    bar = f"{SPACE}±{SPACE}{error[i, k]:.0f}{SPACE}kg" if error[i, k] >= SHOWN else ""
+    bar = f", error bar of {format_bar(loads.bar[i, k])} taken off" if loads.bar[i, k] >= SHOWN else ""
     lines.append(f"load {format_load(chart.load[i, k])}{bar}, by {chart.names[chart.which[i, k]]}")
+    lines += ["loads of all limits without error bars:"] if bar else []
     loads_of_limits = zip(chart.names, table.load[i, k], strict=True)
     return "\n".join(
         [*lines, *(f"{name}: {NOT_REACHED if np.isnan(v) else format_load(v)}" for name, v in loads_of_limits)]
     )
 
 
-def _key_numbers(study: FinishedStudy, chart: LoadChart, error: Array, lower: Array, parts: Parts) -> list[KeyNumber]:
-    """List the key numbers of a `chart`; `parts` are the arrays of each run of the study.
+def _key_numbers(chart: LoadChart, loads: ChartLoads, parts: Parts) -> list[KeyNumber]:
+    """Key numbers: the largest load of a `chart`, the load at its largest radius, and last the number of postures.
 
-    The first one is the largest load that a limit governs, if it is above 0.  The second one is the load at the largest
-    radius, if a limit governs there.  With an error bar, its note has its lower bound, from `lower` (E, A) in kg.  The
-    last one is the number of points.  Loads are rounded down as in the duty table.
+    The chart has the loads to use, less the errors of `loads`.  They are rounded down as in the duty table.  The load
+    at the largest radius is left out if no limit governs it.
 
-    `error` (E, A) are the error bars in kg at each point of the chart.  If one of them is finite, two more numbers
-    stand before the last one.  They are the largest error bar, with the errors that it contains, and the number of
-    points at which another limit may govern within the error bars.
+    If an error bar is known, two more numbers stand before the last one: the largest error bar, with the errors that it
+    contains, and the number of postures at which another limit may govern within the error bars.  `parts` are the
+    arrays of each run of the study.
     """
-    count, most, radius = len(study.study_file["limits"]) + 1, float(np.nanmax(chart.load)), chart.place[..., 0]
-    rounded = as_in_duty_table(chart.load, chart.up_to)
-    turns = len(parts[0]["at.slewing"])
-    turned = f"{chart.load.size} postures, each at {turns} slewing angles; " if turns > 1 else ""
-    points = chart.load.size * turns
+    count, most, radius = len(chart.names), float(np.nanmax(chart.load, initial=0.0)), chart.place[..., 0]
+    rounded, postures, turns = as_in_duty_table(loads), chart.load.size, len(parts[0]["at.slewing"])
+    turned = f"each at {turns} slewing angles; " if turns > 1 else ""
     key_numbers = list[KeyNumber]()
     if most > 0.0:
         governed = "largest load that a limit governs" if np.isnan(chart.load).any() else "largest load"
         at_most = radius[np.unravel_index(np.nanargmax(chart.load), radius.shape)]
-        key_numbers.append(KeyNumber(rounded(most), governed, f"at a radius of {at_most:.4g}{SPACE}m"))
+        key_numbers.append(KeyNumber(rounded(most), governed, f"at a radius of {format_radius(at_most)}"))
     farthest = np.unravel_index(np.argmax(radius), radius.shape)
     if chart.which[farthest] >= 0:
         load = NOT_PERMITTED if chart.not_permitted[farthest] else rounded(chart.load[farthest])
         by = f"limited by {chart.names[chart.which[farthest]]}"
-        if np.isfinite(error[farthest]) and not chart.not_permitted[farthest]:
-            by = f"{rounded(lower[farthest])} after its error bar: use this one; {by}"
-        key_numbers.append(KeyNumber(load, f"at the largest radius, {radius[farthest]:.4g}{SPACE}m", by))
-    if np.isfinite(error).any():
-        largest, doubt = format_load(float(f"{np.nanmax(error):.2g}")), str(study.figures["in_doubt"])
-        key_numbers.append(KeyNumber(largest, "largest error bar", covered_parts(parts)))
+        key_numbers.append(KeyNumber(load, f"at the largest radius, {format_radius(radius[farthest])}", by))
+    if np.isfinite(loads.bar).any():
+        off = f"taken off these loads: {covered_parts(parts)}"
+        key_numbers.append(KeyNumber(format_bar(float(np.nanmax(loads.bar))), "largest error bar", off))
+        doubt = str(loads.may_govern.any(axis=-1).sum())
         key_numbers.append(
-            KeyNumber(doubt, f"of {points} points have another limit", "that may govern within the error bars")
+            KeyNumber(doubt, f"of {postures} postures with another limit", "that may govern within the error bars")
         )
-    return [*key_numbers, KeyNumber(str(points), "points", f"{turned}{count} limit{'s' if count > 1 else ''}")]
+    return [*key_numbers, KeyNumber(str(postures), "postures", f"{turned}{count} limit{'s' if count > 1 else ''}")]
 
 
 def covered_parts(parts: Parts) -> str:
@@ -239,6 +246,7 @@ def _governing_page(
     """
     k = int(arrays["at.place"][n])
     load, error = float(arrays["load"][k, n]), float(arrays["error"][k, n])
+    to_use = ChartLoads(arrays["load"][k], arrays["error"][k], float(study.study_file["up_to"]))
     out = {p.removeprefix("extension."): float(v) for p, v in study.results.runs[row].parameters.items() if v}
     angle, tails = float(arrays["at.luffing"][n]), np.cumsum([0.0, *out.values()])
     section, upwards = arrays["at.bent.section"].astype(int), arrays["at.direction.names"] == "z"
@@ -259,7 +267,8 @@ def _governing_page(
         out=out,
         place=arrays["place"][k],
         load=format_load(load),
-        bar=format_input(float(f"{error:.2g}")) if np.isfinite(error) else "",
+        to_use=format_load(float(to_use.lower_bound)),
+        bar=format_bar(error) if np.isfinite(error) else "",
         limit=names[n],
         member=arrays["member"][k],
         stops=_stops(study, arrays["at.stops"][n]),

@@ -17,7 +17,7 @@ from pmr.report.numbers import SPACE, format_input, format_percent, format_quant
 from pmr.report.studies.tables import FinishedStudy
 from pmr.results.quantities import LIMITED
 from pmr.studies import charting
-from pmr.studies.duty import DutyTable
+from pmr.studies.duty import ChartLoads, DutyTable
 from pmr.studies.limits import KINDS, STABILITY, STABILITY_WORDS
 from pmr.studies.load_cases import LoadCase
 from pmr.studies.study import StudyResults
@@ -50,12 +50,20 @@ def format_load(load: float | np.floating) -> str:
     return f"{format_input(float(f'{round_down(float(load), float(digit)):.10g}'))}{SPACE}kg"
 
 
-def as_in_duty_table(least: Array, up_to: float) -> Callable[[float | np.floating], str]:
-    """Return a function that formats a load in kg, rounded down as in the duty table of a chart.
+def format_bar(error: float | np.floating) -> str:
+    """Format an error bar in kg, rounded up to two digits."""
+    digit = 10.0 ** (np.floor(np.log10(error)) - 1.0) if error > 0.0 else 1.0
+    return format_input(abs(float(f"{np.ceil(error / digit - 1e-9) * digit:.2g}")), "kg")
 
-    `least` are the loads in kg of the chart, NaN where no limit is reached up to `up_to` in kg.
-    """
-    step = load_step(float(np.nan_to_num(least, nan=up_to).max()))
+
+def format_radius(radius: float | np.floating) -> str:
+    """Format a radius in m, rounded down to centimetres as in the duty table."""
+    return f"{round_down(float(radius), 0.01):g}{SPACE}m"
+
+
+def as_in_duty_table(loads: ChartLoads) -> Callable[[float | np.floating], str]:
+    """Return a function that formats a load in kg, rounded down as in the duty table of a chart with these `loads`."""
+    step = load_step(float(np.minimum(loads.least, loads.up_to).max()))
     return lambda load: format_load(round_down(float(load), step))
 
 
@@ -89,12 +97,16 @@ def case_rows(study_file: Summary) -> Iterator[tuple[str, str]]:
     missing += ["wind on machine and load"] * all(case.wind is not None and not case.wind.on for case in cases)
     missing += [] if any(case.hoisting_class for case in cases) else ["hoisting"]
     for words, alike in names.items():
-        yield f"load case {' and '.join(alike)}", f"boom at rest, {words}"
-    yield "not in the loads", ", ".join([*missing, "luffing, slewing, telescoping"])
+        several = f"{len(alike)} load cases: {', or '.join(alike)}"
+        yield (
+            several if alike[1:] else f"load case {alike[0]}",
+            f"{'in each: ' if alike[1:] else ''}boom at rest, {words}",
+        )
+    yield "not in the loads", ", ".join([*missing, "luffing, slewing, telescoping", "swing of the load on its rope"])
 
 
 def motion_rows(study_file: Summary, figures: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield a row for each motion of a machine: whether the loads contain it, and what is computed beside them.
+    """Yield a row for each motion that the loads contain, or about which something is computed beside them.
 
     `study_file` are the keys of the study file, and `figures` those of the study.
     """
@@ -107,12 +119,12 @@ def motion_rows(study_file: Summary, figures: Mapping[str, Any]) -> Iterator[tup
     hoist, computed = study_file.get("hoist"), ""
     if hoist and "hoist.most" in figures:
         computed = prose("hoisting", hoist=hoist, figures=figures)
-    yield "hoisting", f"{f'in the loads, by the factor {contained}' if contained else NOT_IN_LOADS}{computed}"
+    if contained or computed:
+        yield "hoisting", f"{f'in the loads, by the factor {contained}' if contained else NOT_IN_LOADS}{computed}"
     for motion in ("luffing", "slewing"):
         stops = [stop for stop in study_file.get("stops", ()) if stop["of"] == motion]
-        yield motion, NOT_IN_LOADS + "".join(prose("stopping", stop=stop) for stop in stops)
-    yield "telescoping", NOT_IN_LOADS
-    yield "swing of the load on its rope", NOT_IN_LOADS
+        if stops:
+            yield motion, NOT_IN_LOADS + "".join(prose("stopping", stop=stop) for stop in stops)
 
 
 def lifts_more(figures: Mapping[str, Any]) -> bool:
@@ -123,18 +135,19 @@ def lifts_more(figures: Mapping[str, Any]) -> bool:
     return bool(figures.get("payload", 0.0) > figures.get("payload.load", np.inf))
 
 
-def payload_sentences(figures: Mapping[str, Any]) -> str:
+def payload_sentences(figures: Mapping[str, Any], rounded: Callable[[float], str], has_bars: bool) -> str:
     """Sentences on the payload of the scene's run and what the chart allows in its postures; empty without a payload.
 
-    `figures` are those of the study.
+    `figures` are those of the study; `rounded` formats a load in kg, and `has_bars` says whether the chart has error
+    bars.
     """
     if "payload" not in figures:
         return ""
     posture = {key: figures.get(f"payload.{key}") for key in ("load", "limit", "t", "luffing", "length")}
     limit = STABILITY_WORDS if posture["limit"] == STABILITY else posture["limit"]
-    load = "" if posture["load"] is None else format_load(posture["load"])
+    shown = {"limit": limit, "load": "" if posture["load"] is None else rounded(posture["load"])}
     payload, is_more = format_input(figures["payload"], "kg"), lifts_more(figures)
-    return prose("payload", payload=payload, **posture | {"limit": limit, "load": load}, is_more=is_more)
+    return prose("payload", payload=payload, **posture | shown, is_more=is_more, has_bars=has_bars)
 
 
 def _acting_forces(case: LoadCase) -> str:
@@ -167,72 +180,96 @@ def _wind_words(case: LoadCase) -> str:
     return f"wind of {_wind_size(case)}, {area} unless the scene states others"
 
 
-def brief_rows(study: FinishedStudy, slewing: Array) -> Iterator[tuple[str, str]]:
-    """Yield rows on what a chart's loads contain: cases, limits and slewing angles (k,) in degrees, and the payload."""
+def brief_rows(
+    study: FinishedStudy, loads: ChartLoads, rows: Sequence[Mapping[str, Any]], luffing: Array, slewing: Array
+) -> Iterator[tuple[str, str]]:
+    """Yield rows on what a chart's loads contain: cases, limits, postures, and the payload of the scene's run.
+
+    `rows` are the extensions in m of the chart's `loads` by parameter, such as ``extension.fly``; `luffing` (A,) are
+    angles in rad and `slewing` (k,) in degrees.
+    """
     yield from case_rows(study.study_file)
     limits = [f"{limit['name']} (factor {limit['factor']:g})" for limit in study.study_file["limits"]]
     yield "limits, no others", ", ".join([*limits, STABILITY_WORDS])
+    if ranges := _extension_ranges(rows):
+        yield "extensions", ranges
+    ends = dict.fromkeys(f"{angle:.4g}°" for angle in np.rad2deg([luffing.min(), luffing.max()]))
+    yield "luffing angles", f"{' to '.join(ends)}, {len(luffing)} angles" if len(ends) > 1 else "".join(ends)
     listed = ", ".join(f"{angle:.4g}°" for angle in slewing)
     yield "slewing angles", f"{listed}{': the smallest load of all counts' if len(slewing) > 1 else ''}"
-    if payload := payload_sentences(study.figures):
+    if payload := payload_sentences(study.figures, as_in_duty_table(loads), bool(study.study_file["error_bars"])):
         yield "payload of the scene", payload
 
 
-def headline(study: FinishedStudy, least_loads: Array, lower: Array, points: int) -> str:
-    """Sentences on the range of the allowed loads of a chart, and on the limits that govern them.
+def _extension_ranges(rows: Sequence[Mapping[str, Any]]) -> str:
+    """List the sections of a chart's `rows` with the range of their extensions in m, equal ranges once."""
+    names = dict[str, list[str]]()
+    for parameter in rows[0] if rows else ():
+        out = [float(row[parameter] or 0.0) for row in rows]
+        ends = dict.fromkeys(f"{end:.4g}" for end in (min(out), max(out)))
+        names.setdefault(f"{' to '.join(ends)}{SPACE}m", []).append(parameter.removeprefix("extension."))
+    return "; ".join(f"{' and '.join(of)}, {range_}{' each' if of[1:] else ''}" for range_, of in names.items())
 
-    `least_loads` (E, A) in kg are the loads at E boom lengths and A luffing angles.  They are NaN where no limit is
-    reached.  `lower` (E, A) are their lower bounds.  `points` is the number of points, all slewing angles included.  If
-    the scene's payload is more than the chart allows, the sentences say so.
+
+def headline(study: FinishedStudy, loads: ChartLoads, radius: Array) -> str:
+    """Sentences on the range of the loads to use with their radii, and on what governs.
+
+    `loads` are those of all limits for E boom lengths and A luffing angles, and `radius` (E, A) in m is that of the
+    tip.  Loads to use are less their error bars; if the study has none, the sentences say so.
     """
-    limits = study.study_file["limits"]
-    if not np.isfinite(least_loads).any():
+    limits, postures = study.study_file["limits"], loads.least.size
+    if not np.isfinite(loads.least).any():
         hint = "" if limits else f" Only {STABILITY_WORDS} was evaluated: the study file can add limits."
         most = format_input(study.study_file["up_to"], "kg")
-        return f"No limit is reached up to {most} at any of {points} points.{hint}"
-    up_to = study.study_file["up_to"]
-    is_permitted, rounded = ~(least_loads <= 0.0), as_in_duty_table(least_loads, up_to)
-    loads, bounds = (
-        [*dict.fromkeys(ceiling(study) if end >= up_to else rounded(end) for end in (of.min(), of.max()))]
-        if len(of)
-        else []
-        for of in (np.nan_to_num(least_loads, nan=up_to)[is_permitted], lower[is_permitted])
-    )
-    shown = {str(limit["name"]): str(limit["name"]) for limit in limits} | {STABILITY: STABILITY_WORDS}
-    counts = {words: int(str(study.figures.get(f"governs.{name}", 0))) for name, words in shown.items()}
+        return f"No limit is reached up to {most} in any of {postures} postures.{hint}"
+    is_permitted, rounded = loads.lower_bound > 0.0, as_in_duty_table(loads)
+
+    def ends(of: Array) -> str:
+        """Least and largest load of the permitted postures, of `of` (E, A) in kg, with their radii."""
+        texts = list[str]()
+        for k in (of[is_permitted].argmin(), of[is_permitted].argmax()) if is_permitted.any() else ():
+            load, at = float(of[is_permitted][k]), format_radius(radius[is_permitted][k])
+            texts.append(ceiling(study) if load >= loads.up_to else f"{rounded(load)} ({at})")
+        return " to ".join(dict.fromkeys(texts))
+
+    names = [*(str(limit["name"]) for limit in limits), STABILITY_WORDS]
+    counts = {name: int((loads.which_lower == k).sum()) for k, name in enumerate(names)}
+    has_bars = bool(study.study_file["error_bars"])
     return prose(
         "headline",
-        payload=payload_sentences(study.figures) if lifts_more(study.figures) else "",
+        payload=payload_sentences(study.figures, rounded, has_bars) if lifts_more(study.figures) else "",
         governing={name: n for name, n in sorted(counts.items(), key=lambda item: -item[1]) if n},
-        points=points,
-        postures=least_loads.size,
-        empty=int((least_loads <= 0.0).sum()),
+        postures=postures,
+        empty=int((~is_permitted).sum()),
         not_permitted=NOT_PERMITTED,
-        loads=loads,
-        bounds=bounds if study.study_file["error_bars"] else [],
+        to_use=ends(loads.lower_bound),
+        without_bars=ends(loads.least) if has_bars else "",
         looks_at_walls=any(of["of"] == "field" or of["of"] == "pad" and of.get("most") for of in limits),
         looks_at_pads=any(of["of"] == "pad" for of in limits),
     )
 
 
-def terminal_grid(results: StudyResults, rows: int) -> Grid:
+def terminal_grid(results: StudyResults, rows: int, study_file: Summary) -> Grid:
     """Build the terminal's table of a chart, with a row for each of at most `rows` extensions.
 
-    A row has the extensions, the boom length, the range of the radius, and the least and the largest allowed load.  The
-    caption names the files that have more, or says how many extensions are still missing.
+    A row has the extensions, the boom length, the range of the radius, and the least and the largest load to use, less
+    its error bar.  The caption says where more is, or how many extensions are still missing.  `study_file` are the keys
+    of the study file.
     """
+    up_to, has_bars = float(study_file["up_to"]), bool(study_file["error_bars"])
     names = list(dict.fromkeys(name for run in results.done for name in run.parameters))
     lines, empty = [], False
     for run in results.done[:rows]:
         arrays = results.arrays(run.key)
-        place, load = arrays["place"], np.nan_to_num(arrays["load"], nan=np.inf).min(axis=1)
+        place, load = arrays["place"], ChartLoads(arrays["load"], arrays["error"], up_to).lower_bound
+        load = np.where(load >= up_to, np.inf, load)
         empty = empty or bool((load == 0.0).any())
         cells = [_load_cell(float(load[at])) for at in (load.argmin(), load.argmax())]
         lines.append(
             (
                 *(f"{float(run.parameters[name] or 0.0):.3g}" for name in names),
                 f"{np.linalg.norm(place[0]):.2f}",
-                f"{place[:, 0].min():.3g}–{place[:, 0].max():.3g}",
+                "–".join(f"{round_down(float(end), 0.01):g}" for end in (place[:, 0].min(), place[:, 0].max())),
                 *cells,
             )
         )
@@ -244,7 +281,9 @@ def terminal_grid(results: StudyResults, rows: int) -> Grid:
         missing = f"{len(results.runs) - len(results.done)} of {len(results.runs)} extensions are missing"
         caption = f"{sign}This chart is not complete: {missing}. Loads over radius are written when all are computed."
     heads = (*(f"{name.removeprefix('extension.')} out [m]" for name in names), "boom length [m]", "radius [m]")
-    return Grid(caption, (*heads, "least load [kg]", "largest load [kg]"), tuple(lines))
+    caption = f"{'Error bars are taken off the loads.' if has_bars else 'The loads have no error bars.'} {caption}"
+    used = " to use" * has_bars
+    return Grid(caption, (*heads, f"least load{used} [kg]", f"largest load{used} [kg]"), tuple(lines))
 
 
 def _load_cell(load: float) -> str:
@@ -258,18 +297,20 @@ def _load_cell(load: float) -> str:
 MOST_LENGTHS, LENGTHS_BESIDE = 24, 6
 
 
-def limit_grid(study: FinishedStudy, names: list[str], parts: Parts) -> Grid:
-    """Build the table of the limits `names`: amount, factor, and numbers of points.
+def limit_grid(study: FinishedStudy, names: list[str], parts: Parts, loads: ChartLoads) -> Grid:
+    """Build the table of the limits `names`: amount, factor, and numbers of postures.
 
-    What a quantity leaves out stands in a line below its name.  The numbers of points are those at which the limit
-    governs, is not reached, or is passed without a load.  `parts` are the results of the study.
+    What a quantity leaves out stands in a line below its name.  The numbers of postures are those at which the limit
+    governs the load to use, is not reached, or is passed without a load.  `parts` are the results of the study, and
+    `loads` are those of all limits in all postures.
     """
     limits = {str(limit["name"]): limit for limit in study.study_file["limits"]}
     rows = []
     for n, (name, remark) in enumerate(zip(names, parts[0]["at.remarks"], strict=True)):
         limit = limits.get(name, {"of": "loss of equilibrium", "factor": 1.0})
         amount = limit.get("most") or limit.get("least")
-        counts = (str(study.figures[f"{what}.{name}"]) for what in ("governs", "never", "at_no_load"))
+        of_load = loads.load[..., n]
+        counts = (str(which.sum()) for which in (loads.which_lower == n, np.isnan(of_load), of_load == 0.0))
         first = parts[0]["at.remarks"].tolist().index(remark)  # a remark stands once
         of_limit = f"as for {letters(first)}" if remark and first < n else str(remark)
         rows.append(
@@ -282,7 +323,8 @@ def limit_grid(study: FinishedStudy, names: list[str], parts: Parts) -> Grid:
             )
         )
     heads = ("limit", "quantity", "amount", "factor", "governs", "not reached", "exceeded by the empty boom")
-    return Grid(prose("limits", turns=len(parts[0]["at.slewing"])), heads, tuple(rows), "blocks")
+    caption = prose("limits", turns=len(parts[0]["at.slewing"]), up_to=format_load(study.study_file["up_to"]))
+    return Grid(caption, heads, tuple(rows), "blocks")
 
 
 def error_bar_grids(study: FinishedStudy, names: list[str], parts: Parts) -> list[Grid]:
@@ -386,11 +428,11 @@ def _format_amount(limit: Mapping[str, object], amount: float | None) -> str:
 
 
 def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Iterator[Grid]:
-    """Yield the duty table and, if the study has error bars, the table of lower bounds.
+    """Yield the duty table of loads to use, with letters of limits over radius and boom length, then that without bars.
 
-    Both have loads in kg with letters of limits over radius and boom length, for at most `MOST_LENGTHS` boom lengths.
-    A table is cut into parts of `LENGTHS_BESIDE` boom lengths.  A part leaves out radii at which none of its booms has
-    a load.  The caption of lower bounds says what is `not_covered` by them.
+    At most `MOST_LENGTHS` boom lengths are shown.  Both tables have a part for each group of `LENGTHS_BESIDE` of them;
+    a part leaves out radii at which none of its booms has a load.  A study without error bars has one table.  The first
+    caption says what is `not_covered` by error bars.
     """
     columns, step = spread_indices(len(duty.lengths), MOST_LENGTHS), load_step(float(np.nanmax(duty.load, initial=0.0)))
 
@@ -409,8 +451,11 @@ def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Itera
         load = round_down(float(values[r, e]), step)
         return f"{load:.10g}{SPACE}{letter}" if load > 0.0 else f"{NO_LOAD}{SPACE}{letter}"
 
+    has_bars = bool(study.study_file["error_bars"])
     caption = prose(
         "duty",
+        has_bars=has_bars,
+        not_covered=not_covered,
         step=f"{step:g}{SPACE}kg",
         no_load=NO_LOAD,
         outside=OUTSIDE,
@@ -421,16 +466,23 @@ def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Itera
         shown=len(columns),
         count=len(duty.lengths),
     )
-    tables = [("Allowed load", caption, duty.load, duty.which)]
-    if study.study_file["error_bars"]:
-        tables.append(("Lower bound", prose("lower_bounds", not_covered=not_covered), duty.lower, duty.which_lower))
+    tables = [("Load", caption, duty.load, duty.which)]
+    if has_bars:
+        without = "Load without error bars, in kg, for comparison. Another limit than above may govern it."
+        tables = [
+            ("Load to use", caption, duty.lower, duty.which_lower),
+            ("Load without error bars", without, duty.load, duty.which),
+        ]
     parts_of_columns = np.array_split(columns, -(-len(columns) // LENGTHS_BESIDE))
     digit = 0.01 if np.diff(duty.radii).min(initial=np.inf) >= 0.01 - 1e-9 else 1e-4
     for name, text, values, which in tables:
         for n, part in enumerate(parts_of_columns):
             head = (
                 f"{name}, kg, at radius in m",
-                *(f"{duty.lengths[e]:.2f}{SPACE}m{duty.differences[e]}" for e in part),
+                *(
+                    ", ".join([f"{duty.lengths[e]:.2f}{SPACE}m", *_extension_words(duty.extensions[e : e + 1])])
+                    for e in part
+                ),
             )
             rows = [
                 (f"{round_down(radius, digit):g}", *(cell(r, int(e), values, which) for e in part))
@@ -438,6 +490,15 @@ def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Itera
             ]
             caption = f"{name} for longer booms, in kg." if n else text
             yield Grid(caption, head, tuple(row for row in rows if set(row[1:]) != {OUTSIDE}), "small")
+
+
+def _extension_words(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Yield the extensions in m of each of `rows`, sections with the same one together: ``middle/fly 2.48``."""
+    for row in rows:
+        names = dict[str, list[str]]()
+        for parameter, out in row.items():
+            names.setdefault(f"{float(out or 0.0):.3g}", []).append(parameter.removeprefix("extension."))
+        yield from (f"{'/'.join(of)}{SPACE}{out}" for out, of in names.items())
 
 
 #: Arrays by name of each run of a study, one mapping for each run.

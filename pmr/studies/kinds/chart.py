@@ -234,11 +234,11 @@ class Study(StudyBase):
         return {}
 
     def summary_line(self, results: StudyResults) -> str:
-        """Return a line with the least and the largest load in kg that all limits allow at the points.
+        """Return a line with the least and the largest load to use in kg, which is less its error bar.
 
-        The line also says at how many points the boom is not permitted even empty, and how large the error bars are.
-        It names the errors that the error bars do not contain, and says if the scene's run lifts more than allowed.  If
-        no limit is reached at any point, or if the boom is permitted at none, the line says only that.
+        The line also says at how many points the boom is not permitted even empty, which errors no error bar contains,
+        or that the chart has no error bars, and whether the scene's run lifts more than allowed.  If no limit is
+        reached at any point, the line says only that.
         """
         points, table = len(self._chart_points), self.table(results)
         loads = self.loads(table)
@@ -246,21 +246,18 @@ class Study(StudyBase):
             alone = f"; only {STABILITY_WORDS} was evaluated; [[limits]] of the study adds others"
             hint = "" if self.limits else alone
             return f"no limit is reached up to {self.up_to:.10g} kg at any of {points} points{hint}"
-        most = f"{np.floor(loads.least.max()):.0f} kg"
-        if np.isinf(loads.least).any():
-            most = f"more than {self.up_to:.10g} kg, where the search ends,"
-        empty, permitted = int((loads.least == 0.0).sum()), loads.least[loads.least > 0.0]
+        permitted = loads.lower_bound[loads.lower_bound > 0.0]
+        empty = points - len(permitted)
         never = f"not permitted, even empty, at {empty} of {points} points"
         if not len(permitted):
             return never
-        carried = f"the boom carries {np.floor(min(permitted.min(), self.up_to)):.0f} to {most}"
+        most = f"{np.floor(permitted.max()):.0f} kg"
+        if permitted.max() >= self.up_to:
+            most = f"more than {self.up_to:.10g} kg, where the search ends,"
+        use = "use" if self.error_bars else "the limits allow"
+        carried = f"{use} {np.floor(permitted.min()):.0f} to {most}"
         where = f"at the other {len(permitted)}" if empty else f"at {points} points"
-        first, lowered = f"{never}; " if empty else "", np.minimum(loads.least, self.up_to) - loads.lower_bound
-        less = (
-            f"; error bars of up to {lowered.max():.3g} kg are to be subtracted from these loads"
-            if self.error_bars
-            else ""
-        )
+        first = f"{never}; " if empty else ""
         lacking, run = errors_not_covered(table["not_covered"]), self._payload_figures(results)
         payload, allowed = float(run.get("payload") or 0.0), float(run.get("payload.load", np.inf) or 0.0)
         lifted = (
@@ -268,7 +265,9 @@ class Study(StudyBase):
         )
         lifted += f"its postures, by {run.get('payload.limit')}"
         more = lifted if allowed < payload else ""
-        return f"{first}{carried} {where}, by all limits{less}; errors that no bar contains: {lacking}{more}"
+        off = f"error bars taken off; errors that no bar contains: {lacking}"
+        bars = off if self.error_bars else "without error bars"
+        return f"{first}{carried} {where}, by all limits, {bars}{more}"
 
     @property
     def _in_service(self) -> list[LoadCase]:

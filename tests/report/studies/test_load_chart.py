@@ -26,6 +26,7 @@ from pmr.report.studies.chart_tables import (
     brief_rows,
     case_rows,
     duty_grids,
+    format_bar,
     format_load,
     headline,
     load_step,
@@ -33,8 +34,15 @@ from pmr.report.studies.chart_tables import (
     terminal_grid,
 )
 from pmr.studies.charting import PARTS
-from pmr.studies.duty import DutyTable
+from pmr.studies.duty import ChartLoads, DutyTable
 from pmr.studies.limits import STABILITY_WORDS
+
+
+def least_loads(load: Any, error: Any = np.nan) -> ChartLoads:
+    """Loads (E, A) in kg of stability alone, with their errors in kg."""
+    loads = np.asarray(load, dtype=float)
+    return ChartLoads(loads[..., None], np.broadcast_to(error, loads.shape)[..., None], 2e4)
+
 
 #: Keys of a study file without limits.
 ASKED: dict[str, Any] = {"limits": [], "up_to": 2e4, "cases": [{"name": "rest"}], "error_bars": False}
@@ -62,12 +70,14 @@ def test_a_chart_on_which_no_limit_is_met_has_no_empty_picture_and_no_table_of_n
         title="Chart", study_file=asked | {"cases": [{"name": "rest"}]}, results=results, figures=figures
     )
     chapter = build_chapter(study, "part-1")
-    headings = ["What load and radius are", "Which motions are in the loads", "What is not in this chart"]
+    headings = ["What load and radius are", "What is not in this chart"]
     headings += ["Limits", "Load cases"]
     assert [block.heading for block in chapter.blocks] == headings
     assert not any(block.drawings for block in chapter.blocks) and not chapter.key_numbers
     assert "not reached" not in str([grid.rows for block in chapter.blocks for grid in block.grids])
-    start = "No limit is reached up to 20\u202f000\u00a0kg at any of 6 points. Only buckling of the boom was evaluated"
+    start = (
+        "No limit is reached up to 20\u202f000\u00a0kg in any of 6 postures. Only buckling of the boom was evaluated"
+    )
     assert chapter.headline.startswith(start)
 
 
@@ -78,8 +88,9 @@ def test_the_first_sentence_says_whether_walls_and_pads_are_looked_at() -> None:
                           ({"of": "field"}, False)):  # fmt: skip
         limits = [{"name": "limit", "factor": 1.5, **kind}]
         study: Any = SimpleNamespace(figures={}, study_file=ASKED | {"limits": limits})
-        loads = np.array([[500.0, 900.0]])
-        sentence, rows = headline(study, loads, loads, 4), dict(brief_rows(study, np.array([0.0, 90.0])))
+        loads = least_loads([[500.0, 900.0]])
+        rows = dict(brief_rows(study, loads, [{"extension.fly": 0.5}], np.zeros(1), np.array([0.0, 90.0])))
+        sentence = headline(study, loads, np.array([[8.0, 4.0]]))
         assert (
             sentence.endswith(" A run states the stress of walls at pads.") is is_said
             and rows["slewing angles"] == "0°, 90°: the smallest load of all counts"
@@ -90,31 +101,56 @@ def test_the_first_sentence_says_whether_walls_and_pads_are_looked_at() -> None:
 @pytest.mark.parametrize(
     ("loads", "start"),
     [
-        ([500.0, 900.0], "The boom carries 500 kg to 900 kg, rounded down,"),
-        ([500.0, np.nan], "The boom carries 500 kg to more than 20 000 kg (search ends there), rounded down,"),
+        (
+            [500.0, 900.0],
+            "The limits allow 500 kg (8 m) to 900 kg (4.09 m), rounded down. This chart has no error bars.",
+        ),
+        ([500.0, np.nan], "The limits allow 500 kg (8 m) to more than 20 000 kg (search ends there), rounded down."),
         (
             [0.0, np.nan],
-            "At 1 of 2 pairs of extension and luffing angle the boom is {}. Elsewhere it carries more than "
-            "20 000 kg (search ends there), rounded",
+            "In 1 of 2 postures the boom is {}. Elsewhere the limits allow more than 20 000 kg (search ends there), "
+            "rounded",
         ),
-        ([0.0, 0.0], "At 2 of 2 pairs of extension and luffing angle the boom is {}."),
+        ([0.0, 0.0], "In 2 of 2 postures the boom is {}."),
     ],
 )
 def test_the_first_sentence_has_the_range_of_loads_and_always_the_limits(loads: list[float], start: str) -> None:
     study: Any = SimpleNamespace(figures={}, study_file=ASKED)
-    sentence = headline(study, np.array([loads]), np.array([loads]), 2).replace("\u00a0", " ").replace("\u202f", " ")
-    assert sentence.startswith(start.format(NOT_PERMITTED))
-    rows = dict(brief_rows(study, np.array([0.0])))
+    sentence = headline(study, least_loads([loads]), np.array([[8.0, 4.097]]))
+    assert sentence.replace("\u00a0", " ").replace("\u202f", " ").startswith(start.format(NOT_PERMITTED))
+    rows = dict(brief_rows(study, least_loads([loads]), [], np.zeros(1), np.array([0.0])))
     assert (rows["limits, no others"], rows["slewing angles"]) == (STABILITY_WORDS, "0°")
     assert rows["load cases"].endswith("not a rated capacity")
 
 
-@pytest.mark.parametrize(("least", "end"), [(19990.0, "19 990 kg"), (2e4, "more than 20 000 kg (search ends there)")])
+@pytest.mark.parametrize(
+    ("least", "end"), [(19990.0, "19 990 kg (4 m)"), (2e4, "more than 20 000 kg (search ends there)")]
+)
 def test_the_first_sentence_has_the_upper_end_of_lower_bounds_where_no_limit_is_reached(least: float, end: str) -> None:
     study: Any = SimpleNamespace(figures={}, study_file=ASKED | {"error_bars": True})
-    sentence = headline(study, np.array([[500.0, np.nan]]), np.array([[480.0, least]]), 2)
+    sentence = headline(study, least_loads([[500.0, np.nan]], [[20.0, 2e4 - least]]), np.array([[8.0, 4.0]]))
     said = sentence.replace("\u00a0", " ").replace("\u202f", " ")
-    assert f"After the error bars this is 480 kg to {end}: use these lower bounds." in said
+    assert said.startswith(
+        f"Use 480 kg (8 m) to {end}, rounded down: error bars are taken off. Without them it is 500 kg "
+    )
+
+
+def test_the_first_page_has_the_ranges_of_postures_and_all_cases_that_are_alike() -> None:
+    cases = [{"name": name, "wind": {"speed": 14.0}} for name in ("from behind", "from the right")]
+    study: Any = SimpleNamespace(figures={}, study_file=ASKED | {"cases": cases, "classes": {}})
+    for fly, said in (
+        (4.5, "middle and fly, 0.8 to 4.5\u00a0m each"),
+        (3.0, "middle, 0.8 to 4.5\u00a0m; fly, 0.8 to 3\u00a0m"),
+    ):
+        rows = [{"extension.middle": 0.8, "extension.fly": 0.8}, {"extension.middle": 4.5, "extension.fly": fly}]
+        found = dict(brief_rows(study, least_loads([[9.0]]), rows, np.deg2rad([60.0, 40.0, 20.0]), np.zeros(1)))
+        assert (found["extensions"], found["luffing angles"]) == (said, "20° to 60°, 3 angles")
+    assert found["2 load cases: from behind, or from the right"].startswith("in each: boom at rest, factor of load 1,")
+
+
+def test_error_bars_are_rounded_up() -> None:
+    shown = [format_bar(error) for error in (42.33, 42.0, 0.1234, 99.5, 0.0, 1310.0)]
+    assert shown == [f"{text}\u00a0kg" for text in ("43", "42", "0.13", "100", "0", "1400")]
 
 
 def test_no_load_is_called_zero_where_a_limit_is_passed_without_a_load() -> None:
@@ -123,27 +159,39 @@ def test_no_load_is_called_zero_where_a_limit_is_passed_without_a_load() -> None
     figures = {"governs.tip": 1, "governs.stability": 3}
     limits = [{"name": "tip", "factor": 1.5, "of": "pad", "most": 1e4}]
     study: Any = SimpleNamespace(figures=figures, study_file=ASKED | {"error_bars": True, "limits": limits})
-    sentence = headline(study, load, np.maximum(load - 10.5, 0.0), 4)
-    assert f"At 1 of 4 pairs of extension and luffing angle the boom is {NOT_PERMITTED}." in sentence
-    assert "Elsewhere it carries 300\u00a0kg to 900\u00a0kg" in sentence
-    assert "After the error bars this is 289\u00a0kg to 889\u00a0kg: use these lower bounds." in sentence
-    assert sentence.endswith(f"Of 4 points, 3 are governed by the limit {STABILITY_WORDS}, 1 by tip.")
     place = np.array([[[5.0, 5.0], [7.0, 1.0]], [[8.0, 8.0], [11.0, 2.0]]])
+    of_limits = np.stack([[[950.0, 700.0], [300.0, 0.0]], [[900.0, 600.0], [400.0, np.nan]]], axis=-1)
+    of_limits[1, 0] = (305.0, 310.0)
+    errors = np.zeros_like(of_limits) + 10.5
+    errors[1, 0] = (5.5, 21.0)  # so that another limit governs the load to use
+    sentence = headline(study, ChartLoads(of_limits, errors, 2e4), place[..., 0]).replace("\u00a0", " ")
+    assert f"In 1 of 4 postures the boom is {NOT_PERMITTED}." in sentence
+    assert "Elsewhere use 289 kg (8 m) to 889 kg (5 m), rounded down: error bars are taken off." in sentence
+    assert "Without them it is 305 kg (8 m) to 900 kg (5 m)." in sentence
+    assert sentence.endswith(f"Of 4 postures, 3 are governed by the limit {STABILITY_WORDS}, 1 by tip.")
     chart = LoadChart(place, load, which, ["tip"], 2e4)
     for draw in (load_chart, duty_lines):
         assert [text.get_text() for text in draw(chart).legends[0].get_texts()] == ["A tip", NOT_PERMITTED]
     assert sum(patch.get_hatch() is not None for patch in load_chart(chart).axes[0].patches) == 1
     drawn = np.concatenate([line.get_xydata() for line in duty_lines(chart).axes[0].lines if line.get_marker() == "."])
     assert 0.0 not in drawn[:, 1]
-    arrays = [{"place": at, "load": of[:, None]} for at, of in zip(place, load, strict=True)]
+    arrays = [
+        {"place": at, "load": of[:, None], "error": np.full((2, 1), 10.5)} for at, of in zip(place, load, strict=True)
+    ]
     runs = [SimpleNamespace(key=k, parameters={"extension.fly": 1.0 + k}) for k in range(2)]
     results: Any = SimpleNamespace(done=runs, runs=runs, arrays=lambda key: arrays[key])
-    grid = terminal_grid(results, 20)
-    assert [row[-2:] for row in grid.rows] == [("600", "900"), ("—", "300")]
-    assert grid.head == ("fly out [m]", "boom length [m]", "radius [m]", "least load [kg]", "largest load [kg]")
+    barred = ASKED | {"error_bars": True}
+    grid = terminal_grid(results, 20, barred)
+    assert [row[-3:] for row in grid.rows] == [("5–7", "589", "889"), ("8–11", "—", "289")]
+    assert grid.head[:3] == ("fly out [m]", "boom length [m]", "radius [m]")
+    assert grid.head[3:] == ("least load to use [kg]", "largest load to use [kg]")
+    assert grid.caption.startswith("Error bars are taken off the loads.")
+    assert terminal_grid(results, 20, barred | {"up_to": 800.0}).rows[0][-1] == "no limit reached"
+    unbarred = terminal_grid(results, 20, ASKED)
+    assert unbarred.head[3] == "least load [kg]" and unbarred.caption.startswith("The loads have no error bars.")
     assert "— is not permitted, even empty." in grid.caption and "duty.csv" in grid.caption
     results.runs = [*runs, SimpleNamespace(key=2)]
-    caption = terminal_grid(results, 20).caption
+    caption = terminal_grid(results, 20, barred).caption
     assert "This chart is not complete: 1 of 3 extensions are missing." in caption and "duty.csv" not in caption
 
 
@@ -156,7 +204,8 @@ def test_the_first_sentence_names_the_case() -> None:
     assert dict(case_rows(asked)) == {
         "load case rest": "boom at rest, factor of load 1.25, of the boom's weight 1, "
         "gust 400\u00a0N (N\u00a0m of a moment)",
-        "not in the loads": "wind beyond these loads, hoisting, luffing, slewing, telescoping",
+        "not in the loads": "wind beyond these loads, hoisting, luffing, slewing, telescoping, "
+        "swing of the load on its rope",
     }
     asked["cases"][0] |= {"machine": 0.9}
     rows = dict(case_rows(asked))
@@ -168,13 +217,12 @@ def test_the_first_sentence_names_the_case() -> None:
 def test_key_numbers_have_the_load_at_the_largest_radius_and_its_limit() -> None:
     place = np.array([[[5.0, 5.0], [7.0, 1.0]], [[8.0, 8.0], [11.25, 2.0]]])
     load, which = np.array([[900.0, 600.0], [300.0, 120.0]]), np.array([[0, 1], [0, 1]])
-    study: Any = SimpleNamespace(figures={"in_doubt": 5}, study_file={"limits": [{}]})
     for at_tip, shown in ((120.0, "120\u00a0kg"), (0.0, NOT_PERMITTED)):
         load[1, 1] = at_tip
         chart = LoadChart(place, load, which, ["tip", "pads of fly"], 2e4)
         turned = [{"at.slewing": np.linspace(0.0, 180.0, 5)}]
-        most, farthest, points = _key_numbers(study, chart, np.full((2, 2), np.nan), load, turned)
-        assert (points.value, points.note) == ("20", "4 postures, each at 5 slewing angles; 2 limits")
+        most, farthest, postures = _key_numbers(chart, least_loads(load), turned)
+        assert (postures.value, postures.note) == ("4", "each at 5 slewing angles; 2 limits")
         assert (most.value, most.note) == ("900\u00a0kg", "at a radius of 5\u00a0m")
         assert (farthest.value, farthest.label) == (shown, "at the largest radius, 11.25\u00a0m")
         assert farthest.note == "limited by pads of fly"
@@ -184,10 +232,12 @@ def test_key_numbers_have_the_load_at_the_largest_radius_and_its_limit() -> None
         {f"error.{of}": np.zeros((1, 1)) for of in PARTS} | {"load": np.ones((1, 1))},
     )
     chart = LoadChart(place, load, which, ["tip", "pads of fly"], 2e4)
-    *_, farthest, _, doubt, _ = _key_numbers(study, chart, np.full((2, 2), 7.0), load - 7.0, [turned[0] | parts])
-    assert farthest.value == "120\u00a0kg"  # rounded down to 10 kg, as in the duty table
-    assert farthest.note == "110\u00a0kg after its error bar: use this one; limited by pads of fly"
-    assert (doubt.value, doubt.label) == ("5", "of 20 points have another limit")
+    of_limits = np.stack([load, load + [[10.0, 1e3], [1e3, 1e3]]], axis=-1)
+    loads = ChartLoads(of_limits, np.full((2, 2, 2), 7.03), 2e4)
+    *_, farthest, bar, doubt, _ = _key_numbers(chart, loads, [turned[0] | parts])
+    assert (farthest.value, farthest.note) == ("120\u00a0kg", "limited by pads of fly")  # by 10 kg, as the duty table
+    assert (bar.value, bar.note.partition(":")[0]) == ("7.1\u00a0kg", "taken off these loads")
+    assert (doubt.value, doubt.label) == ("1", "of 4 postures with another limit")
 
 
 def test_tables_of_loads_have_all_boom_lengths_and_are_not_wider_than_paper() -> None:
@@ -198,14 +248,18 @@ def test_tables_of_loads_have_all_boom_lengths_and_are_not_wider_than_paper() ->
     duty = DutyTable(radii, lengths, load, load, which, which, 2e4)
     study: Any = SimpleNamespace(figures={}, study_file={"error_bars": False})
     first, second = duty_grids(study, replace(duty, interpolation=0.0071), "")
-    assert "The error of this is below 0.71\u00a0% as a rule, the difference to straight lines." in first.caption
+    assert "which differs from straight lines by at most 0.71\u00a0% of the load." in first.caption
+    assert "This chart has no error bars, as its study has error_bars = false." in first.caption
     heads = [*first.head[1:], *second.head[1:]]
     assert heads == [f"{length:.2f}\u00a0m" for length in lengths] and len(first.head) == 7
     assert [len(grid.rows) for grid in (first, second)] == [1, 2]
-    assert first.head[0] == second.head[0] == "Allowed load, kg, at radius in m"
-    bounds = replace(duty, lower=0.9 * load, which_lower=which + 2)
-    *_, last = duty_grids(SimpleNamespace(figures={}, study_file={"error_bars": True}), bounds, "none")
-    assert last.head[0] == "Lower bound, kg, at radius in m" and last.rows[1][-1] == "490\u00a0C"
+    assert first.head[0] == second.head[0] == "Load, kg, at radius in m"
+    out = tuple({"extension.middle": 0.8, "extension.fly": 0.8 + 0.1 * (e == 11)} for e in range(12))
+    bounds = replace(duty, lower=0.9 * load, which_lower=which + 2, extensions=out)
+    _, use, *_, last = duty_grids(SimpleNamespace(figures={}, study_file={"error_bars": True}), bounds, "none")
+    assert use.head[0] == "Load to use, kg, at radius in m" and use.rows[1][-1] == "490\u00a0C"
+    assert use.head[-2:] == ("14.33\u00a0m, middle/fly\u00a00.8", "15.00\u00a0m, middle\u00a00.8, fly\u00a00.9")
+    assert last.head[0] == "Load without error bars, kg, at radius in m" and last.rows[1][-1] == "550\u00a0A"
     assert second.rows[1] == ("14", *["·"] * 5, "550\u00a0A")
     for fine in (
         np.array([0.29, 0.58]),
@@ -326,8 +380,11 @@ def test_the_caption_of_lines_says_how_many_of_all_boom_lengths_are_drawn() -> N
     chart = LoadChart(place, np.full((12, 2), 900.0), np.zeros((12, 2), dtype=int), ["tip"], 2e4)
     ends = [text for text in duty_lines(chart).axes[0].texts if text.get_text().endswith(" m")]
     narrow = [text for text in duty_lines(chart, HALF).axes[0].texts if text.get_text().endswith(" m")]
-    said = f" at most {len(ends)} of 12 boom lengths;"
-    assert said in duty_caption(12) and len(ends) == LINES and "narrow" not in duty_caption(len(narrow))
+    caption, lacking = duty_caption(chart.lengths, True), set(chart.lengths) - {text.get_text() for text in ends}
+    said = sorted(lacking, key=chart.lengths.index)
+    assert f" Lines of {', '.join(said)} are left out;" in caption and len(ends) == LINES == 12 - len(lacking)
+    assert f" {len(narrow)} of 12 boom lengths" in caption and "narrow" not in duty_caption(chart.lengths[:5], True)
+    assert " of 91 of 100 boom lengths are left out" in duty_caption([f"{k} m" for k in range(100)], False)
 
 
 def test_labels_above_ends_of_lines_keep_their_distance() -> None:

@@ -301,18 +301,18 @@ def test_a_row_whose_process_was_killed_is_missing_alone(small: StudyResults, fo
 
 
 def test_who_waits_is_told_what_it_carries(small: StudyResults, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    study, loads = call.load(folder / "study.toml").parts[0].study, [row["load [kg]"] for row in rows(folder)]
-    known = [float(load) for load in loads if load]
+    study = call.load(folder / "study.toml").parts[0].study
+    known = [float(row["lower bound [kg]"]) for row in rows(folder)]
     permitted = [load for load in known if load]
     line = study.summary_line(small)
-    words = "; error bars of up to | kg are to be subtracted from these loads; errors that no bar contains: "
-    carried, bars, missing = re.split(words, line)
+    carried, missing = line.split(", error bars taken off; errors that no bar contains: ")
     empty = len(known) - len(permitted)
     assert carried == (
-        f"not permitted, even empty, at {empty} of 12 points; the boom carries {int(min(permitted))} to "
+        f"not permitted, even empty, at {empty} of 12 points; use {int(min(permitted))} to "
         f"{int(max(known))} kg at the other {12 - empty}, by all limits"
     )
-    assert float(bars) > 0.0
+    unbarred = study.model_copy(update={"error_bars": False}).summary_line(small)
+    assert "points; the limits allow " in unbarred and unbarred.endswith("by all limits, without error bars")
     assert missing.startswith("the structural model: a point slides on beam2d only")
     assert missing in render_studies(folder) and all(row["not covered"] == missing for row in rows(folder))
     table = study.table(small)
@@ -357,7 +357,7 @@ def test_the_report_shows_the_picture_with_values_at_the_pointer(small: StudyRes
     text = render_studies(folder)
     assert text.count("<title>radius") == 12
     assert "buckling of the boom: limit not reached" in text and "not met" not in text
-    assert "Limits with the letters of pictures" in text and "Elsewhere it carries " in text
+    assert "Limits with the letters of pictures" in text and "Elsewhere use " in text
     assert "Point at the picture" in text and "Point at the picture" not in _without_screen(text)  # on paper
 
 
