@@ -177,9 +177,9 @@ class Place:
         is expected, or NaN.
         """
         loaded = self.equilibria
-        directly, all_closed = limit.kind.eigenvalue_load, loaded.holds_both_ways or limit.kind.all_closed
-        if directly is not None and all_closed:
-            direct = directly(loaded.equations.all_closed, limit.allowed_amount)
+        eigenvalue = limit.kind.eigenvalue
+        if eigenvalue is not None and (loaded.holds_both_ways or eigenvalue.all_closed):
+            direct = eigenvalue.load(loaded.equations.all_closed, limit.allowed_amount)
             return direct if direct <= top else np.nan
         used, at_once = _used_shares(loaded, self.share(limit)), loaded.holds_both_ways
         return first_load(used, top, grows=limit.kind.grows, guess=guess, at_once=at_once)

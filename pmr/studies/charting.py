@@ -121,7 +121,7 @@ class Chart:
         assert models.enriched is not None and models.with_tip_mass is not None
         enriched, above = self.places(models.enriched, k), models.stiffness_excess
         buckling = [n for n, limit in enumerate(self.limits) if limit.of == "buckling"]
-        at_rest = [n for n, limit in enumerate(self.limits) if limit.kind.eigenvalue_load is None]
+        at_rest = [n for n, limit in enumerate(self.limits) if limit.kind.eigenvalue is None]
         error = self._load_differences(enriched, range(len(self.limits)), loads)
         sooner = [self.limits[n].model_copy(update={"factor": self.limits[n].factor * (1.0 + above)}) for n in buckling]
         early = self.least_loads(replace(self, limits=sooner).loads(enriched, loads[:, [*buckling, -1]]))

@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from operator import eq
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -74,6 +74,22 @@ WHOLE = "walls"
 MOST_NUMBERS = 2**27
 
 
+class Eigenvalue(NamedTuple):
+    """Eigenvalue of a boom that a chart limits, such as its lowest frequency.
+
+    Attributes
+    ----------
+    load : callable
+        Called with a form and the allowed amount; returns the load in kg at which the eigenvalue reaches the amount
+        while no contact opens or closes.  The load is infinite if there is none.
+    all_closed : bool
+        Whether the eigenvalue is that with all contacts closed, also where pads that only push are open.
+    """
+
+    load: Callable[[Form, float], float]
+    all_closed: bool = False
+
+
 @dataclass(frozen=True)
 class Kind:
     """A quantity that a chart can limit, and how the used share of a limit on it is computed.
@@ -92,11 +108,8 @@ class Kind:
     names : callable, optional
         Returns the scene's names among which the limit's key ``which`` chooses; None if only a model knows these names,
         or if the kind has no names.
-    eigenvalue_load : callable, optional
-        Only for eigenvalues.  Called with a form and the allowed amount; returns the load in kg at which the eigenvalue
-        reaches the amount while no contact opens or closes, infinite if there is none.
-    all_closed : bool
-        Whether the eigenvalue is that with all contacts closed, also where pads that only push are open.
+    eigenvalue : Eigenvalue, optional
+        How the allowed load follows from the amount; only for limits on eigenvalues.
     grows : bool
         Whether the share can only grow with the load, so that the share at the largest load tells whether any load
         reaches the limit.
@@ -113,8 +126,7 @@ class Kind:
     share: Callable[[Limit, PostureMatrices, int, Sequence[float]], Share]
     usual: Usual | None = None
     names: Callable[[Scene], Sequence[str]] | None = None
-    eigenvalue_load: Callable[[Form, float], float] | None = None
-    all_closed: bool = False
+    eigenvalue: Eigenvalue | None = None
     grows: bool = False
     in_richer_model: bool = True
     words: str = ""
@@ -235,9 +247,9 @@ KINDS: Mapping[str, Kind] = {
     )
     for key, q in LIMITED.items()
 } | {
-    "buckling": Kind("least", "", _share_of_buckling, eigenvalue_load=Form.load_of_factor, grows=True),
+    "buckling": Kind("least", "", _share_of_buckling, eigenvalue=Eigenvalue(Form.load_of_factor), grows=True),
     "frequency": Kind(
-        "least", "Hz", _share_of_frequency, eigenvalue_load=Form.load_of_frequency, all_closed=True, grows=True
+        "least", "Hz", _share_of_frequency, eigenvalue=Eigenvalue(Form.load_of_frequency, all_closed=True), grows=True
     ),
     "overturning": Kind("", "", _share_of_overturning, grows=True, words="tipping"),
     "function": Kind("most", "", _share_of_user_function, in_richer_model=False),
