@@ -165,8 +165,13 @@ class Axes:
 def read_axes(card: Card) -> Axes | None:
     """Return the axes of a card `*SYSTEM`; None, for the axes of the whole model, if the card has no data.
 
-    The first line has the origin a and a point b on the x axis, the second one a point c in the xy plane.  Without c
-    the axes are turned about z; with a alone they are only moved.  Raises InputError for points on a line.
+    The first line has the origin a and a point b on the x axis, the second one a point c in the xy plane.
+
+    - Without c the y axis is horizontal.  If a and b have the same height, the axes are turned about z.
+    - With a alone the axes are only moved.
+
+    Raises InputError if a, b and c are on a line, if b is a or straight above or below a without c, and unless the card
+    has three, six or nine coordinates.
     """
     numbers = [number for line in card.lines for number in read_numbers(line, 6)]
     if not numbers:

@@ -70,8 +70,11 @@ def read_bulk(path: Path) -> Bulk:
     """Read the matrices, grid points and sets of a file of Nastran: its bulk data alone, or a deck with BEGIN BULK.
 
     The bulk data may be those of one superelement (BEGIN SUPER), as EXTSEOUT writes them.  Raises InputError if
-    pyNastran is missing.  Raises UnreadableError if the file can't be read, or if it has complex matrices, several
-    parts or displacements at a pole of their spherical axes.
+    pyNastran is missing.  Raises UnreadableError if the file can't be read, or if it has
+
+    - complex matrices,
+    - several parts,
+    - a grid point whose displacements are in spherical axes, and which lies on the polar axis of these.
     """
     return _read_bulk(path, tuple(_read_lines(path)))
 

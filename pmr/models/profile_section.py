@@ -224,9 +224,10 @@ def _strip(side: Side, before: Side, after: Side) -> FigureMoments:
 
 
 def _mitre(side: Side, other: Side) -> float:
-    """Length by which the end of a `side` is shorter per metre outwards, to meet the side `other` in a mitre.
+    """Slope of the cut at the end of a `side`, where it meets the side `other` in a mitre.
 
-    Outwards means away from the mid-line.  The length is 0 next to an arc.
+    The slope is the length by which the side is shorter at its outer face than at its mid-line, divided by the distance
+    between these two.  It is negative if the side is longer outside, and 0 next to an arc.
     """
     if other.centre is not None:
         return 0.0

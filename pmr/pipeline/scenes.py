@@ -261,13 +261,20 @@ def _measure(
     richer: FutureMotion,
     varied: Callable[[], other_runs.VariedPlay | None],
 ) -> Summary:
-    """Measure the errors of a run's model and mesh, for ``budget`` of summary.json; collective.
+    """Measure the errors of a run's model and mesh, and the effect of another play of pads; collective.
 
-    The error of the model is measured if the scene asks for it, or if `budget` lacks it and `cache` is not None.  The
-    error of the mesh is measured if `cache` is not None and the scene has no tolerance or budget.  Where the error of
-    the model is known, the stress in walls at pads is added.  The cache keeps what takes longest.  `stresses`,
-    `other_mesh` and `richer` are what `start_stresses`, `start_other_mesh` and `start_richer` returned: futures of
-    another process, or None.  `varied` simulates the reduced system with another play, or waits for its simulation.
+    The result has entries for ``budget`` of summary.json:
+
+    - the error of the model, if the scene asks for it.  It is also measured if `budget` lacks it and there is a
+      `cache`;
+    - the error of the mesh, if there is a `cache` and the scene has neither tolerance nor budget;
+    - the stress in walls at pads, beside the error of the model, which may also come from `budget`;
+    - the effect of another play of pads.
+
+    The result is empty if there is no `cache`, the scene does not ask for the error of the model and `budget` lacks it.
+    The cache keeps what takes longest.  `stresses`, `other_mesh` and `richer` are what `start_stresses`,
+    `start_other_mesh` and `start_richer` returned: futures of another process, or None.  `varied` simulates the reduced
+    system with another play, or waits for its simulation.
     """
     comm, clock, scene = next(iter(bodies.built.values())).model.comm, bodies.clock, bodies.written_scene
     is_wanted, of_mesh, of_model = scene.compare.richer not in ("auto", "none"), dict[str, Any](), dict[str, Any]()

@@ -86,10 +86,9 @@ def with_cylinder_modes(model: ReducedModel) -> ReducedModel:
 
 
 def has_frame_matrices(model: ReducedModel) -> bool:
-    """Whether matrices of a moving frame and of second order can be extended to attachment modes that are added.
+    """Whether attachment modes can be added to a model without a loss of its matrices of a frame and of second order.
 
-    The model then has these matrices on vectors that span the attachment modes.  The result is also true for a model
-    without such matrices.
+    This is so if the model has these matrices on vectors that span the attachment modes, or if it has no such matrices.
     """
     carriers = model.carriers
     if carriers is None or not carriers.matrices:

@@ -156,7 +156,7 @@ def highest_pressure(oil: Oil) -> float:
 
 
 def _luffs_by_itself(scene: Scene) -> bool:
-    """Whether the luffing angle is, or was, computed with the boom's motion."""
+    """Whether the luffing angle is no prescribed signal: it is free, or an earlier simulation has computed it."""
     luffing = None if scene.frame is None else scene.frame.luffing
     return luffing == "free" or isinstance(luffing, ComputedMotion)
 

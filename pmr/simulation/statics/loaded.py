@@ -196,10 +196,16 @@ class Form:
         self._compute_responses(Z, L @ V)
 
     def _compute_responses(self, Z: Array, U: Array) -> None:
-        """Compute the responses to the fixed loads, to a unit of the load that grows, and to the modes U (n, k).
+        """Compute the responses of the boom from which `responses` puts together those to any load.
 
-        A response consists of outputs, contact forces and overlaps of contacts that only push.  `Z` (n + c, n + c) is
-        the inverse of the bordered matrix of n coordinates and c closed contacts.
+        - The linear responses are those to the fixed loads, and to a unit of the load that grows.
+        - Further responses are those to forces G x of the geometric stiffness G of the load that grows: with the
+          displacements x of the linear responses, and with the modes U (n, k) as x.
+        - The forces G x of the linear responses are also projected on the modes.
+
+        A response consists of outputs, contact forces, overlaps of contacts that only push, and the part of the outputs
+        that grows with the load.  `Z` (n + c, n + c) is the inverse of the bordered matrix of n coordinates and c
+        closed contacts.
         """
         e, n, closed, pushes = self.equations, len(self.equations.K), self.closed, self.equations.pushes
         o, m, d = len(e.outputs), len(closed), int(pushes.sum())
