@@ -277,7 +277,9 @@ def chart(
     if loaded is not None and largest is not None:
         written.write_text(chart_study_text(file, loaded, largest, change), encoding="utf-8")
         if up_to is None:
-            sentence = f"{largest:.6g} kg is the largest load that is looked for, {words_of_usual_load(loaded)}"
+            sentence = (
+                f"{largest:.6g} kg is the largest load that is looked for, {words_of_usual_load(loaded)}, rounded up"
+            )
             out.sentences(f"{sentence}; --up-to KG sets another")
         out.text(f"study  {written}  the study of this chart: add limits to it, and run the command again")
     study(written, out_dir=folder, jobs=jobs)

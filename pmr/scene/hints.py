@@ -311,9 +311,9 @@ class Effect(NamedTuple):
 PLAY = "play (at side pads it changes the stress in walls)"
 
 
-def left_out(scene: Scene, at_rest: bool = False, play: str = PLAY) -> dict[str, str]:
+def left_out(scene: Scene, at_rest: bool = False, play: str = PLAY, in_walls: bool = False) -> dict[str, str]:
     """Return the effects that the model of a scene does not contain (`effects_left_out`), as text by subject."""
-    effects = effects_left_out(scene, at_rest, play)
+    effects = effects_left_out(scene, at_rest, play, in_walls)
     return {
         subject: ", ".join(f"{effect.text} ({effect.check})" if effect.is_stated else effect.text for effect in of)
         for subject, of in effects.items()

@@ -169,7 +169,7 @@ def _wall_limits(scene: Scene) -> Iterator[WallLimit]:
         logger.warning("walls at pads are not limited: %s", error.allowed)
         return
     places = {
-        f"{section} {end}": f"{end} of {section if end == 'tail' else outer}"
+        f"{section} {end}": f"tail of {section}" if end == "tail" else f"mouth of {outer}, around {section}"
         for outer, section in pairwise(scene.names)
         for end in ("tail", "mouth")
     }

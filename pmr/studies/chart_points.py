@@ -113,7 +113,7 @@ def unnamed_loads(scene: Scene, cases: Sequence[Summary]) -> tuple[str, bool]:
     if not lacking:
         return "", blown
     some, is_in = ("loads", "are") if len(lacking) > 1 else ("load", "is")
-    instead = "; its load cases have wind on the sections" if blown else ""
+    instead = "; the chart has its own wind, on the sections" if blown else ""
     names = " and ".join(dict.fromkeys(lacking))
     return f"the scene's {some} {names} {is_in} in no load case, so not in this chart{instead}", blown
 

@@ -204,7 +204,8 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     - ``at.<name>``: arrays of `pmr.studies.chart_points.governing_details` at the points ``at.place`` (l,), where each
       limit governs the largest load of the row; ``at.place`` is -1 for a limit that governs at none.
       ``at.remarks`` (l,): what the quantity of each limit leaves out, in words; ``at.left_out`` (n, 2): what the chart
-      leaves out, as pairs of a subject and clauses; ``at.definitions`` (n, 2): words and what they mean.
+      leaves out, as pairs of a subject and clauses; ``at.definitions`` (n, 2): words and what they mean; ``at.ground``:
+      height of the ground in m above the pivot, NaN without a ground.
       ``at.slewing``: the slewing angles of the row in degrees.
 
     Record: ``load.least`` and ``load.most``, the extremes over the points of the smallest load over all limits, in kg.
@@ -244,6 +245,8 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     play = {"play of pads": _play_words(float(needs["postures"].arrays["gap"]))} if has_play else {}
     pages["definitions"] = np.array(list((chart_definitions(scene, arguments.get("point")) | wind | play).items()))
     pages["slewing"] = np.unique(np.rad2deg(slewing).round(9))
+    ground = scene.frame.ground if scene.frame is not None else None
+    pages["ground"] = np.array(np.nan if ground is None else -ground.height)
     arrays |= {f"at.{name}": values for name, values in pages.items()}
     everywhere, loose = models.not_covered(chart.limits, scene), np.isnan(arrays["error.play"]).all(axis=1) & has_play
     clauses = [[*everywhere, "the play of pads that no load takes up"] if of else everywhere for of in loose]
@@ -328,12 +331,16 @@ def left_out_of_chart(scene: Scene, limits: Sequence[Limit], has_play: bool) -> 
     """
     usual = dict.fromkeys(kind.words for kind in KINDS.values() if kind.words)
     lacking = [words for words in usual if words not in {limit.kind.words for limit in limits}]
-    rows = {"limits that are not set": ", ".join(lacking)} if lacking else {}
+    rows = {"usual limits that are not set": ", ".join(lacking)} if lacking else {}
     if "field" not in {limit.of for limit in limits}:
         rows["places without a limit"] = (
             "walls away from probes and pads, as beside the feet and lugs of cylinders; tubes and rods of cylinders"
         )
-    return rows | left_out(scene, at_rest=True, play="play beyond error bars" if has_play else PLAY)
+    in_walls = any(limit.of == "pad" and not limit.by_scene for limit in limits)
+    rows |= left_out(scene, True, "play beyond error bars" if has_play else PLAY, in_walls)
+    if in_walls and stress_remark(scene):  # limits of pad forces bound the bending of walls alone
+        rows["strength"] = f"the sum of beam stress and of wall bending under pads, {rows['strength']}"
+    return rows
 
 
 def chart_definitions(scene: Scene, point: tuple[float, float, float] | None) -> dict[str, str]:
@@ -352,14 +359,14 @@ def chart_definitions(scene: Scene, point: tuple[float, float, float] | None) ->
         "what hangs at the tip" if point is None else f"what hangs at {list(point)} m in the axes of the last section"
     )
     if remaining:
-        load += f"; masses that are not part of it: {'; '.join(remaining)}"
+        load += f", slings too; masses of the scene there are already taken off: {'; '.join(remaining)}"
     else:
         load += ", with hook block and rope: deduct their masses, as the scene has no mass there"
     ground = scene.frame.ground if scene.frame is not None else None
     above = f"; the height above the ground is {ground.height:g} m more" if ground is not None else ""
     return {
         "load": load,
-        "radius": "horizontal distance of the undeformed tip from the pivot of the boom",
+        "radius": "horizontal distance of the undeformed tip from the pivot of the boom, measured before lifting",
         "height": f"height of the undeformed tip above the pivot{above}",
         "boom length": "distance of the undeformed tip from the pivot",
     }
@@ -372,9 +379,8 @@ def _play_words(gap: float) -> str:
     """
     if gap:
         return (
-            f"the loads are those of pads without play; error bars contain the change of loads by {1e3 * gap:g} mm of "
-            "play from face to face, all of it at top and left, in the load cases of this chart; a case that presses "
-            "the boom more to a side changes them more"
+            f"the loads are without play; error bars contain their change by {1e3 * gap:g} mm of play from face to "
+            "face, all of it at top and left; a load case that presses the boom more to a side would change them more"
         )
     return "the loads are those of pads with the play of the scene; error bars contain the change of loads without play"
 

@@ -271,7 +271,8 @@ def test_limits_of_walls_take_the_pads_of_their_joint_alone(draft: Callable[...,
     taken = [[pad for pad in pads if limit.concerns(pad)] for limit in of_walls]
     assert [len(names) for names in taken] == [8, 8, 8, 8] and sorted(sum(taken, [])) == sorted(pads)
     assert {limit.most for limit in of_walls} == {35.5e3}
-    places = ["tail of middle", "mouth of base", "tail of middle 2", "mouth of middle"]
+    mouths = ["mouth of base, around middle", "mouth of middle, around middle 2"]
+    places = ["tail of middle", mouths[0], "tail of middle 2", mouths[1]]
     assert [limit.note.partition(";")[0] for limit in of_walls] == [f"at the {place}" for place in places]
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.contour import QuadContourSet
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, PathPatch
@@ -67,6 +68,7 @@ class LoadChart:
     in kg, 0 where the boom passes a limit even without a load, and NaN where no limit is reached.  `which` (E, A) is
     the number of the governing limit in `names`, or -1 if no limit governs.  `up_to` in kg is the load at which the
     search ends.  `extensions` (E,) are texts such as ``3.2 + 0``, which tell reaches of equal length from each other.
+    `ground` is the height of the ground in m, from the pivot as heights of `place`; it is NaN without a ground.
     """
 
     place: Array
@@ -75,6 +77,7 @@ class LoadChart:
     names: Sequence[str]
     up_to: float
     extensions: Sequence[str] = ()
+    ground: float = np.nan
 
     @property
     def lengths(self) -> list[str]:
@@ -147,6 +150,7 @@ def load_chart(chart: LoadChart, width: float = WIDE) -> Figure:
     corners = _corners(chart.place)
     low, high = np.minimum(corners.min(axis=(0, 1)), 0.0), np.maximum(corners.max(axis=(0, 1)), 0.0)
     hatched = chart.not_permitted
+    low[1] = np.fmin(low[1], chart.ground)
     figure, ax = _side_view(low, high, TALLEST, width)
     colours = {k: mix_with_white(of, 1.0 - PALE) if k >= 0 else SHADE for k, of in chart.colours.items()}
     around = (corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:])
@@ -161,6 +165,9 @@ def load_chart(chart: LoadChart, width: float = WIDE) -> Figure:
         load = np.ma.masked_where(hatched | ~np.isfinite(chart.load), chart.load)
         drawn = ax.contour(*chart.place.transpose(2, 0, 1), load, levels=levels, colors=INK, linewidths=0.7, zorder=2.0)
         ax.clabel(drawn, fmt=format_input, fontsize=7.0, inline_spacing=2)
+        for text in drawn.labelTexts:
+            text.set_clip_on(False)  # a label at the edge of the picture would be cut
+        _label_short_curves(ax, drawn)
         taken = np.array([text.get_position() for text in drawn.labelTexts]).reshape(-1, 2)
     else:
         taken = np.zeros((0, 2))
@@ -168,6 +175,8 @@ def load_chart(chart: LoadChart, width: float = WIDE) -> Figure:
         at = _free_place(chart.place[(chart.which == k) & ~hatched], taken, LETTER_ROOM * float((high - low).max()))
         ax.text(float(at[0]), float(at[1]), letters(k), weight="bold", ha="center", va="center", zorder=5.0)
     ax.plot(0.0, 0.0, marker="o", color=MUTED, markersize=4.0, clip_on=False, zorder=3.0)
+    if np.isfinite(chart.ground):
+        ax.axhline(chart.ground, color=INK, linewidth=1.2, clip_on=False, zorder=3.0)
     equal_axes(ax)
     entries: list[Line2D | Patch] = [
         Line2D([], [], color=colour, linewidth=6.0, label=name)
@@ -175,6 +184,18 @@ def load_chart(chart: LoadChart, width: float = WIDE) -> Figure:
     ]
     entries += [Patch(label=NOT_PERMITTED, **NOT_PERMITTED_STYLE)] if hatched.any() else []
     return add_legend(figure, entries)
+
+
+def _label_short_curves(ax: Axes, curves: QuadContourSet) -> None:
+    """Write the load below the lower end of each of the `curves` of constant load that are too short for a label."""
+    labelled = {text.get_text() for text in curves.labelTexts}
+    for level, pieces in zip(curves.levels, curves.allsegs, strict=True):
+        longest = max(pieces, key=len, default=np.zeros((0, 2)))
+        if len(longest) and format_input(level) not in labelled:
+            end = longest[np.argmin(longest[:, 1])]
+            ax.annotate(
+                format_input(level), end, (0.0, -3.0), textcoords="offset points", fontsize=7.0, ha="center", va="top"
+            )
 
 
 def _free_place(places: Array, taken: Array, room: float) -> Array:

@@ -46,7 +46,7 @@ from pmr.results.response import FORCES
 from pmr.scene.keys import ALONE
 from pmr.studies.charting import errors_not_covered, governing_limit
 from pmr.studies.duty import NOT_LIMITED, ChartLoads, DutyTable, LeastLoads
-from pmr.studies.limits import STABILITY, STABILITY_WORDS
+from pmr.studies.limits import KINDS, STABILITY, STABILITY_WORDS
 
 #: Text in place of a load if no load up to the largest one that was tried reaches the limit.
 NOT_REACHED = "limit not reached"
@@ -91,11 +91,20 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
         return chapter
     shown_names = [*names[:-1], STABILITY_WORDS]
     not_covered = errors_not_covered(np.concatenate([part["not_covered"] for part in parts]))
+    nowhere = [
+        name
+        for k, (name, limit) in enumerate(
+            zip(shown_names, [*study.study_file["limits"], {"of": STABILITY}], strict=True)
+        )
+        if not (which == k).any() and (limit["of"] == STABILITY or not KINDS[limit["of"]].in_richer_model)
+    ]
+    not_covered += f". Of these limits, {' and '.join(nowhere)} govern nowhere" if nowhere and has_bars else ""
     extensions = [" + ".join(f"{float(out or 0.0):.4g}" for out in rows[row].values()) for row in table.order]
     to_use = np.where(which >= 0, loads.lower_bound, np.nan)
-    chart = LoadChart(table.place, to_use, which, shown_names, up_to, extensions)
+    ground = float(parts[0].get("at.ground", np.nan))  # results of earlier versions have no height of the ground
+    chart = LoadChart(table.place, to_use, which, shown_names, up_to, extensions, ground)
     ends_at = format_load(up_to) if (which < 0).any() else ""
-    caption = prose("chart_caption", ends_at=ends_at, has_bars=has_bars)
+    caption = prose("chart_caption", ends_at=ends_at, has_bars=has_bars, has_ground=np.isfinite(ground))
     picture = drawing(f"{prefix}-chart", load_chart, caption, chart, fits=True)
     texts = [_cell_text(study, table, chart, loads, number) for number in range(to_use.size)]
     shown = f"{SCREEN}{pointer_cells(chart, texts)}{END_OF_SCREEN}</svg>"

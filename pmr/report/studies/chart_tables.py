@@ -309,14 +309,15 @@ def limit_grid(study: FinishedStudy, names: list[str], parts: Parts, loads: Char
     for n, (name, remark) in enumerate(zip(names, parts[0]["at.remarks"], strict=True)):
         limit = limits.get(name, {"of": "loss of equilibrium", "factor": 1.0})
         amount = limit.get("most") or limit.get("least")
-        of_load = loads.load[..., n]
+        of_load, of = loads.load[..., n], str(limit["of"])
+        quantity = "pressures of pads" if of == "pad" and amount is None else LIMITED[of].label if of in LIMITED else of
         counts = (str(which.sum()) for which in (loads.which_lower == n, np.isnan(of_load), of_load == 0.0))
         first = parts[0]["at.remarks"].tolist().index(remark)  # a remark stands once
         of_limit = f"as for {letters(first)}" if remark and first < n else str(remark)
         rows.append(
             (
                 f"{letters(n)} {STABILITY_WORDS if name == STABILITY else name}",
-                "\n".join(filter(None, (LIMITED[of].label if (of := str(limit["of"])) in LIMITED else of, of_limit))),
+                "\n".join(filter(None, (quantity, of_limit))),
                 _format_amount(limit, amount),
                 f"{limit['factor']:g}",
                 *counts,

@@ -387,6 +387,20 @@ def test_the_caption_of_lines_says_how_many_of_all_boom_lengths_are_drawn() -> N
     assert " of 91 of 100 boom lengths are left out" in duty_caption([f"{k} m" for k in range(100)], False)
 
 
+def test_each_curve_has_its_load_and_the_ground_is_below_the_boom() -> None:
+    """Also the curve of 500 kg, which is too short for a label on it."""
+    angle = np.deg2rad(np.linspace(20.0, 60.0, 5))
+    place = np.linspace(8.0, 15.0, 5)[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    load = 1200.0 - 130.0 * np.arange(5)[:, None] + 30.0 * np.arange(5)
+    load[-1, 0] = 495.0
+    for ground in (-1.6, np.nan):
+        chart = LoadChart(place, load, np.zeros(load.shape, dtype=int), ["tip"], 2e4, ground=ground)
+        ax = load_chart(chart).axes[0]
+        assert {"500", "700", "1000"} <= {text.get_text() for text in ax.texts}
+        lines = [line.get_ydata()[0] for line in ax.lines if len(line.get_ydata()) == 2]
+        assert (lines, ax.get_ylim()[0]) == (([-1.6], -1.6) if ground == -1.6 else ([], 0.0))
+
+
 def test_labels_above_ends_of_lines_keep_their_distance() -> None:
     """Also where rounding makes a label that was moved a little too near to the one below: it moved on for ever."""
     axes = Figure(figsize=(6.0, 3.0)).add_subplot()
