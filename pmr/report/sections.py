@@ -305,8 +305,8 @@ def section_force_block(result: RunResult, prefix: str) -> Block | None:
     if not shown:
         return None
     recovery = result.scene.recovery
-    every = f", computed every {format_input(recovery.every, 's')}" if recovery is not None and recovery.every else ""
-    caption = f"Range over time of the section forces and moments at each place along each beam{every}."
+    every = f" They are computed every {format_input(recovery.every, 's')}." if recovery and recovery.every else ""
+    caption = f"Range over time of the section forces and moments at each place along each beam.{every}"
     drawn = drawing(f"{prefix}-envelopes", shapes.envelope_figure, caption, result, shown)
     measured = [
         Measured(qualified_name(name, what), force["unit"], Extremes.from_summary(force, "x_"))
@@ -314,9 +314,9 @@ def section_force_block(result: RunResult, prefix: str) -> Block | None:
         for what, force in part.get("section_forces", {}).get("reduced", {}).items()
         if what in shown and (force["min"] or force["max"])
     ]
-    caption, where = f"Least and largest section forces and moments{every}", ", and their distance from the tail"
-    signs = " Positive: tension; tension at the top for moments y, on the right for moments z."
-    grid = extremes_grid(result, caption, measured, signs, where=where)
+    caption, where = "Least and largest section forces and moments", ", and their distance from the tail"
+    signs = " Normal forces are positive in tension, moments y with tension at the top, moments z with it on the right."
+    grid = extremes_grid(result, caption, measured, signs + every, where=where)
     return Block(heading="Forces along beams", drawings=(drawn,), grids=(grid,), grids_first=True)
 
 
@@ -338,7 +338,11 @@ def _part_grids(result: RunResult) -> Iterator[Grid]:
         rows.append((called, value, *of_full_model, format_time(peak["t"]), f"({place})", peak["face"]))
     values = (f"reduced model, {unit.name}", f"full model, {unit.name}") if full else (f"stress in {unit.name}",)
     head = ("", *values, "time", "x, y, z in m", "face or corner")
-    yield Grid("Largest von Mises stress of each part.", head, tuple(rows))
+    caption = (
+        "Largest von Mises stress of each part. Places are in the axes of the part's own section. Stresses between"
+    )
+    caption += " the places and times that are looked at, such as those at probes, may be larger."
+    yield Grid(caption, head, tuple(rows))
 
 
 #: Largest number of quantities of probes that are drawn and whose load cycles are counted; others are in tables only.
@@ -373,7 +377,9 @@ def probe_block(result: RunResult, prefix: str) -> Block | None:
     ]
     text = "The file tables/cycles.csv has all load cycles, counted by the rainflow method."
     if stress_remark(result.scene):
-        text += " A probe on a beam has the stress of the outer corner next to its place in the scene."
+        text += (
+            " A probe on a beam has the stress at that outer corner of the cross-section which is nearest to its place."
+        )
     return Block("Probes", figures, text=text, grids=(grid, *_damage_grids(result)), grids_first=True)
 
 

@@ -233,8 +233,10 @@ def extremes_grid(
         rows.append((name or "slider", *cells))
     places = then_words(result) if where is None else where
     share = format_percent(NOTHING, 1)
-    remark += f" 0 is less than {share} of the run's largest value with this unit." if small else ""
-    return Grid(f"{caption}, when they occur{places}.{remark}", ("", "least", "largest"), tuple(rows))
+    if small:
+        remark += f" A value is 0 here if it is below {share} of the largest one with its unit, in this table and among"
+        remark += " the forces and moments of the run."
+    return Grid(f"{caption}, with their times{places}.{remark}", ("", "least", "largest"), tuple(rows))
 
 
 def _extreme_cells(extremes: Extremes, unit: Unit, negligible: float, placed: bool) -> Iterator[str]:

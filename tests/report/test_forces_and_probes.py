@@ -130,7 +130,7 @@ def test_what_is_nothing_beside_the_largest_of_its_kind_is_zero(probed: RunResul
     (grid,) = contact_block(idle(probed, lower=1.0, other=0.9e-4, aside=1.1e-4), "case-1").grids
     largest = {name: cell.partition(f"{SPACE}N at")[0] for name, _, cell in grid.rows}
     assert largest == {"lower": "100", "other": "0", "aside": "0.0110"}
-    assert grid.caption.endswith(f" 0 is less than 0.01{SPACE}% of the run's largest value with this unit.")
+    assert f" A value is 0 here if it is below 0.01{SPACE}% of the largest one with its unit, in this" in grid.caption
 
 
 def test_what_is_nothing_beside_the_largest_force_of_the_run_is_zero_in_all_tables(probed: RunResult) -> None:
