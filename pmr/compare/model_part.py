@@ -52,7 +52,7 @@ NO_MOTION = 1e-9
 RIGID = 1e-3
 DIRECTIONS = ("x", "y", "z")
 STRESS = "stresses, which depend on how walls bend at pads, under loads and at corners"
-IMPACTS = "impacts of pads that lift off and close again, as they differ from model to model"
+IMPACTS = "impacts of pads that lift off and close again, as their times differ from model to model"
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from pmr.report.numbers import (
     significant,
 )
 from pmr.report.subject import force_words, is_alone, shown_force_name, support_words, with_shown_label
-from pmr.report.trust import SOME_REACTIONS, has_some_reactions
+from pmr.report.trust import has_some_reactions
 from pmr.results import RunResult
 from pmr.results.quantities import COMPARED, PIVOT, REACTION_OF, error_label, reduction_error, wall_stress
 from pmr.scene.built import reaction_name
@@ -41,8 +41,12 @@ def error_table(result: RunResult) -> ErrorTable:
         places = [place for pair in result.summary.get("errors", {}).values() for place in pair]
         forces = " and forces" if "pad_force" in places else ""
         source = f"; published: {published.source}" if published and any(row.published for row in error_rows) else ""
-        caption = f"Errors of transverse displacements{forces}: RMS difference over all times, divided by the RMS of "
-        caption += f"the model that is compared with; and largest values{source}."
+        caption = (
+            f"Errors of transverse displacements{forces}: RMS of the difference over all times, divided by the RMS "
+        )
+        caption += (
+            f"of the model that is compared with, as a mean over all places. The last rows are largest values{source}."
+        )
     return ErrorTable(caption, error_rows, error_notes(result, error_rows))
 
 
@@ -111,11 +115,11 @@ def _reaction_notes(result: RunResult) -> Iterator[str]:
     ]
     if unknown:
         yield (
-            f"Not compared: the reaction of {'; '.join(unknown)}. The full model has no forces of supports that hold "
-            "coordinates of its mesh."
+            f"Not compared: the reaction of {'; '.join(unknown)}. Where a support holds a coordinate of the mesh, "
+            "the full model does not compute its force."
         )
         if has_some_reactions(result.summary):
-            yield f"As {SOME_REACTIONS}, the sums of errors of reactions lack the error of the reduction."
+            yield "So the sums of errors of reactions lack the error of the reduction."
         elif "reaction" in reduction_error(result.summary).by_kind:
             yield "The error of the reduction in all reactions together is estimated."
 

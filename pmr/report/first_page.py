@@ -101,17 +101,17 @@ def _left_out_rows(result: RunResult) -> Rows:
         some, always = f"{len(opened) - idle}", f"{idle} of {len(forces)} always"
         counts = f"{always}, {some} more at times" if idle else f"{some} of {len(forces)} at times"
         counts = f" ({counts if len(opened) > idle else always})" if opened else ""
-        resting = "by hand" if result.frequencies.resting is None else "the row of the lowest frequency"
+        resting = "by hand" if result.frequencies.resting is None else "see the lowest natural frequency"
         lowered = {"natural frequencies": resting} if result.frequencies.models else {}
         lowered |= {"the buckling factor": by_chart} if "factor" in result.summary.get("buckling", {}) else {}
         for value, check in lowered.items():
             effects.setdefault("pads", []).append(Effect(f"open pads{counts}, which lower {value}", check))
             counts = ""
     if recovery is not None and "reduced" in result.summary.get("max_von_mises", {}):
-        walls = ", in walls also where the force of a pad or support is largest" if in_walls else ""
+        walls = ", in walls also when the force of a pad or support is largest" if in_walls else ""
         every = format_input(recovery.every, "s")
         text = f"stresses between the times at which they are computed (every {every}{walls})"
-        effects["strength"].append(Effect(text, "a smaller recovery.every"))
+        effects["strength"].append(Effect(text, "set a smaller key recovery.every"))
     if "loads" in effects:
         effects["loads"].append(Effect("factors of a standard (dynamic, safety)", by_chart))
         if result.frame is not None and any(mass.payload for part in result.scene.sections for mass in part.masses):
@@ -273,7 +273,7 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
             with_errors = share * (1.0 + error)
             text += f", {format_percent(with_errors)} with "
             text += "all known errors" if by_pads is not None else "the error by the mesh of the walls alone"
-    text += f"\n{wall_place_clause(result, shell)}; if the pads press most in their middle"
+    text += f"\n{wall_place_clause(result, shell)}; if the pads press most at their centre"
     if "even" in shell:  # which files of earlier versions lack
         even = format_quantity(shell["even_error"] + shell["even"] * (by_pads or 0.0), "Pa", 2)
         text += f"; {format_quantity(shell['even'], 'Pa')} ± {even} if they press evenly"

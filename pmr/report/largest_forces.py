@@ -385,12 +385,12 @@ def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestVal
         share, limit = shares[pad]
         force, bar = format_quantity(limit["force"], "N"), format_quantity(limit["error"], "N", 2)
         even = format_quantity(limit["even"], "N")
-        note = f"{pad}, {extreme_clause(result, forces[pad].largest)}; at {force} of this pad alone, if it presses "
-        note += (
-            f"most in its middle, the walls of {limit['section']} begin to yield at the weakest place along its way, "
+        note = (
+            f"pad {pad}, {extreme_clause(result, forces[pad].largest)}; the walls of section {limit['section']} begin "
+            f"to yield at {force} of this pad alone if it presses most at its centre, at {even} (no error bar) if it "
+            "presses evenly, both at the weakest place along its way; these forces leave out the bending of the boom, "
+            "which the largest von Mises stress in walls contains; ± is by the mesh of the walls"
         )
-        note += f"at {even} if it presses evenly (no error bar); the bending of the boom is not in it, the largest von "
-        note += "Mises stress in walls has both; ± is by the mesh of the walls"
         least, name = 1.0 - limit["error"] / limit["force"], "largest use of the pad force at which walls yield"
         figure = format_quantity(forces[pad].size, "N")
         play = play_ratio(result, "pad_force", "", forces[pad].size)

@@ -42,7 +42,7 @@ SMALL_CHANGE = 0.01
 #: Name of the row on what the error of a source does not contain.
 NOT_IN_ERROR = "not in the error of the {}"
 #: Clause on the error of the reduction in reactions, some of which the full model lacks.
-SOME_REACTIONS = "only those reactions that the table of errors lists are compared"
+SOME_REACTIONS = "reactions are compared only in part, as the table of errors says"
 #: Clause on what the errors of the stresses of beams do not cover.
 WALLS = "in stresses the bending of a beam's walls under pads, which a shell has"
 
@@ -204,8 +204,8 @@ def _stress_certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
     if by_pads is not None:
         parts += f" ({format_percent(walls['error'] / walls['value'], 2)}) and the error of the pad forces"
     parts += ", without the error of the pad forces" if by_pads is None else ""
-    yield "stress in walls at pads", f"± {format_percent(error, 2)}\n{parts}; if the pads press most in their middle"
-    yield "stress elsewhere", f"{unknown}; the value is the {stress_name(result.scene)}"
+    yield "stress in walls at pads", f"± {format_percent(error, 2)}\n{parts}; if the pads press most at their centre"
+    yield "stress elsewhere", f"{unknown}; its value is the row {stress_name(result.scene)}"
 
 
 def wall_stress_error(summary: Summary) -> float | None:

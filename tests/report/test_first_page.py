@@ -132,9 +132,9 @@ def test_the_pad_nearest_to_yielding_walls_stands_first_and_warns(result: RunRes
     pressed = replace(boom, summary=result.summary | {"budget": budget})
     name, text = next(iter(largest_value_rows(pressed)))
     assert name == "largest use of the pad force at which walls yield"
-    assert text.startswith(f"4.00{SPACE}kN: 125{SPACE}% of 3.20{SPACE}kN ± 200{SPACE}N\nfly tail top, at ")
-    assert f", at 5.10{SPACE}kN if it presses evenly" in text
-    assert "the walls of fly 2 begin to yield at " in text
+    assert text.startswith(f"4.00{SPACE}kN: 125{SPACE}% of 3.20{SPACE}kN ± 200{SPACE}N\npad fly tail top, at ")
+    assert f", at 5.10{SPACE}kN (no error bar) if it presses evenly" in text
+    assert f"the walls of section fly 2 begin to yield at 3.20{SPACE}kN" in text
     figure, place = text.partition("; ")[0].split("\n")
     said = verdict(pressed)
     assert said.text == f"1 of 1 limits is exceeded. {name.capitalize()}, {figure}; {place}."
@@ -585,16 +585,16 @@ def test_the_stress_of_beams_has_no_share_of_the_yield_stress(make_space: MakeSp
         and "not known" not in said
     )
     certain = rows(compared, "How sure the values are")
-    without = "by the mesh of the walls, without the error of the pad forces; if the pads press most in their middle"
+    without = "by the mesh of the walls, without the error of the pad forces; if the pads press most at their centre"
     assert certain["stress in walls at pads"] == f"± 4.2{SPACE}%\n{without}"
-    assert certain["stress elsewhere"] == f"{sure}; the value is the largest von Mises stress of the beams"
+    assert certain["stress elsewhere"] == f"{sure}; its value is the row largest von Mises stress of the beams"
     with_pads = {"model": budget["model"] | {"pad_force": 0.02}}
     pressed = replace(compared, summary=compared.summary | {"budget": with_pads})
     sure, said = rows(pressed, "How sure the values are"), rows(pressed, LARGEST)
     total = float(sure["stress in walls at pads"].removeprefix("± ").partition(SPACE)[0])
     by_pads = 100.0 * summed_errors(pressed.summary).by_key["pad_force"]
     assert by_pads > 2.0 and total == pytest.approx(100.0 * 12 / 284 + by_pads, abs=0.06)
-    rest = "and the error of the pad forces; if the pads press most in their middle"
+    rest = "and the error of the pad forces; if the pads press most at their centre"
     assert sure["stress in walls at pads"].endswith(f"%\nby the mesh of the walls (4.2{SPACE}%) {rest}")
     most = f"{(284.0 * (1.0 + 0.01 * by_pads) + 12.0) / 3.55:.1f}{SPACE}%"
     said = said["largest von Mises stress in walls"]
