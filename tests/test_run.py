@@ -30,7 +30,7 @@ def test_a_run_gives_its_result_on_rank_0(load_scene, tmp_path) -> None:
     assert 0.5 in {round(share, 2) for stage, share in stages if stage == "ancf"}
     result, summary = outcome.result, outcome.result.summary
     assert list(dict.fromkeys(stage for stage, share in stages if share == 1.0)) == [
-        "assemble", "snapshots", "pod", "frequencies", "reduced, march", "reduced, exudyn", "full", "ancf", "estimate",
+        "assemble", "snapshots", "pod", "frequencies", "reduced, march", "reduced, exudyn", "estimate", "full", "ancf",
         "step",
     ]  # fmt: skip
     assert set(summary["errors"]) == {"reduced_vs_full", "full_vs_ancf", "reduced_vs_ancf"}
