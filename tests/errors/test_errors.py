@@ -57,7 +57,7 @@ def test_a_motion_that_grows_names_what_a_user_can_change(
         ("boom_shell", "mesh.tail_layer=0.5", "mesh.tail_layer = 0.5: 0, or from a ten-thousandth up to all"),
         ("boom_shell", "mesh.size=1e-11", "mesh.size = 1e-11: sizes that make at most 100,000 cells are allowed"),
         ("boom_solid", "mesh.along=1e-9", "mesh.along = 1e-09: sizes that make at most 100,000 cells are allowed"),
-        ("boom_solid", "body.box.radius=0.003", "body.box.radius = 0.003: 0 is allowed, or more than 0.004 m"),
+        ("boom_solid", "body.box.radius=0.003", "body.box.radius: 0 is allowed, or more than 0.004 m, half the wall"),
         ("boom_solid", "body.box={length=6.0,width=0.3,height=0.4,wall=0.008,frames=[3.0],frame_depth=0.1}",
          "body.box.frames = (3.0,): a solid boom has none"),
         ("boom_shell", "mesh.tail_layer=1e-12", "mesh.tail_layer = 1e-12: 0, or from a ten-thousandth up to all"),
