@@ -16,6 +16,7 @@ from pmr.files.arrays import Array
 from pmr.kernel._native import lib
 from pmr.kernel.further import AXES
 from pmr.kernel.kernel import pointer
+from pmr.scene.keys import path_unit
 
 logger = logging.getLogger(__name__)
 #: Largest angle in rad, except for slewing.
@@ -48,7 +49,7 @@ class Drivers:
     writing them through memory views takes a tenth of NumPy's time.
 
     `names` are the names of paths, of loads with their numbers, and of motions of the frame (None without a frame).
-    `ranges` are the smallest and largest coordinate of each path in m.  `in_parts` says whether steps are divided.
+    `ranges` are the smallest and largest coordinate of each path.  `in_parts` says whether steps are divided.
     Motions that are `free` are computed: values given for them have an effect at the start only.
 
     Raises InputError for a number out of its range or not finite, for an unknown name, and for a path that is missing
@@ -136,7 +137,7 @@ class Drivers:
 
     @property
     def path_coordinates(self) -> dict[str, float]:
-        """Coordinates of the paths in m, by name."""
+        """Coordinates of the paths in m, of a path `luffing` in rad, by name."""
         return {path: self._values[k] for path, k in self._path_numbers.items() if isinstance(path, str)}
 
     def take_paths(self, s: Values) -> None:
@@ -150,17 +151,17 @@ class Drivers:
             return
         readings = self._read(s, self._path_numbers, "s", "one path coordinate for each path")
         for n, (k, at, rate, second, count) in enumerate(readings):
-            low, high = self._ranges[k]
+            (low, high), unit = self._ranges[k], path_unit(self.paths[k])
             if not low <= at <= high:
                 beyond = BEYOND_ENDS * (high - low)
                 if not low - beyond <= at <= high + beyond:
-                    raise InputError("stepper", f"s.{self.paths[k]}", at, f"{low:g} to {high:g} m is allowed")
+                    raise InputError("stepper", f"s.{self.paths[k]}", at, f"{low:g} to {high:g} {unit} is allowed")
                 readings[n] = k, min(max(at, low), high), rate, second, count
             if abs(rate) * self._step > high - low:
-                fastest = f"{(high - low) / self._step:g} m/s, its range in a step, is allowed at most"
+                fastest = f"{(high - low) / self._step:g} {unit}/s, its range in a step, is allowed at most"
                 raise InputError("stepper", f"s.{self.paths[k]}", [at, rate, second][:count], fastest)
             if self._has_places and abs(at - self._values[k]) > JUMP * (high - low):
-                self._warn_of_jump(self.paths[k], abs(at - self._values[k]), "m")
+                self._warn_of_jump(self.paths[k], abs(at - self._values[k]), unit)
         if not self._has_places:
             if len({k for k, *_ in readings}) < len(self.paths):
                 raise InputError("stepper", "s", None, f"all paths are needed at the start: {', '.join(self.paths)}")
@@ -289,7 +290,7 @@ class Drivers:
         _, _, changes, integrals, compared = self._book
         for k in np.flatnonzero(compared < 0.0).tolist():
             compared[k] = 0.0
-            name, unit = (self.paths[k], "m") if k < len(self.paths) else (self._angles[k], "rad")
+            name, unit = (self.paths[k], path_unit(self.paths[k])) if k < len(self.paths) else (self._angles[k], "rad")
             message = "%s moves by %.3g %s where its rates lead by %.3g %s: its rates are needed, in %s/s"
             logger.warning(message, name, changes[k], unit, integrals[k], unit, unit)
 

@@ -18,7 +18,7 @@ from pmr.kernel.data import system_in_modes
 from pmr.kernel.kernel import Kernel
 from pmr.kernel.state import StepError
 from pmr.scene.choice import SimulatorNeeds, refuse_unsupported
-from pmr.scene.keys import LUFFING
+from pmr.scene.keys import path_unit
 from pmr.scene.signals import Constant, SignalBase
 from pmr.simulation.excitation import Excitation, side_positions, signals_in_order
 from pmr.simulation.modal import ModalForm, modal_form
@@ -272,5 +272,4 @@ def step_failure(where: str, form: SystemForm, error: StepError, x: Array) -> Si
 
 def path_text(paths: Sequence[str], s: Array) -> str:
     """Text to append to a message, such as ``, boom at 1.5 m``: coordinates s (P,) in m, a luffing angle in rad."""
-    units = ("rad" if path == LUFFING else "m" for path in paths)
-    return "".join(f", {path} at {at:g} {unit}" for path, at, unit in zip(paths, s, units, strict=False))
+    return "".join(f", {path} at {at:g} {path_unit(path)}" for path, at in zip(paths, s, strict=False))

@@ -143,6 +143,19 @@ def test_motions_are_taken_in_whatever_form_they_are_given() -> None:
         assert rows.tolist() == [1, 1, 1, count]
 
 
+def test_an_angle_on_a_path_is_refused_and_warned_of_in_rad(caplog: pytest.LogCaptureFixture) -> None:
+    motions, rows = np.zeros((3, 1)), np.zeros(1, np.int32)
+    drivers = Drivers(motions, rows, (("luffing",), {}, None), {"luffing": (0.0, 1.0)}, STEP, in_parts=True)
+    with pytest.raises(InputError, match="s.luffing = 1.5: 0 to 1 rad is allowed"):
+        drivers.take_paths([1.5])
+    with pytest.raises(InputError, match=f": {1.0 / STEP:g} rad/s, its range in a step"):
+        drivers.take_paths({"luffing": (0.5, 2.0 / STEP)})
+    for motion in ((0.2, 1.0), (0.6, 1.0)):
+        drivers.take_paths({"luffing": motion})
+        drivers.end_step()
+    assert "luffing jumps by 0.4 rad" in caplog.text and "luffing moves by 0.4 rad" in caplog.text
+
+
 def test_bodies_of_full_order_are_stepped_too() -> None:
     """As small ones are simulated: from equilibrium under a constant load, along the same extension."""
     system, s = full(Nested(2, elements=4)), Constant(amount=2.0)
