@@ -476,8 +476,9 @@ def _machine_effects(scene: Scene) -> list[Effect]:
         return []
     effects, cylinder = [Effect("play in hinges")], None if frame is None else frame.cylinder
     driven = [number for number in range(1, len(scene.sections)) if has_driven_tail(member_at(scene, number))]
-    if driven and all(scene.joint(number).line is None for number in driven):
-        effects.append(Effect("cylinders and ropes off the axis of their section", "key offset", is_stated=True))
+    if central := [scene.names[number] for number in driven if scene.joint(number).line is None]:
+        placed = f"line of action of the cylinder or rope of {' and '.join(central)} off the axis"
+        effects.append(Effect(placed, "key offset", is_stated=True))
     if frame is not None and frame.machine is None:
         stands = frame.ground is not None
         effects.append(

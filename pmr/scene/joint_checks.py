@@ -92,21 +92,25 @@ def _check_tail(scene: Scene, number: int, inner: Box, outer: Box) -> None:
 def _check_doublers(scene: Scene, number: int, inner: Box, outer: Box) -> None:
     """Refuse doublers that leave no room between section `number` and the outer box, where the section slides in it.
 
-    These are doublers on the outside of the section, or on the inside of the outer box.  Doublers on both sides of a
-    wall alike are not looked at.
+    Profiles are compared that meet on the way, tapered ones where the gap can be smallest.  Two are passed over if
+    neither has a doubler on one side of a wall.
     """
-    first, _ = scene.extension(number).bounds(0.0, scene.time.end)
-    within = [(number, part, gaps(part.first.sides, outer.sides)) for part in inner.stretches
-              if part.start < outer.length - first]  # fmt: skip
-    around = [(number - 1, part, gaps(inner.sides, part.first.sides)) for part in outer.stretches if part.end > first]
-    for k, part, gap in (*within, *around):
-        beyond, face = min((room, face) for face, room in gap.items())
+    first, last = scene.extension(number).bounds(0.0, scene.time.end)
+    for a, b in product(inner.stretches, outer.stretches):
+        k, part = (number, a) if isinstance(a.first, ShiftedProfile) else (number - 1, b)
+        if not isinstance(part.first, ShiftedProfile) or a.start + first >= b.end or a.end + last <= b.start:
+            continue
+        places = [(x, min(max(x + s, b.start), b.end)) for x in (a.start, a.end) for s in (first, last)]
+        places += [(min(max(y - s, a.start), a.end), y) for y in (b.start, b.end) for s in (first, last)]
+        slack = SLACK * outer.length
+        pairs = [(a.profile_at(x), b.profile_at(y)) for x, y in {*places} if first - slack <= y - x <= last + slack]
+        pairs = pairs[:1] if a.first is a.last and b.first is b.last else pairs
+        beyond, face = min((room, face) for p, q in pairs for face, room in gaps(p.sides, q.sides).items())
         allowed = (
             f"the plates from {part.start:g} to {part.end:g} m leave {beyond:.3g} m between {scene.names[number]} and "
             f"{scene.names[number - 1]} at the {face}; more than 0 is allowed, or plates on the other side of the wall"
         )
-        shifted = isinstance(part.first, ShiftedProfile)
-        refuse(shifted and beyond <= 0.0, f"sections[{k}].body.box.doublers", None, allowed)
+        refuse(beyond <= 0.0, f"sections[{k}].body.box.doublers", None, allowed)
 
 
 def _check_frames(scene: Scene, number: int, inner: Box, outer: Box) -> None:

@@ -221,11 +221,14 @@ def _check_body(member: Member) -> None:
 def check_wheel(joint: Joint | None, prefix: str) -> None:
     """Refuse a mover whose joint is None or no wheel; `prefix` stands before the keys of the mover.
 
-    A wheel is a single ring without faces at the tail itself, and has no pads at a mouth.
+    A wheel is a single ring without faces at the tail itself, and has no pads at a mouth.  What drives it has no
+    offset.
     """
     if joint is None or joint.mouth or len(joint.tail) > 1 or joint.tail[0].at or joint.tail[0].faces:
         allowed = "a joint with one ring in `tail`, at = 0 and without faces, is needed: the wheel"
         raise scene_error(f"{prefix}body.mover", None, allowed)
+    allowed = "none is allowed on a mover, which does not turn"
+    refuse(joint.line, f"{prefix}joint.{joint.driver}.offset", joint.line and [*joint.line], allowed)
 
 
 def _check_mover(member: Member) -> None:
@@ -238,8 +241,6 @@ def _check_mover(member: Member) -> None:
     refuse(part.body.mover is None, "body.mover", None, "a table with the mass is needed with body.model = 'mover'")
     refuse(traits_of(member).kind != "mass", "body.model", part.body.model, "auto or mover is allowed with body.mover")
     check_wheel(part.joint, "")
-    line = part.joint and part.joint.line
-    refuse(line, "joint.cylinder.offset", line, "none is allowed on a mover, which does not turn")
     for key in ("masses", "pads", "probes", "supports"):
         refuse(getattr(part, key), key, None, "none is allowed on a mover, which has a mass and a wheel alone")
     for i, load in enumerate(part.loads):

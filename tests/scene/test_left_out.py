@@ -41,7 +41,9 @@ def test_sides_of_doublers_and_lines_of_action_are_named_unless_the_scene_has_th
     doubled = "sections.fly.body.box.doublers=[{{start=0.0,end=0.5,thickness=0.004,side='{}'}}]"
     middle, inner = (left_out(scenes.load_any(CRANE, [doubled.format(side)])) for side in ("middle", "inner"))
     assert "doublers" in middle["walls"] and "walls" not in inner and "offset" in inner["machine"]
-    placed = left_out(scenes.load_any(CRANE, ["sections.fly.joint.cylinder.offset=[0.0,-0.1]"]))
+    offset = "joint.cylinder.offset=[0.0,-0.1]"
+    some, placed = (left_out(scenes.load_any(CRANE, [f"{of}.{offset}"])) for of in ("sections.fly", "section"))
+    assert "cylinder or rope of middle off the axis (key offset)" in some["machine"]
     assert "offset" not in placed["machine"]
 
 
